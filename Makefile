@@ -1,0 +1,74 @@
+# Everything a newcomer types. `make` builds all figures; `make help` lists the rest.
+
+VENV    := .venv
+BIN     := $(VENV)/bin
+STAMP   := $(VENV)/.installed
+CORES   ?= 2
+LOCKS   := requirements-build.lock requirements.lock
+
+# The first Python on the PATH that is new enough; `make PYTHON=...` overrides it.
+PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: figures report test check bench golden lock env clean distclean help
+.DEFAULT_GOAL := figures
+
+figures: $(STAMP)  ## build every figure (the default); CORES=4 for more cores
+	snakemake --cores $(CORES)
+
+report: figures  ## one HTML file with every figure and its caption
+	snakemake --report results/report.snakemake.html
+
+test: check  ## everything below `check`, then the whole test suite
+	pytest
+
+check: $(STAMP)  ## style, types, workflow lint
+	ruff check .
+	ruff format --check .
+	mypy
+	snakefmt --check Snakefile workflow
+	snakemake --lint
+
+bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
+	python -m benchmarks
+
+golden: $(STAMP)  ## renew the golden numbers: make golden REASON="why they moved"
+	reobserve golden update --reason "$(REASON)"
+
+env: $(STAMP)  ## set up .venv and nothing else
+
+$(STAMP): $(LOCKS) pyproject.toml
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or newer on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-build.lock
+	$(BIN)/python -m pip install --quiet --require-hashes --no-build-isolation \
+		--only-binary=:all: --no-binary=connection-pool -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# The locks name versions and hashes and no package index, and hold for every
+# supported Python: uv resolves them together, markers keep the branches apart.
+LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-annotate --upgrade --custom-compile-command "make lock"
+
+lock:  ## renew the locks from pyproject.toml
+	$(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet uv
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:dev pyproject.toml -o requirements.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
+	rm -rf .venv-lock
+
+clean:  ## remove what was built
+	find results -mindepth 1 -not -name README.md -delete
+	rm -rf .snakemake
+
+distclean: clean  ## remove the environment and every cache, too
+	rm -rf $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | sort | \
+		awk -F'\t' 'BEGIN { print "make TARGET" } { printf "  %-10s %s\n", $$1, $$2 }'

@@ -1,0 +1,1 @@
+"""State and fault observers from five papers."""

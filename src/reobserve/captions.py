@@ -1,0 +1,52 @@
+"""Captions: a template of the workflow, filled from the ledger and the metrics of the figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError
+from reobserve.metrics import Metric, lookup
+
+
+def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric]) -> str:
+    """The caption in reStructuredText.
+
+    Templates see the branches of the settings by name, ``value(observer, metric)`` and the
+    filters ``digits`` (significant ones), ``percent`` and ``milli``.
+
+    Raises
+    ------
+    InputError
+        If the template is missing, is no template or asks for what does not exist.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True)
+    environment.filters.update(digits=_digits, percent=_percent, milli=_milli)
+    numbers = lookup(metrics)
+    try:
+        text = template.read_text(encoding="utf-8")
+        rendered = environment.from_string(text).render(
+            **settings, value=lambda observer, metric: numbers[observer, metric]
+        )
+    except OSError as error:
+        raise InputError(str(template), f"cannot be read ({error.strerror})") from None
+    except KeyError as error:
+        raise InputError(str(template), f"asks for the metric {error.args[0]}") from None
+    except jinja2.TemplateError as error:
+        raise InputError(str(template), f"cannot be filled: {error.message}") from None
+    return rendered.strip() + "\n"
+
+
+def _digits(number: float, count: int = 2) -> str:
+    return f"{number:.{count}g}"
+
+
+def _percent(number: float, count: int = 2) -> str:
+    return f"{100 * number:.{count}g} %"
+
+
+def _milli(number: float, count: int = 2) -> str:
+    return f"{1000 * number:.{count}g}"

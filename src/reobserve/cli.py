@@ -1,0 +1,185 @@
+"""The command line: one sub-command for each stage of the pipeline, and ways to look around.
+
+Sub-commands are imported when they are called: a short job pays for what it uses only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import ReobserveError
+
+_EXAMPLES = """\
+the pipeline, by hand:
+  reobserve ledger ilo --output results/ilo/ledger.json
+  reobserve plant results/ilo/ledger.json constant --output results/ilo/constant/plant.parquet
+  reobserve observe results/ilo/ledger.json results/ilo/constant/plant.parquet sampled \\
+      --output results/ilo/constant/sampled.parquet
+Each command that `snakemake --printshellcmds` prints can be run the same way.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one sub-command; the exit code is 0, 1 after an error of the user's, 2 for usage."""
+    # Before numpy is imported: sums over several BLAS threads may round differently each time.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    options = vars(_parser().parse_args(arguments))
+    module, function = options.pop("run").split(":")
+    try:
+        getattr(importlib.import_module(f"reobserve.{module}"), function)(**options)
+    except ReobserveError as error:
+        print(f"reobserve: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        sys.stderr.close()
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="reobserve",
+        description="State and fault observers from five papers: run a stage, or look around.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_overview(commands)
+    _add_stages(commands)
+    _add_golden(commands)
+    return parser
+
+
+def _add_overview(commands: Any) -> None:
+    listing = _command(commands, "list", "overview:show_list", "what there is, and what is built")
+    listing.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    _project(listing)
+
+    params = _command(
+        commands, "params", "overview:show_params", "a paper's ledger: values, sources, ranges"
+    )
+    params.add_argument("paper", help="a paper of `reobserve list`")
+    params.add_argument("match", nargs="?", default="", help="only keys that contain this")
+    params.add_argument("--why", action="store_true", help="say why each assumption was made")
+    params.add_argument(
+        "--built", action="store_true", help="of the last build, overrides included"
+    )
+    _project(params)
+
+
+def _add_stages(commands: Any) -> None:
+    ledger = _command(
+        commands, "ledger", "stages.ledger:run", "check a paper's config and write its ledger"
+    )
+    ledger.add_argument("paper", help="the name of a file in config/papers")
+    ledger.add_argument(
+        "--overrides", type=_tree, default={}, metavar="JSON",
+        help='values to replace, as \'{"observers": {"sampled": {"K2": 1500}}}\'',
+    )  # fmt: skip
+    ledger.add_argument("--seed", type=int, default=0, help="root of the random streams")
+    _output(ledger, "the ledger, JSON")
+    _project(ledger)
+
+    plant = _command(commands, "plant", "stages.plant:run", "simulate the plant of a scenario")
+    _ledger_file(plant)
+    plant.add_argument("scenario", help="a scenario of the ledger")
+    _output(plant, "the record, Parquet")
+
+    observe = _command(
+        commands, "observe", "stages.observe:run", "run an observer on a plant's record"
+    )
+    _ledger_file(observe)
+    observe.add_argument("plant_file", type=Path, help="a record made by `reobserve plant`")
+    observe.add_argument("observer", help="an observer of the ledger")
+    _output(observe, "the estimates, Parquet")
+
+    study = _command(commands, "study", "stages.study:run", "run a study: many runs, one table")
+    _ledger_file(study)
+    study.add_argument("plant_file", type=Path, help="a record made by `reobserve plant`")
+    study.add_argument("study", help="a study of the ledger")
+    _output(study, "the table, CSV")
+
+    metrics = _command(commands, "metrics", "stages.metrics:run", "the numbers of a figure")
+    _figure_inputs(metrics)
+    _output(metrics, "the table, CSV")
+
+    plot = _command(commands, "plot", "stages.plot:run", "draw a figure and write its caption")
+    _figure_inputs(plot)
+    plot.add_argument("--metrics-file", type=Path, required=True, help="by `reobserve metrics`")
+    plot.add_argument("--template", type=Path, required=True, help="the caption's template")
+    plot.add_argument("--caption", type=Path, required=True, help="where the caption goes")
+    plot.add_argument(
+        "--outputs", type=Path, nargs="+", required=True, help="files, .pdf, .svg or .png"
+    )
+
+
+def _add_golden(commands: Any) -> None:
+    golden = commands.add_parser(
+        "golden", help="check or renew the golden numbers", description="Golden numbers."
+    )
+    actions = golden.add_subparsers(metavar="ACTION", required=True)
+    check = _command(
+        actions, "check", "golden:check_command", "compare all figures with their golden numbers"
+    )
+    _project(check)
+    update = _command(
+        actions, "update", "golden:update_command",
+        "renew the golden numbers; prints old and new, refuses in CI and on a dirty tree",
+    )  # fmt: skip
+    update.add_argument("--reason", required=True, help="why they moved; kept beside them")
+    update.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    _project(update)
+
+
+def _command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text[0].upper() + text[1:] + "."
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def _project(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--project", type=Path, default=Path(), metavar="DIR",
+        help="the folder with config and workflow (default: this one)",
+    )  # fmt: skip
+
+
+def _output(command: argparse.ArgumentParser, text: str) -> None:
+    command.add_argument("--output", type=Path, required=True, metavar="FILE", help=text)
+
+
+def _ledger_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument("ledger_file", type=Path, help="a ledger made by `reobserve ledger`")
+
+
+def _figure_inputs(command: argparse.ArgumentParser) -> None:
+    _ledger_file(command)
+    command.add_argument("figure", help="a figure of the ledger")
+    command.add_argument("--plant-file", type=Path, required=True, help="by `reobserve plant`")
+    command.add_argument(
+        "--estimate-files", type=Path, nargs="+", required=True,
+        help="by `reobserve observe`, in the order of the figure's observers",
+    )  # fmt: skip
+    command.add_argument("--study-file", type=Path, help="by `reobserve study`, if it has one")
+
+
+def _tree(text: str) -> dict[str, Any]:
+    import json
+
+    try:
+        tree = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise argparse.ArgumentTypeError(f"is not JSON: {error}") from None
+    if not isinstance(tree, dict):
+        raise argparse.ArgumentTypeError("must be a JSON object")
+    return tree

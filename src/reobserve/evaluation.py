@@ -1,0 +1,94 @@
+"""A figure's series and numbers in one call, in this process: no Snakemake and no files.
+
+The golden tests, and every study over other parameters, take this way in; it calls the same
+functions of the paper with the same settings as the pipeline's stages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from reobserve.errors import located
+from reobserve.ledger import Ledger, digest
+from reobserve.metrics import Metric
+from reobserve.series import Series
+from reobserve.stages.common import paper_module
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What stands behind a figure: the plant's record, the estimates, the study, the metrics."""
+
+    plant: Series
+    estimates: Mapping[str, Series]
+    study: list[dict[str, Any]] | None
+    metrics: list[Metric]
+
+
+@dataclass
+class Evaluator:
+    """Evaluates figures of one ledger; what figures share is computed once."""
+
+    ledger: Ledger
+    _done: dict[str, Any] = field(default_factory=dict)
+
+    def figure(self, figure: str) -> Evaluation:
+        """Everything behind one figure.
+
+        Raises
+        ------
+        InputError
+            If the ledger has no such figure or a value in it cannot be used.
+        DivergenceError
+            If the plant or an observer diverges.
+        """
+        settings = self.ledger.settings("metrics", figure)
+        scenario = settings["figure"]["scenario"]
+        plant = self._plant(scenario)
+        estimates = {
+            name: self._estimate(scenario, name) for name in settings["figure"]["observers"]
+        }
+        study = self._study(settings["figure"]["study"]) if "study" in settings else None
+        module = paper_module(self.ledger.paper, "metrics")
+        with located(self.ledger.paper):
+            return Evaluation(
+                plant, estimates, study, module.measure(settings, plant, estimates, study)
+            )
+
+    def _plant(self, scenario: str) -> Series:
+        settings = self.ledger.settings("plant", scenario)
+        key = digest(["plant", settings])
+        if key not in self._done:
+            with located(self.ledger.paper):
+                self._done[key] = paper_module(self.ledger.paper, "plant").simulate(settings)
+        series: Series = self._done[key]
+        return series
+
+    def _estimate(self, scenario: str, observer: str) -> Series:
+        settings = self.ledger.settings("observe", scenario, observer)
+        key = digest(["observe", settings, self.ledger.settings("plant", scenario)])
+        if key not in self._done:
+            with located(f"{self.ledger.paper}.observers.{observer}"):
+                self._done[key] = paper_module(self.ledger.paper, "observe").estimate(
+                    settings, self._plant(scenario)
+                )
+        series: Series = self._done[key]
+        return series
+
+    def _study(self, study: str) -> list[dict[str, Any]]:
+        settings = self.ledger.settings("study", study)
+        key = digest(["study", settings])
+        if key not in self._done:
+            with located(self.ledger.paper):
+                self._done[key] = paper_module(self.ledger.paper, "study").run(
+                    settings, self._plant(settings["study"]["scenario"])
+                )
+        rows: list[dict[str, Any]] = self._done[key]
+        return rows
+
+
+def evaluate(ledger: Ledger, figure: str) -> Evaluation:
+    """Everything behind one figure of a ledger; see `Evaluator.figure`."""
+    return Evaluator(ledger).figure(figure)

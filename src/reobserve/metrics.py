@@ -1,0 +1,83 @@
+"""Numbers that judge an estimate, and the table they are kept in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.files import read_table, write_table
+
+Array = NDArray[np.float64]
+
+HEADER = ("observer", "metric", "value", "unit")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number: whose, what, how much. ``nan`` where it does not exist."""
+
+    observer: str
+    metric: str
+    value: float
+    unit: str
+
+
+def write_metrics(path: str | Path, metrics: Iterable[Metric]) -> None:
+    """Write to CSV; `InputError` if the folder cannot be written."""
+    write_table(path, (asdict(metric) for metric in metrics), HEADER)
+
+
+def read_metrics(path: str | Path) -> list[Metric]:
+    """Read what `write_metrics` wrote; `InputError` if the file is another."""
+    return [
+        Metric(row["observer"], row["metric"], float(row["value"]), row["unit"])
+        for row in read_table(path, HEADER)
+    ]
+
+
+def lookup(metrics: Iterable[Metric]) -> dict[tuple[str, str], float]:
+    """Values by (observer, metric)."""
+    return {(metric.observer, metric.metric): metric.value for metric in metrics}
+
+
+def root_mean_square(start: Array, end: Array) -> float:
+    """Over time, of a signal that runs straight from ``start`` to ``end`` in each step.
+
+    With the limits from inside each step a signal that jumps between steps is scored right;
+    nan for no steps.
+    """
+    if not start.size:
+        return float("nan")
+    return float(np.sqrt(np.mean((start * start + start * end + end * end) / 3.0)))
+
+
+def peak(*values: Array) -> float:
+    """The largest absolute value in all arrays; nan if they are empty."""
+    sizes = [float(np.max(np.abs(array))) for array in values if array.size]
+    return max(sizes, default=float("nan"))
+
+
+def first_crossing(time: Array, values: Array, level: float) -> float:
+    """When |values| first exceeds ``level``, linear between samples; nan if it never does."""
+    size = np.abs(values)
+    above = np.flatnonzero(size > level)
+    if above.size == 0:
+        return float("nan")
+    k = int(above[0])
+    if k == 0:
+        return float(time[0])
+    share = (level - size[k - 1]) / (size[k] - size[k - 1])
+    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+
+
+def settling_time(time: Array, error: Array, band: float) -> float:
+    """When |error| enters ``band`` for good; the first time if it never leaves, nan if never in."""
+    outside = np.flatnonzero(np.abs(error) > band)
+    if outside.size == 0:
+        return float(time[0])
+    k = int(outside[-1]) + 1
+    return float(time[k]) if k < len(time) else float("nan")

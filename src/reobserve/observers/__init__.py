@@ -1,0 +1,1 @@
+"""The observers, one algorithm a file: import the one you need from its module."""

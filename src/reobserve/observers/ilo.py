@@ -1,0 +1,212 @@
+"""Iterative learning observer of a rigid body, learning continuously (Chen & Saif 2007, (3)).
+
+    J w^' = -w^ x J w^ + Lambda (w - w^) + B u + B_f v(t)
+    v(t)  = K1 v(t - tau) + K2 [w(t) - w^(t)]
+
+v, the ILO input, estimates the fault torque. Here v is updated at every instant from its value
+one interval earlier; `reobserve.observers.ilo_sampled` updates it once an interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.kernel import kernel
+from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.observers.rigid_body_observer import Array, RigidBodyObserver, State, whole_steps
+from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
+from reobserve.synthesis.ilo_stability import continuous_stability
+
+
+class Constants(NamedTuple):
+    """What the loop reads, in the order of (3), with B_f v split into known and fed-back part."""
+
+    inertia: Matrix
+    inverse: Matrix
+    injection: Matrix
+    input_matrix: Matrix
+    fault_matrix: Matrix
+    K1: Matrix
+    K2: Matrix
+    step: float
+
+
+@dataclass(frozen=True)
+class IloGains(RigidBodyObserver):
+    """The parameters of (3), whichever way v is updated.
+
+    Parameters
+    ----------
+    K1, K2
+        Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
+    damping
+        Lambda [N m s/rad], likewise; symmetric positive definite.
+    interval
+        tau [s], the updating interval, a multiple of ``step_size``.
+    allow_unstable
+        Accept gains whose linearised error dynamics grow: to study divergence.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
+        of the step, or the gains are unstable.
+    """
+
+    K1: Matrix
+    K2: Matrix
+    damping: Matrix
+    interval: float
+    allow_unstable: bool = False
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "step_size", as_positive("step_size", self.step_size))
+        put(self, "K1", as_matrix("K1", self.K1, 3))
+        put(self, "K2", as_matrix("K2", self.K2, 3))
+        put(self, "damping", as_positive_definite("damping", self.damping, 3))
+        put(self, "interval", as_positive("interval", self.interval))
+        whole_steps(self.interval, self.step_size)
+
+    @property
+    def delay(self) -> int:
+        """The updating interval in steps."""
+        return whole_steps(self.interval, self.step_size)
+
+
+@dataclass(frozen=True)
+class IterativeLearningObserver(IloGains):
+    """The law (3) with v learning at every instant: a delay system, by the method of steps.
+
+    Parameters are those of `IloGains`. The integration is of order 4 in ``step_size``, at the
+    jumps of v at multiples of tau, too: the values of v at the start, the middle and the end
+    of each step are kept apart, and the middle comes from cubic Hermite interpolation of w^.
+
+    Raises
+    ------
+    InputError
+        As `IloGains`; K1 with a spectral radius above 1 or K2 that destabilises is refused
+        with the growth that it causes.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.allow_unstable:
+            return
+        model = self.model
+        verdict = continuous_stability(
+            model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.interval
+        )
+        if verdict.verdict == "unstable":
+            raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
+
+    @cached_property
+    def _constants(self) -> Constants:
+        model = self.model
+        return Constants(
+            model.inertia,
+            model.inverse,
+            self.damping + model.fault_matrix @ self.K2,
+            model.input_matrix,
+            model.fault_matrix,
+            self.K1,
+            self.K2,
+            self.step_size,
+        )
+
+    def _fresh_memory(self) -> Array:
+        # v at the start, middle and end of each step of the last interval; zero before t = 0.
+        return np.zeros((self.delay, 3, 3))
+
+    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
+        return _run(self._constants, state.rate, state.memory, state.count, *inputs, *outputs)
+
+
+@kernel
+def slope(c: Constants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
+    """The right-hand side of (3); ``known`` is B u + B_f K1 v(t - tau)."""
+    x, y, z = product(
+        c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
+    )
+    return acceleration(c.inertia, c.inverse, estimate, (known[0] + x, known[1] + y, known[2] + z))
+
+
+@kernel
+def known_torque(c: Constants, control: Triple, learned: Triple) -> Triple:
+    """B u + B_f K1 v(t - tau), where ``learned`` is K1 v(t - tau)."""
+    x, y, z = product(c.input_matrix, control[0], control[1], control[2])
+    f, g, h = product(c.fault_matrix, learned[0], learned[1], learned[2])
+    return (x + f, y + g, z + h)
+
+
+@kernel
+def learn(c: Constants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
+    """The second line of (3)."""
+    x, y, z = product(c.K2, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2])
+    return (learned[0] + x, learned[1] + y, learned[2] + z)
+
+
+@kernel
+def _run(
+    c: Constants,
+    estimate: Array,
+    history: Array,
+    count: int,
+    rate: Matrix,
+    rate_before: Matrix,
+    control: Matrix,
+    control_before: Matrix,
+    rates: Matrix,
+    faults: Matrix,
+) -> int:
+    """Fill ``rates`` and ``faults``; leave w^ and v of the last interval in place."""
+    h, half = c.step, 0.5 * c.step
+    steps = len(rates) - 1
+    w = (estimate[0], estimate[1], estimate[2])
+    slot = count % len(history)
+    for k in range(steps):
+        past = history[slot]
+        start, middle, end = row(rate, 2 * k), row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)
+        learned_start = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
+        learned_middle = product(c.K1, past[1, 0], past[1, 1], past[1, 2])
+        learned_end = product(c.K1, past[2, 0], past[2, 1], past[2, 2])
+        known_start = known_torque(c, row(control, 2 * k), learned_start)
+        known_middle = known_torque(c, row(control, 2 * k + 1), learned_middle)
+        known_end = known_torque(c, row(control_before, 2 * k + 2), learned_end)
+
+        k1 = slope(c, w, start, known_start)
+        k2 = slope(c, ahead(w, k1, half), middle, known_middle)
+        k3 = slope(c, ahead(w, k2, half), middle, known_middle)
+        k4 = slope(c, ahead(w, k3, h), end, known_end)
+        after = rk4_sum(w, k1, k2, k3, k4, h)
+
+        # Cubic Hermite interpolation of w^ inside the step keeps the delayed v of order 4.
+        last = slope(c, after, end, known_end)
+        between = (
+            0.5 * (w[0] + after[0]) + 0.125 * h * (k1[0] - last[0]),
+            0.5 * (w[1] + after[1]) + 0.125 * h * (k1[1] - last[1]),
+            0.5 * (w[2] + after[2]) + 0.125 * h * (k1[2] - last[2]),
+        )
+        past[0, 0], past[0, 1], past[0, 2] = learn(c, learned_start, start, w)
+        past[1, 0], past[1, 1], past[1, 2] = learn(c, learned_middle, middle, between)
+        past[2, 0], past[2, 1], past[2, 2] = learn(c, learned_end, end, after)
+        for i in range(3):
+            rates[k, i] = w[i]
+            faults[k, i] = past[0, i]
+        if not np.isfinite(after[0] + after[1] + after[2]):
+            return k + 1
+        w = after
+        slot = slot + 1 if slot + 1 < len(history) else 0
+    estimate[0], estimate[1], estimate[2] = w
+    past = history[slot]
+    learned = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
+    faults[steps, 0], faults[steps, 1], faults[steps, 2] = learn(
+        c, learned, row(rate, 2 * steps), w
+    )
+    rates[steps, 0], rates[steps, 1], rates[steps, 2] = w
+    return steps + 1

@@ -1,0 +1,123 @@
+"""Iterative learning observer of a rigid body, sampled and held (Chen & Saif 2007, (3)).
+
+The paper lets the updating interval tau be the sampling interval of a sampled-data system.
+Then v is updated once an interval,
+
+    v_k = K1 v_(k-1) + K2 [w(k tau) - w^(k tau)],
+
+and held in between, while w^ follows the first line of (3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.kernel import kernel
+from reobserve.matrices import Matrix
+from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
+from reobserve.observers.rigid_body_observer import Array, State
+from reobserve.rigid_body import ahead, product, rk4_sum, row
+from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
+
+
+@dataclass(frozen=True)
+class SampledIterativeLearningObserver(IloGains):
+    """The law (3) with v updated at multiples of tau and held.
+
+    Parameters are those of `IloGains`.
+
+    Raises
+    ------
+    InputError
+        As `IloGains`; gains for which v and w - w^ grow from one update to the next are
+        refused with the largest K2 that does not.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.allow_unstable:
+            return
+        model = self.model
+        law = (model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.interval)
+        verdict = sampled_stability(*law)
+        if verdict.verdict == "unstable":
+            raise InputError(
+                "K1, K2",
+                f"must give stable error dynamics, but {verdict.reason}; "
+                f"the limit is {sampled_limit_gain(*law):.6g} times this K2",
+            )
+
+    @cached_property
+    def _constants(self) -> Constants:
+        model = self.model
+        return Constants(
+            model.inertia,
+            model.inverse,
+            self.damping,
+            model.input_matrix,
+            model.fault_matrix,
+            self.K1,
+            self.K2,
+            self.step_size,
+        )
+
+    def _fresh_memory(self) -> Array:
+        return np.zeros(3)
+
+    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
+        return _run(
+            self._constants, self.delay, state.rate, state.memory, state.count, *inputs, *outputs
+        )
+
+
+@kernel
+def _run(
+    c: Constants,
+    delay: int,
+    estimate: Array,
+    held: Array,
+    count: int,
+    rate: Matrix,
+    rate_before: Matrix,
+    control: Matrix,
+    control_before: Matrix,
+    rates: Matrix,
+    faults: Matrix,
+) -> int:
+    """Fill ``rates`` and ``faults``; leave w^ and the v in force in place."""
+    h, half = c.step, 0.5 * c.step
+    steps = len(rates) - 1
+    w = (estimate[0], estimate[1], estimate[2])
+    v = (held[0], held[1], held[2])
+    phase = count % delay
+    for k in range(steps):
+        start, middle, end = row(rate, 2 * k), row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)
+        if phase == 0:
+            v = learn(c, product(c.K1, v[0], v[1], v[2]), start, w)
+        phase = phase + 1 if phase + 1 < delay else 0
+        known_middle = known_torque(c, row(control, 2 * k + 1), v)
+        k1 = slope(c, w, start, known_torque(c, row(control, 2 * k), v))
+        k2 = slope(c, ahead(w, k1, half), middle, known_middle)
+        k3 = slope(c, ahead(w, k2, half), middle, known_middle)
+        k4 = slope(c, ahead(w, k3, h), end, known_torque(c, row(control_before, 2 * k + 2), v))
+        after = rk4_sum(w, k1, k2, k3, k4, h)
+        for i in range(3):
+            rates[k, i] = w[i]
+            faults[k, i] = v[i]
+        if not np.isfinite(after[0] + after[1] + after[2]):
+            return k + 1
+        w = after
+    for i in range(3):
+        estimate[i] = w[i]
+        held[i] = v[i]
+    # An update due at the very end shows in the last row; the next run takes it into force.
+    if phase == 0:
+        v = learn(c, product(c.K1, v[0], v[1], v[2]), row(rate, 2 * steps), w)
+    for i in range(3):
+        rates[steps, i] = w[i]
+        faults[steps, i] = v[i]
+    return steps + 1

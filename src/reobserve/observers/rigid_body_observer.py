@@ -1,0 +1,176 @@
+"""What the observers of a rigid body have in common: the record they read, state and result."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_vector
+from reobserve.rigid_body import RigidBody
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class State:
+    """All an observer remembers: a value that may be stored, copied and stepped again.
+
+    ``rate`` is the estimate w^ [rad/s], shape (3,); ``memory`` belongs to the algorithm;
+    ``count`` is the number of steps taken.
+    """
+
+    rate: Array
+    memory: Array
+    count: int = 0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Angular rate [rad/s] and fault torque [N m] at one instant, each of shape (3,)."""
+
+    rate: Array
+    fault: Array
+
+
+@dataclass(frozen=True)
+class Run:
+    """Estimates at the ends of the steps of a record.
+
+    ``rate`` [rad/s] and ``fault`` [N m] have shape (m, 3), their first row at the start of the
+    record. ``diverged_at`` is None, or the time [s] since that start after which the state left
+    the range of floating-point numbers; then m counts the rows up to it. ``state`` goes on.
+    """
+
+    rate: Array
+    fault: Array
+    state: State
+    diverged_at: float | None
+
+
+@dataclass(frozen=True)
+class RigidBodyObserver(ABC):
+    """An observer that measures w, knows u and estimates the fault torque.
+
+    It integrates with the classical Runge-Kutta method and reads the record at both ends and
+    in the middle of each step of ``step_size`` seconds: a record has two samples a step.
+    ``model`` is the rigid body as the observer knows it.
+    """
+
+    model: RigidBody
+    step_size: float
+
+    @abstractmethod
+    def _fresh_memory(self) -> Array:
+        """The memory before the first step."""
+
+    @abstractmethod
+    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
+        """Run the compiled loop on ``state`` in place; return the number of finite rows."""
+
+    def init(self, rate: ArrayLike) -> State:
+        """The state before the first step: estimate ``rate`` [rad/s], shape (3,), no fault.
+
+        Raises
+        ------
+        InputError
+            If ``rate`` is not three finite numbers.
+        """
+        return State(as_vector("rate", rate, 3), self._fresh_memory())
+
+    def step(
+        self,
+        state: State,
+        rate: ArrayLike,
+        control: ArrayLike,
+        rate_before: ArrayLike | None = None,
+        control_before: ArrayLike | None = None,
+    ) -> tuple[State, Estimate]:
+        """One step: the next state, and the estimate at the step's end.
+
+        The arguments are those of `run` for a record of three rows: the start, the middle and
+        the end of the step. Stepping through a record gives the bits that `run` gives.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a sample is not finite, or the state diverges in this step.
+        """
+        run = self.run(rate, control, state, rate_before, control_before)
+        if run.diverged_at is not None:
+            raise InputError("state", f"diverges in step {state.count + 1}")
+        return run.state, Estimate(run.rate[-1], run.fault[-1])
+
+    def run(
+        self,
+        rate: ArrayLike,
+        control: ArrayLike,
+        state: State,
+        rate_before: ArrayLike | None = None,
+        control_before: ArrayLike | None = None,
+    ) -> Run:
+        """Estimates over a whole record, by one compiled loop.
+
+        Parameters
+        ----------
+        rate, control
+            Measured w [rad/s] and known u [N m], shape (2 n + 1, 3), sampled every half step.
+        state
+            From `init`, or from an earlier run to go on.
+        rate_before, control_before
+            Where a record jumps between samples: the limits from the left, same shapes.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong or a sample is not finite.
+        """
+        right = _record("rate", rate)
+        inputs = (
+            right,
+            right if rate_before is None else _record("rate_before", rate_before, len(right)),
+            known := _record("control", control, len(right)),
+            known
+            if control_before is None
+            else _record("control_before", control_before, len(right)),
+        )
+        steps = len(right) // 2
+        outputs = (np.empty((steps + 1, 3)), np.empty((steps + 1, 3)))
+        working = State(state.rate.copy(), state.memory.copy(), state.count)
+        rows = self._run(working, inputs, outputs)
+        diverged_at = None if rows == steps + 1 else (rows - 1) * self.step_size
+        return Run(
+            outputs[0][:rows],
+            outputs[1][:rows],
+            State(working.rate, working.memory, state.count + rows - 1),
+            diverged_at,
+        )
+
+
+def _record(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
+    array = np.ascontiguousarray(samples, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) % 2 == 0 or len(array) < 3:
+        raise InputError(
+            name,
+            f"has shape {array.shape}, must have an odd number of rows, 3 or more, of 3 numbers",
+        )
+    if rows is not None and len(array) != rows:
+        raise InputError(name, f"has {len(array)} rows, must have {rows} like the measured rate")
+    finite = np.isfinite(array).all(axis=1)
+    if not finite.all():
+        row = int(np.argmin(finite))
+        raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
+    return array
+
+
+def whole_steps(interval: float, step: float) -> int:
+    """How many steps make the interval; `InputError` if that is no whole number."""
+    count = round(interval / step)
+    if count < 1 or abs(count * step - interval) > 1e-9 * interval:
+        raise InputError(
+            "interval", f"{interval:g} s must be a whole multiple of the step of {step:g} s"
+        )
+    return count

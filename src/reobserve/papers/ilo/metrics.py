@@ -1,0 +1,88 @@
+"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError, located
+from reobserve.matrices import as_positive
+from reobserve.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
+from reobserve.papers.ilo.prediction import predicted_error
+from reobserve.papers.ilo.scoring import Errors, scored
+from reobserve.series import Series
+
+
+def measure(
+    settings: dict[str, Any],
+    plant: Series,
+    estimates: Mapping[str, Series],
+    study: Sequence[Mapping[str, str]] | None = None,
+) -> list[Metric]:
+    """The numbers of a figure, observer by observer; see ``results/README.md`` for their names.
+
+    Raises
+    ------
+    InputError
+        If a setting of the metrics cannot be used.
+    """
+    with located("metrics"):
+        axis = settings["metrics"]["axis"]
+        if axis not in (1, 2, 3):
+            raise InputError("axis", f"{axis!r} must be 1, 2 or 3")
+        for name in ("settling_skip", "late_window", "residual_threshold"):
+            as_positive(name, settings["metrics"][name])
+    found = [
+        Metric(name, *numbers)
+        for name, estimate in estimates.items()
+        for numbers in _judge(settings, plant, estimate, name, axis - 1)
+    ]
+    if study is not None:
+        found += _summarise(study)
+    return found
+
+
+def _summarise(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
+    """The mean over runs at each level, as metrics named after the sweep and the level."""
+    groups: dict[tuple[str, str, str], list[float]] = {}
+    for row in rows:
+        key = (row["observer"], row["sweep"], row["level"])
+        groups.setdefault(key, []).append(float(row["relative_rms_error"]))
+    return [
+        Metric(observer, f"relative_rms_error_at_{sweep}_{float(level):g}", float(np.mean(v)), "1")
+        for (observer, sweep, level), v in groups.items()
+    ]
+
+
+def _judge(
+    settings: dict[str, Any], plant: Series, estimate: Series, name: str, axis: int
+) -> Iterator[tuple[str, float, str]]:
+    rules = settings["metrics"]
+    onsets = plant.events["onsets"]
+    errors = Errors.of(plant, estimate, axis)
+    score = scored(errors, onsets, rules["settling_skip"])
+    end = float(estimate.time[-1])
+    late = errors.window(end - rules["late_window"])
+    first = onsets[0] if onsets else end
+    last = onsets[-1] if onsets else 0.0
+    before = estimate.time < first - 1e-9
+    time, v = estimate.time[~before], estimate["fault"][~before]
+    threshold = rules["residual_threshold"]
+
+    rms = root_mean_square(score.start, score.end)
+    yield "rms_error", rms, "N m"
+    yield "relative_rms_error", rms / root_mean_square(score.fault_start, score.fault_end), "1"
+    yield "peak_error", peak(score.start, score.end), "N m"
+    yield "late_rms_error", root_mean_square(late.start, late.end), "N m"
+    yield "final_error", abs(float(errors.end[-1])), "N m"
+    yield "residual_before_fault", peak(estimate["fault"][before]), "N m"
+    yield "detection_delay", first_crossing(time, v[:, axis], threshold) - first, "s"
+    after = errors.window(last)
+    yield "settling_time", settling_time(after.time, after.end, threshold) - last, "s"
+    others = np.delete(v, axis, axis=1)
+    yield "leakage", peak(others), "N m"
+    predicted = predicted_error(settings, settings["observers"][name], axis)
+    if predicted is not None:
+        yield "predicted_rms_error", predicted, "N m"

@@ -1,0 +1,46 @@
+"""Stage observe: one observer on the record of one scenario."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import DivergenceError
+from reobserve.papers.ilo.setup import build_observer, stride
+from reobserve.series import Channel, Series
+
+
+def estimate(settings: dict[str, Any], plant: Series) -> Series:
+    """Estimated rate [rad/s] and fault torque [N m] at the ends of the observer's steps.
+
+    ``fault_before`` holds the limits from the left: v jumps where it is sampled and held.
+
+    Raises
+    ------
+    InputError
+        If a parameter of the observer cannot be used.
+    DivergenceError
+        If the estimate leaves the range of floating-point numbers.
+    """
+    observer = build_observer(settings["plant"], settings["observer"])
+    every = stride(settings["plant"], observer)
+    measured = "measured" if "measured" in plant.channels else "rate"
+
+    def samples(name: str) -> Any:
+        return plant[name][::every] if name in plant.channels else None
+
+    run = observer.run(
+        samples(measured),
+        samples("control"),
+        observer.init(settings["observer"]["initial_rate"]),
+        samples(f"{measured}_before"),
+        samples("control_before"),
+    )
+    if run.diverged_at is not None:
+        raise DivergenceError(settings["observer"]["algorithm"], run.diverged_at)
+    channels = {"rate": Channel(run.rate, "rad/s"), "fault": Channel(run.fault, "N m")}
+    if settings["observer"]["algorithm"] == "sampled_ilo":
+        before = np.vstack([run.fault[:1], run.fault[:-1]])
+        channels["fault_before"] = Channel(before, "N m")
+    return Series(plant.time[:: 2 * every], channels, plant.events)

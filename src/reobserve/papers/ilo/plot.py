@@ -1,0 +1,175 @@
+"""Stage plot: fault, estimate and error over time; the contrast over gains and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from reobserve.errors import InputError
+from reobserve.figures import STYLES, TRUTH, Style, add_note, new_figure, thin
+from reobserve.metrics import Metric
+from reobserve.papers.ilo.scoring import Errors
+from reobserve.series import Series
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+def draw(
+    settings: dict[str, Any],
+    plant: Series,
+    estimates: Mapping[str, Series],
+    study: Rows | None,
+    metrics: Sequence[Metric],
+) -> Figure:
+    """The figure in the layout that the ledger names: ``estimation`` or ``matching``.
+
+    Raises
+    ------
+    InputError
+        If there is no such layout, or ``matching`` has no study.
+    """
+    layout = settings["figure"]["layout"]
+    if layout == "estimation":
+        return _estimation(settings, plant, estimates)
+    if layout == "matching" and study is not None:
+        return _matching(settings, plant, estimates, study)
+    raise InputError("layout", f"{layout!r} must be estimation, or matching with a study")
+
+
+def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str, Series]) -> Figure:
+    axis = settings["metrics"]["axis"]
+    labels = {name: settings["observers"][name]["label"] for name in estimates}
+    main = next(iter(estimates))
+    figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
+
+    _fault(above, plant, axis)
+    time, value = thin(estimates[main].time, estimates[main]["fault"][:, axis - 1])
+    above.plot(time, value, **STYLES[0].line(), label=f"estimate $v_{axis}$: {labels[main]}")
+    above.set_ylabel("torque [N m]")
+    above.set_title(f"(a) fault of thruster {axis} and its estimate")
+    above.legend(loc="upper left", ncols=2)
+    _headroom(above)
+
+    for index, (name, estimate) in enumerate(estimates.items()):
+        errors = Errors.of(plant, estimate, axis - 1)
+        if name == main:
+            middle.plot(*thin(errors.time, errors.start), **STYLES[0].line())
+        with np.errstate(divide="ignore"):
+            size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
+        below.semilogy(*_envelope(errors.time, size), **STYLES[index].line(), label=labels[name])
+    middle.set_ylabel(f"error $u_{{f{axis}}} - v_{axis}$ [N m]")
+    middle.set_title(f"(b) estimation error: {labels[main]}")
+    below.set_ylabel("|error| [N m]")
+    below.set_title("(c) size of the error (largest in each hundredth of a second)")
+    below.set_ylim(1e-12, 10)
+    below.set_xlabel("time [s]")
+    below.set_xlim(plant.time[0], plant.time[-1])
+    below.legend(loc="upper left")
+    add_note(figure, _note(settings))
+    return figure
+
+
+def _fault(axes: Axes, plant: Series, axis: int) -> None:
+    time, fault = thin(plant.time, plant["fault"][:, axis - 1])
+    axes.plot(time, fault, **TRUTH.line(), label=f"fault $u_{{f{axis}}}$")
+
+
+def _headroom(axes: Axes) -> None:
+    """Room for the legend above the curves."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.28 * (high - low))
+
+
+def _envelope(time: Any, size: Any, width: float = 0.01) -> tuple[Any, Any]:
+    """The largest value in each bin of ``width`` seconds."""
+    per_bin = max(1, round(width / (time[1] - time[0])))
+    bins = len(time) // per_bin
+    blocks = size[: bins * per_bin].reshape(bins, per_bin)
+    largest = np.where(np.isnan(blocks).all(axis=1), np.nan, np.fmax.reduce(blocks, axis=1))
+    return time[: bins * per_bin : per_bin], largest
+
+
+def _matching(
+    settings: dict[str, Any], plant: Series, estimates: Mapping[str, Series], rows: Rows
+) -> Figure:
+    labels = {name: observer["label"] for name, observer in settings["observers"].items()}
+    axis = settings["metrics"]["axis"]
+    figure, (gains, noise, trace) = new_figure((2.1, 2.1, 1.5), share_time=False)
+
+    families = {
+        "integral": "integral (adaptive observer)",
+        "proportional_integral": "proportional-integral, $K_p = \\Gamma\\tau/2$",
+        "ilo": "ILO, continuous, $K_1 = I$, $K_2 = \\Gamma\\tau$",
+    }
+    for style, (family, label) in zip(STYLES, families.items(), strict=False):
+        _sweep(gains, rows, "integral_gain", family, style, label)
+    gains.set_xlabel("integral gain $\\Gamma$ [N m/rad]")
+    gains.set_ylabel("relative RMS error [%]")
+    gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
+    for name, place in (("adaptive", "Fig. 4"), ("matched", "ILO of Fig. 3")):
+        gain = settings["observers"][name]["integral_gain"]
+        gains.axvline(gain, color="0.5", linewidth=0.8, linestyle=":")
+        gains.annotate(
+            place, (gain, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),
+            textcoords="offset points", fontsize=7, color="0.3",
+        )  # fmt: skip
+    gains.legend(loc="lower left")
+
+    for style, name in zip(STYLES, settings["study"]["observers"], strict=False):
+        _sweep(noise, rows, "noise", name, style, labels.get(name, name))
+    noise.set_xlabel("standard deviation of the rate measurement [rad/s]")
+    noise.set_ylabel("relative RMS error [%]")
+    noise.set_title("(b) the same error over the measurement noise")
+    noise.legend(loc="upper left", ncols=2)
+
+    for style, name in zip(STYLES[1:], ("continuous", "matched"), strict=False):
+        errors = Errors.of(plant, estimates[name], axis - 1).window(4.9, 7.5)
+        trace.plot(*thin(errors.time, errors.start), **style.line(), label=labels[name])
+    trace.set_xlabel("time [s]")
+    trace.set_ylabel("error [N m]")
+    trace.set_ylim(-0.06, 0.06)
+    trace.set_title("(c) error of the ILO and of its match, without noise")
+    trace.legend(loc="upper right")
+    add_note(figure, _note(settings))
+    return figure
+
+
+def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: str) -> None:
+    """The mean over runs against the level, and the span of the runs where there are several."""
+    levels: dict[float, list[float]] = {}
+    for row in rows:
+        if row["sweep"] == sweep and row["observer"] == name:
+            score = 100 * float(row["relative_rms_error"])
+            levels.setdefault(float(row["level"]), []).append(score)
+    level = sorted(levels)
+    mean = [float(np.mean(levels[x])) for x in level]
+    axes.loglog(level, mean, **style.points(), label=label)
+
+
+def _note(settings: dict[str, Any]) -> str:
+    """One line an observer: what was chosen for it where the paper gives nothing."""
+    lines = ["Chosen where the paper gives nothing (units: N m, s, rad):"]
+    symbols = {
+        "K1": "$K_1$",
+        "K2": "$K_2$",
+        "damping": "$\\Lambda$",
+        "interval": "$\\tau$",
+        "integral_gain": "$\\Gamma$",
+        "proportional_gain": "$K_p$",
+    }
+    for observer in settings["observers"].values():
+        values = ", ".join(
+            f"{symbol} = {_short(observer[key])}"
+            for key, symbol in symbols.items()
+            if key in observer
+        )
+        lines.append(f"{observer['label']}: {values}")
+    return "\n".join(lines)
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else "matrix, see the ledger"

@@ -1,0 +1,103 @@
+"""Stage study: ILO and adaptive observers over the integral gain and over measurement noise.
+
+With K1 = I and a small tau an ILO is a proportional-integral adaptive observer with Gamma =
+K2 / tau, so the contrast between Figs 3 and 4 of the paper is one of gains. The study runs three
+families over Gamma on the same fault, then all observers of the ledger over the noise:
+
+    integral                Kp = 0, Lambda for a stated damping ratio of axis 1
+    proportional_integral   Kp = Gamma tau / 2, Lambda and tau of the continuous ILO
+    ilo                     K1 and Lambda of the continuous ILO, K2 = Gamma tau
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import located
+from reobserve.metrics import root_mean_square
+from reobserve.papers.ilo.observe import estimate
+from reobserve.papers.ilo.scoring import Errors, scored
+from reobserve.papers.ilo.setup import held_noise, known_body
+from reobserve.random_streams import random_stream
+from reobserve.series import Channel, Series
+
+Array = NDArray[np.float64]
+
+HEADER = ("sweep", "observer", "level", "run", "relative_rms_error")
+
+
+def run(settings: dict[str, Any], plant: Series) -> list[dict[str, Any]]:
+    """One row for each run, with the columns of `HEADER`; ``level`` is Gamma or the noise.
+
+    Raises
+    ------
+    InputError
+        If an observer or a level cannot be used.
+    """
+    return [*_gain_rows(settings, plant), *_noise_rows(settings, plant)]
+
+
+def _gain_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, Any]]:
+    study, observers = settings["study"], settings["observers"]
+    axis = settings["metrics"]["axis"] - 1
+    inertia = known_body(settings["plant"]).inertia[axis, axis]
+    ilo, adaptive = observers["continuous"], observers["adaptive"]
+    for gain in study["integral_gains"]:
+        critical = 2.0 * study["damping_ratio"] * float(np.sqrt(gain * inertia))
+        correction = gain * ilo["interval"]
+        families = {
+            "integral": {**adaptive, "integral_gain": gain, "damping": critical},
+            "proportional_integral": {
+                **adaptive,
+                "integral_gain": gain,
+                "proportional_gain": 0.5 * correction,
+                "damping": ilo["damping"],
+            },
+            "ilo": {**ilo, "K2": correction},
+        }
+        for name, observer in families.items():
+            with located(f"studies.integral_gains, {gain:g}"):
+                score = _score(settings, plant, observer)
+            yield _row("integral_gain", name, gain, 0, score)
+
+
+def _noise_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, Any]]:
+    study = settings["study"]
+    for run in range(int(study["noise_runs"])):
+        # The same draw for every observer and level: they differ by what is compared only.
+        stream = random_stream(settings["seed"], "ilo", "matching noise", str(run))
+        noise = held_noise(stream, settings["plant"], len(plant.time))
+        for name, observer in settings["observers"].items():
+            for level in study["noise_levels"]:
+                with located(f"observers.{name}"):
+                    score = _score(settings, plant, observer, (level * noise[0], level * noise[1]))
+                yield _row("noise", name, level, run, score)
+
+
+def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dict[str, Any]:
+    return dict(zip(HEADER, (sweep, observer, float(level), run, score), strict=True))
+
+
+def _score(
+    settings: dict[str, Any],
+    plant: Series,
+    observer: dict[str, Any],
+    noise: tuple[Array, Array] | None = None,
+) -> float:
+    """RMS of e over that of u_f, by the windows of the figures' metrics."""
+    rate = Channel(plant["rate"], "rad/s")
+    channels = dict(plant.channels)
+    if noise is not None:
+        channels["measured"] = Channel(rate.values + noise[0], "rad/s")
+        channels["measured_before"] = Channel(rate.values + noise[1], "rad/s")
+    noisy = Series(plant.time, channels, plant.events)
+    estimated = estimate({"plant": settings["plant"], "observer": observer}, noisy)
+    axis, skip = settings["metrics"]["axis"] - 1, settings["metrics"]["settling_skip"]
+    errors = scored(Errors.of(plant, estimated, axis), plant.events["onsets"], skip)
+    return root_mean_square(errors.start, errors.end) / root_mean_square(
+        errors.fault_start, errors.fault_end
+    )

@@ -1,0 +1,1 @@
+"""The plants, one a file."""

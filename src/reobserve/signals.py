@@ -1,0 +1,217 @@
+"""Inputs and faults stated as data: sums of constants, sines, ramps and samples.
+
+A signal is a list of terms. Each term acts on one axis (counted from 1) from ``from`` [s]
+on and, where ``until`` is given, up to that time:
+
+    {kind: constant, axis: 1, from: 5, size: 0.5}
+    {kind: sine, axis: 1, from: 2.5, amplitude: 1, frequency: 10, phase: 0}
+    {kind: ramp, axis: 2, from: 1, until: 4, slope: 0.1}
+    {kind: samples, axis: 1, file: torque.csv, column: torque, interpolation: linear}
+
+A sine is ``amplitude * sin(frequency * t + phase)`` with the frequency in rad/s and t the
+time of the run, not the time since the onset; a ramp is ``slope * (t - from)``. Samples come
+from a CSV or Parquet file with a column ``time`` [s]; the last one holds until the term ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_positive, as_scalar
+
+Array = NDArray[np.float64]
+
+# Two instants closer than this are one: grid times are products and carry rounding.
+SAME_INSTANT = 1e-9
+
+_KEYS = {
+    "constant": {"size"},
+    "sine": {"amplitude", "frequency", "phase"},
+    "ramp": {"slope"},
+    "samples": {"file", "column", "interpolation"},
+}
+
+
+@dataclass(frozen=True)
+class Term:
+    """One summand: ``shape(t)`` on ``axis`` (from 0) while ``onset <= t < end`` [s].
+
+    ``jumps`` are the times [s] inside that span at which the shape itself is discontinuous.
+    """
+
+    axis: int
+    onset: float
+    end: float
+    shape: Callable[[Array, bool], Array]
+    jumps: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A vector signal in closed form: call it with times to get shape (times, axes)."""
+
+    axes: int
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def parse(cls, name: str, terms: Sequence[Mapping[str, Any]], axes: int) -> Signal:
+        """The signal that a config entry states; ``name`` is used in errors.
+
+        Raises
+        ------
+        InputError
+            If a term has an unknown kind or key, a value of the wrong type, or samples that
+            cannot be used.
+        """
+        if not isinstance(terms, list | tuple):
+            raise InputError(name, f"{terms!r} must be a list of terms")
+        return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))
+
+    def __call__(self, time: Array, *, before: bool = False) -> Array:
+        """Values at ``time`` [s], shape (len(time), axes).
+
+        At a jump the limit from the right is meant, or with ``before`` that from the left.
+        """
+        values = np.zeros((len(time), self.axes))
+        edge = SAME_INSTANT if before else -SAME_INSTANT
+        for term in self.terms:
+            first, last = np.searchsorted(time, (term.onset + edge, term.end + edge))
+            values[first:last, term.axis] += term.shape(time[first:last], before)
+        return values
+
+    @property
+    def onsets(self) -> tuple[float, ...]:
+        """The distinct times [s], in order, at which a term starts after t = 0."""
+        return tuple(sorted({term.onset for term in self.terms if term.onset > 0}))
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """The distinct times [s] at which the signal or a derivative may be discontinuous."""
+        times = {
+            instant
+            for term in self.terms
+            for instant in (term.onset, term.end, *term.jumps)
+            if 0 < instant < np.inf
+        }
+        return tuple(sorted(times))
+
+    def check_grid(self, name: str, step: float, horizon: float) -> None:
+        """Refuse a term that starts after ``horizon`` or jumps between multiples of ``step``."""
+        for onset in self.onsets:
+            if onset > horizon - SAME_INSTANT:
+                raise InputError(
+                    name, f"starts at {onset:g} s, must start before the end at {horizon:g} s"
+                )
+        for jump in self.jumps:
+            lower = np.floor(jump / step + 1e-6) * step
+            if jump < horizon and abs(jump - round(jump / step) * step) > SAME_INSTANT:
+                raise InputError(
+                    name,
+                    f"jumps at {jump:.9g} s, must jump at a multiple of {step:g} s "
+                    f"(the nearest are {lower:.9g} and {lower + step:.9g} s)",
+                )
+
+
+def sample_files(terms: Any) -> list[str]:
+    """The files that a stated signal reads, for those who track inputs."""
+    if not isinstance(terms, list | tuple):
+        return []
+    return [str(term["file"]) for term in terms if isinstance(term, Mapping) and "file" in term]
+
+
+def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
+    kind = term.get("kind") if isinstance(term, Mapping) else None
+    if kind not in _KEYS:
+        raise InputError(f"{name}.kind", f"{kind!r} must be one of {', '.join(_KEYS)}")
+    allowed = {"kind", "axis", "from", "until", *_KEYS[kind]}
+    for key in term:
+        if key not in allowed:
+            raise InputError(
+                f"{name}.{key}", f"unknown key; a {kind} term takes {', '.join(sorted(allowed))}"
+            )
+    for key in _KEYS[kind] - {"interpolation", "phase"}:
+        if key not in term:
+            raise InputError(f"{name}.{key}", f"is missing; a {kind} term needs it")
+    axis = term.get("axis")
+    if not isinstance(axis, int) or not 1 <= axis <= axes:
+        raise InputError(f"{name}.axis", f"{axis!r} must be a whole number from 1 to {axes}")
+    onset = as_scalar(f"{name}.from", term.get("from", 0.0))
+    end = as_scalar(f"{name}.until", term["until"]) if "until" in term else np.inf
+    if onset < 0 or end <= onset:
+        raise InputError(f"{name}.from", f"{onset:g} s must not be negative and before {end:g} s")
+    if kind == "samples":
+        return _samples(name, term, axis - 1, onset, end)
+    numbers = {key: as_scalar(f"{name}.{key}", term.get(key, 0.0)) for key in _KEYS[kind]}
+    shapes: dict[str, Callable[..., Array]] = {"constant": _constant, "sine": _sine, "ramp": _ramp}
+    if kind == "sine":
+        as_positive(f"{name}.frequency", numbers["frequency"])
+    if kind == "ramp":
+        numbers["onset"] = onset
+    return Term(axis - 1, onset, end, partial(shapes[kind], **numbers))
+
+
+def _constant(time: Array, before: bool, *, size: float) -> Array:
+    return np.full(len(time), size)
+
+
+def _sine(time: Array, before: bool, *, amplitude: float, frequency: float, phase: float) -> Array:
+    return amplitude * np.sin(frequency * time + phase)
+
+
+def _ramp(time: Array, before: bool, *, slope: float, onset: float) -> Array:
+    return slope * (time - onset)
+
+
+def _held(time: Array, before: bool, *, instants: Array, values: Array) -> Array:
+    edge = -SAME_INSTANT if before else SAME_INSTANT
+    return values[np.searchsorted(instants, time + edge, side="right") - 1]
+
+
+def _linear(time: Array, before: bool, *, instants: Array, values: Array) -> Array:
+    return np.interp(time, instants, values)
+
+
+def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: float) -> Term:
+    interpolation = term.get("interpolation", "linear")
+    if interpolation not in ("linear", "hold"):
+        raise InputError(f"{name}.interpolation", f"{interpolation!r} must be linear or hold")
+    instants, values = _read_samples(name, Path(term["file"]), str(term["column"]))
+    onset = max(onset, float(instants[0]))
+    if end <= onset:
+        raise InputError(f"{name}.until", f"{end:g} s, but the samples start at {onset:g} s")
+    shape = _held if interpolation == "hold" else _linear
+    # A kink of the linear interpolant lies where the user sampled, not where the grid is:
+    # it costs accuracy of that record only, while a jump off the grid would be misplaced.
+    inside = instants[(instants > onset) & (instants < end)]
+    jumps = tuple(inside.tolist()) if interpolation == "hold" else ()
+    return Term(axis, onset, end, partial(shape, instants=instants, values=values), jumps)
+
+
+def _read_samples(name: str, path: Path, column: str) -> tuple[Array, Array]:
+    from reobserve.files import read_columns
+
+    columns = read_columns(path)
+    for wanted in ("time", column):
+        if wanted not in columns:
+            listed = ", ".join(columns)
+            raise InputError(f"{name}.file", f"{path} has no column {wanted!r}, only {listed}")
+    instants, values = columns["time"], columns[column]
+    for label, numbers in (("time", instants), (column, values)):
+        bad = np.flatnonzero(~np.isfinite(numbers))
+        if bad.size:
+            raise InputError(
+                f"{name}.file",
+                f"{path}, column {label!r}, row {bad[0] + 1} is {numbers[bad[0]]}, "
+                "must be a finite number",
+            )
+    if len(instants) < 2 or np.any(np.diff(instants) <= 0):
+        raise InputError(f"{name}.file", f"{path}: times must increase, over two rows or more")
+    return instants, values

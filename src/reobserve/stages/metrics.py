@@ -1,0 +1,33 @@
+"""Stage metrics: the numbers of one figure, from the records to a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.errors import located
+from reobserve.files import read_table
+from reobserve.ledger import Ledger
+from reobserve.metrics import write_metrics
+from reobserve.series import Series
+from reobserve.stages.common import paper_module, read_estimates
+
+
+def run(
+    ledger_file: Path,
+    figure: str,
+    plant_file: Path,
+    estimate_files: list[Path],
+    study_file: Path | None,
+    output: Path,
+) -> None:
+    """Judge and write; the estimates come in the order in which the figure names observers."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("metrics", figure)
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files)
+    study = None
+    if study_file is not None:
+        study = read_table(study_file, paper_module(ledger.paper, "study").HEADER)
+    module = paper_module(ledger.paper, "metrics")
+    with located(ledger.paper):
+        found = module.measure(settings, Series.read(plant_file), estimates, study)
+    write_metrics(output, found)

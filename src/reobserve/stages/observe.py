@@ -1,0 +1,20 @@
+"""Stage observe: one observer on one scenario's record, from Parquet to Parquet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.errors import located
+from reobserve.ledger import Ledger
+from reobserve.series import Series
+from reobserve.stages.common import paper_module, signed
+
+
+def run(ledger_file: Path, plant_file: Path, observer: str, output: Path) -> None:
+    """Observe and write; nothing is written if the observer cannot run or diverges."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("observe", "", observer)
+    plant = Series.read(plant_file)
+    with located(f"{ledger.paper}.observers.{observer}"):
+        series = paper_module(ledger.paper, "observe").estimate(settings, plant)
+    signed(series, ledger, "observe", observer, settings).write(output)

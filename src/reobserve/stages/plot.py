@@ -1,0 +1,41 @@
+"""Stage plot: one figure in every format asked for, and its caption."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.captions import render
+from reobserve.errors import located
+from reobserve.figures import save
+from reobserve.files import read_table, write_text
+from reobserve.ledger import Ledger
+from reobserve.metrics import read_metrics
+from reobserve.series import Series
+from reobserve.stages.common import paper_module, read_estimates
+
+
+def run(
+    ledger_file: Path,
+    figure: str,
+    plant_file: Path,
+    estimate_files: list[Path],
+    study_file: Path | None,
+    metrics_file: Path,
+    template: Path,
+    outputs: list[Path],
+    caption: Path,
+) -> None:
+    """Draw, save and caption; the estimates come in the order the figure names observers."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("plot", figure)
+    metrics = read_metrics(metrics_file)
+    write_text(caption, render(template, settings, metrics))
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files)
+    study = None
+    if study_file is not None:
+        study = read_table(study_file, paper_module(ledger.paper, "study").HEADER)
+    module = paper_module(ledger.paper, "plot")
+    with located(f"{ledger.paper}.figures.{figure}"):
+        drawing = module.draw(settings, Series.read(plant_file), estimates, study, metrics)
+    for output in outputs:
+        save(drawing, output)

@@ -1,0 +1,1 @@
+"""How gains are found and judged: stability, accuracy and the papers' theorems."""

@@ -1,0 +1,274 @@
+r"""Steady-state accuracy of the iterative learning observer (Chen & Saif 2007), linearised at rest.
+
+How much of a fault torque ``u_f`` the estimate ``v`` of (3) misses: transfers from ``u_f`` to
+e = u_f - v, for ``v`` learning at every instant ("continuous") and for ``v`` updated every
+``interval`` and held ("sampled"); and the integral observer that K1 = I amounts to. A steady state
+exists for the designs that `continuous_stability` or `sampled_stability` call stable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive
+from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system
+from reobserve.synthesis.ilo_sampled_stability import held_blocks
+
+Reading = Literal["continuous", "sampled"]
+
+
+def _frequencies(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    omega = np.atleast_1d(as_floats(name, value))
+    if omega.ndim != 1 or np.any(omega < 0):
+        raise InputError(name, f"{omega.tolist()} must be a list of numbers, none below zero")
+    return omega
+
+
+def error_transfer(
+    omega: ArrayLike,
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> Complex:
+    r"""Transfer matrix from the fault to its estimation error, v learning at every instant.
+
+    With z = exp(-s tau) and G = (J s + Lambda)^-1 B_f, (4) gives w~ = G e and (3) gives
+    (I - K1 z)(u_f - e) = K2 G e. Hence, at s = j omega,
+
+    .. math:: E(s) = [I - K_1 z + K_2 G(s)]^{-1} (I - K_1 z)
+
+    which is zero at omega = 0 if K1 = I.
+
+    Parameters
+    ----------
+    omega
+        Frequencies [rad/s], shape (k,).
+    inertia, damping, fault_matrix, K1, K2, interval
+        See `ErrorSystem`.
+
+    Returns
+    -------
+    Complex
+        E(j omega) [N m / N m], shape (k, n, n).
+
+    Raises
+    ------
+    InputError
+        See `error_system`; or if a frequency is negative.
+    """
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    return _continuous(system, _frequencies("omega", omega))
+
+
+def _continuous(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
+    memory = system.memory(1j * omega)
+    return np.asarray(np.linalg.solve(memory + system.loop(1j * omega), memory))
+
+
+def sampled_error_transfer(
+    omega: ArrayLike,
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> Complex:
+    """Transfer matrix from the fault to its error at the updates, v held in between.
+
+    For u_f = U exp(j omega t) the samples at t_k = k tau are w~ = W exp(j omega t_k) and
+    v = V exp(j omega t_k), V being held until the next update. With A and the response D to a
+    held torque from the exact discretisation, and zeta = exp(j omega tau),
+
+        (zeta I - A) W + D V = H U,    H = (j omega I + J^-1 Lambda)^-1 (zeta I - A) J^-1 B_f,
+        (I - K1 / zeta) V = K2 W,
+
+    and the transfer is I - V U^-1, the error right after each update. Between updates e also
+    holds harmonics of the update rate, which `predicted_rms_error` counts.
+
+    Returns
+    -------
+    Complex
+        [N m / N m], shape (k, n, n); parameters as in `error_transfer`.
+
+    Raises
+    ------
+    InputError
+        See `error_system`; or if a frequency is negative.
+    """
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    frequency = _frequencies("omega", omega)
+    return np.asarray(np.eye(len(system.K1)) - _held(system, frequency))
+
+
+def _held(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
+    """V U^-1 of `sampled_error_transfer`, shape (k, n, n)."""
+    size = len(system.inertia)
+    decay, drive = held_blocks(system)
+    s = 1j * omega[:, None, None]
+    turned = np.exp(s * system.interval) * np.eye(size) - decay
+    torque = np.linalg.solve(system.inertia, system.fault_matrix)
+    fault = np.linalg.solve(s * np.eye(size) - system.rate_matrix, turned @ torque)
+    both = np.zeros((len(omega), 2 * size, 2 * size), dtype=np.complex128)
+    both[:, :size, :size] = turned
+    both[:, :size, size:] = drive
+    both[:, size:, :size] = -system.K2
+    both[:, size:, size:] = system.memory(1j * omega)
+    forcing = np.concatenate([fault, np.zeros_like(fault)], axis=1)
+    return np.asarray(np.linalg.solve(both, forcing)[:, size:])
+
+
+def predicted_rms_error(
+    amplitudes: ArrayLike,
+    frequencies: ArrayLike,
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+    *,
+    phases: ArrayLike = 0.0,
+    reading: Reading = "continuous",
+) -> NDArray[np.float64]:
+    """RMS over time of each component of e in steady state, for a fault that is a sum of sines.
+
+    The fault is sum_k amplitudes[k] sin(frequencies[k] t + phases[k]), where a frequency of zero
+    stands for the constant amplitudes[k]. Powers of distinct frequencies add. In the sampled
+    reading e at t_k + r is U exp(j omega r) - V, times exp(j omega t_k); its mean power over
+    0 <= r < tau, (|U|^2 + |V|^2)/2 - Re[conj(U) V (1 - exp(-j omega tau))/(j omega tau)], is
+    exact for frequencies below half the update rate, where samples of distinct sines stay
+    uncorrelated.
+
+    Parameters
+    ----------
+    amplitudes, phases
+        [N m] and [rad], shape (k, n): one row per sine, one column per torque.
+    frequencies
+        [rad/s], shape (k,), all distinct.
+    inertia, damping, fault_matrix, K1, K2, interval
+        See `ErrorSystem`.
+    reading
+        "continuous" or "sampled".
+
+    Returns
+    -------
+    NDArray
+        RMS of e [N m], shape (n,).
+
+    Raises
+    ------
+    InputError
+        See `error_system`; or if a shape is wrong, a frequency is negative or repeated, or, in the
+        sampled reading, at or above half the update rate.
+    """
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    omega = _frequencies("frequencies", frequencies)
+    shape = (len(omega), len(system.inertia))
+    size = as_floats("amplitudes", amplitudes)
+    angle = as_floats("phases", phases)
+    if size.shape != shape:
+        raise InputError("amplitudes", f"has shape {size.shape}, must be (sines, torques) {shape}")
+    if angle.shape not in ((), shape):
+        raise InputError("phases", f"has shape {angle.shape}, must be one number or {shape}")
+    if len(np.unique(omega)) < len(omega):
+        raise InputError("frequencies", f"{omega.tolist()} must all differ")
+    constant = omega[:, None] == 0
+    torque = np.where(constant, size, size * np.exp(1j * angle))
+    if reading == "continuous":
+        error = np.einsum("kij,kj->ki", _continuous(system, omega), torque)
+        power = np.abs(error) ** 2
+    elif reading == "sampled":
+        nyquist = np.pi / system.interval
+        if np.any(omega >= nyquist):
+            raise InputError(
+                "frequencies",
+                f"{omega.max():g} rad/s must be below half the update rate, {nyquist:g} rad/s",
+            )
+        estimate = np.einsum("kij,kj->ki", _held(system, omega), torque)
+        half = omega[:, None] * system.interval / 2
+        # (1 - exp(-j omega tau)) / (j omega tau), and one for a constant.
+        mean = np.exp(-1j * half) * np.sinc(half / np.pi)
+        cross = np.real(np.conj(torque) * estimate * mean)
+        # The difference of squares, arranged so that a small error keeps its digits.
+        lag = np.real(np.conj(torque) * estimate) - cross
+        power = np.abs(torque - estimate) ** 2 + 2 * lag
+    else:
+        raise InputError("reading", f"{reading!r} must be 'continuous' or 'sampled'")
+    total = np.sum(np.where(constant, power, power / 2), axis=0)
+    return np.asarray(np.sqrt(np.maximum(total, 0.0)))
+
+
+@dataclass(frozen=True)
+class IntegralGains:
+    """Gains of v = proportional_gain w~ + integral_gain (integral of w~): [N m s] and [N m]."""
+
+    integral_gain: Matrix
+    proportional_gain: Matrix
+
+
+def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> IntegralGains:
+    """The proportional-integral observer that K1 = I approximates for a small interval.
+
+    With K1 = I, v = K2 / (1 - exp(-s tau)) w~, and 1 / (1 - exp(-x)) = 1/x + 1/2 + O(x): an
+    integrator of gain K2 / tau with a proportional gain K2 / 2, up to frequencies of about
+    1 / tau. ``K2`` [N m s] is a number, a diagonal or ``size`` x ``size``; ``interval`` [s].
+
+    Raises
+    ------
+    InputError
+        If ``K2`` has another shape or ``interval`` is not above zero.
+    """
+    gain = as_matrix("K2", K2, size)
+    return IntegralGains(gain / as_positive("interval", interval), gain / 2)
+
+
+def pi_error_transfer(
+    omega: ArrayLike,
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    integral_gain: ArrayLike,
+    proportional_gain: ArrayLike = 0.0,
+) -> Complex:
+    """Transfer matrix from the fault to its error for a proportional-integral observer.
+
+    v = (P + Gamma / s) w~ and w~ = G e with G = (J s + Lambda)^-1 B_f, so that
+    e = [s I + (P s + Gamma) G]^-1 s u_f. A proportional gain of zero is the adaptive observer
+    whose estimate is a pure integral of the rate error.
+
+    Parameters
+    ----------
+    omega
+        Frequencies [rad/s], shape (k,).
+    inertia, damping, fault_matrix
+        See `ErrorSystem`.
+    integral_gain, proportional_gain
+        Gamma [N m] and P [N m s]: a number, a diagonal or n x n.
+
+    Returns
+    -------
+    Complex
+        [N m / N m], shape (k, n, n).
+
+    Raises
+    ------
+    InputError
+        See `error_system`; or if a frequency is negative.
+    """
+    system = error_system(inertia, damping, fault_matrix, 0.0, 1.0, 1.0)
+    size = len(system.inertia)
+    integral = as_matrix("integral_gain", integral_gain, size)
+    proportional = as_matrix("proportional_gain", proportional_gain, size)
+    s = 1j * _frequencies("omega", omega)[:, None, None]
+    plant = np.linalg.solve(s * system.inertia + system.damping, system.fault_matrix)
+    unit = s * np.eye(size)
+    return np.asarray(np.linalg.solve(unit + (proportional * s + integral) @ plant, unit))

@@ -1,0 +1,88 @@
+r"""The linearised error equation of the iterative learning observer (Chen & Saif 2007), at rest.
+
+Without the gyroscopic torque, the estimation errors of (3) and (4) of the paper are
+
+.. math:: J\dot{\tilde w} = -\Lambda\tilde w - B_f v, \qquad v(t) = K_1 v(t-\tau) + K_2\tilde w(t)
+
+for a zero fault. Read as written this is a neutral-type delay system (`ilo_stability`); with ``v``
+updated every ``interval`` and held in between it is a linear map (`ilo_sampled_stability`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive, as_positive_definite
+
+Verdict = Literal["stable", "marginal", "unstable"]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class ErrorSystem:
+    """The checked parameters of the linearised error equation, all matrices n x n.
+
+    Attributes: ``inertia`` J [kg m2], ``damping`` Lambda [N m s], ``fault_matrix`` B_f [-],
+    ``K1`` [-], ``K2`` [N m s], ``interval`` tau [s].
+    """
+
+    inertia: Matrix
+    damping: Matrix
+    fault_matrix: Matrix
+    K1: Matrix
+    K2: Matrix
+    interval: float
+
+    @property
+    def rate_matrix(self) -> Matrix:
+        """The dynamics of the rate error without learning, -J^-1 Lambda [1/s]."""
+        return np.asarray(-np.linalg.solve(self.inertia, self.damping), dtype=np.float64)
+
+    def loop(self, s: ArrayLike) -> Complex:
+        """K2 (J s + Lambda)^-1 B_f for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
+        frequency = np.asarray(s, dtype=np.complex128)[..., None, None]
+        response = np.linalg.solve(frequency * self.inertia + self.damping, self.fault_matrix)
+        return np.asarray(self.K2 @ response, dtype=np.complex128)
+
+    def memory(self, s: ArrayLike) -> Complex:
+        """I - K1 exp(-s tau) for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
+        delay = np.exp(-np.asarray(s, dtype=np.complex128) * self.interval)[..., None, None]
+        return np.asarray(np.eye(len(self.K1)) - self.K1 * delay, dtype=np.complex128)
+
+
+def error_system(
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> ErrorSystem:
+    """Check the parameters; a number or a diagonal stands for a matrix (see `as_matrix`).
+
+    Raises
+    ------
+    InputError
+        If ``inertia`` is not symmetric positive definite, ``interval`` is not above zero, a shape
+        differs, or ``damping`` does not make the observer without learning stable.
+    """
+    size = (as_floats("inertia", inertia).shape or (1,))[0]
+    system = ErrorSystem(
+        as_positive_definite("inertia", inertia, size),
+        as_matrix("damping", damping, size),
+        as_matrix("fault_matrix", fault_matrix, size),
+        as_matrix("K1", K1, size),
+        as_matrix("K2", K2, size),
+        as_positive("interval", interval),
+    )
+    slowest = float(np.max(np.linalg.eigvals(system.rate_matrix).real))
+    if slowest >= 0:
+        raise InputError(
+            "damping", f"-J^-1 Lambda has an eigenvalue with real part {slowest:g}, must be below 0"
+        )
+    return system

@@ -1,0 +1,157 @@
+"""Stability of the iterative learning observer (Chen & Saif 2007), sampled and held.
+
+Linearised at rest, see `ilo_error_system`: a linear map from one update to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_positive, as_scalar, spectral_radius
+from reobserve.synthesis.ilo_error_system import ErrorSystem, Verdict, error_system
+
+
+def held_blocks(system: ErrorSystem) -> tuple[Matrix, Matrix]:
+    """exp(-J^-1 Lambda tau) and the rate error [rad/s] per unit of held estimate, both n x n."""
+    from scipy.linalg import expm
+
+    size = len(system.inertia)
+    block = np.zeros((2 * size, 2 * size))
+    block[:size, :size] = system.rate_matrix
+    block[:size, size:] = np.linalg.solve(system.inertia, system.fault_matrix)
+    exponential = np.asarray(expm(block * system.interval), dtype=np.float64)
+    return exponential[:size, :size], exponential[:size, size:]
+
+
+def sampled_map(
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> Matrix:
+    """The map of (rate error at t_k, estimate held before t_k) over one interval, 2n x 2n.
+
+    The estimate v_k = K1 v_{k-1} + K2 (rate error at t_k) is held until t_k + ``interval``; the
+    rate error in between is integrated exactly, at rest and without a fault.
+
+    Raises
+    ------
+    InputError
+        See `error_system`.
+    """
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    decay, drive = held_blocks(system)
+    rates = np.hstack([decay - drive @ system.K2, -drive @ system.K1])
+    return np.vstack([rates, np.hstack([system.K2, system.K1])])
+
+
+@dataclass(frozen=True)
+class SampledStability:
+    """Verdict on the sampled-and-held observer, shrinking by ``spectral_radius`` a step."""
+
+    verdict: Verdict
+    reason: str
+    spectral_radius: float
+
+
+def sampled_stability(
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> SampledStability:
+    """Decide whether the errors of the sampled-and-held observer decay (see `sampled_map`).
+
+    Raises
+    ------
+    InputError
+        See `error_system`.
+    """
+    radius = spectral_radius(sampled_map(inertia, damping, fault_matrix, K1, K2, interval))
+    verdict: Verdict = "stable" if radius < 1 - 1e-12 else "unstable"
+    if abs(radius - 1) <= 1e-12:
+        verdict = "marginal"
+    reason = f"the map over one interval has spectral radius {radius:.9g}"
+    return SampledStability(verdict, reason, radius)
+
+
+def sampled_limit_gain(
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> float:
+    """The largest s such that the sampled-and-held observer is stable with s' K2, 0 < s' < s.
+
+    Zero if already small multiples of K2 are not stable, infinity if all multiples are. The map is
+    M + s N; where an eigenvalue leaves the unit circle, a product of two eigenvalues is one and
+    det[(M + s N) x (M + s N) - I] (Kronecker product) is zero. The positive roots of this quadratic
+    eigenvalue problem separate intervals of s in which stability does not change. Leaving the
+    circle through a point where the radius only touches one goes unnoticed.
+
+    Raises
+    ------
+    InputError
+        See `error_system`.
+    """
+    from scipy.linalg import eigvals
+    from scipy.optimize import brentq
+
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    decay, drive = held_blocks(system)
+    zero = np.zeros_like(decay)
+    scale = float(np.linalg.norm(drive, 2))  # [rad/s per N m], makes all blocks of a similar size
+    strength = scale * float(np.linalg.norm(system.K2, 2))
+    if strength == 0:
+        return float("inf") if spectral_radius(system.K1) < 1 else 0.0
+    fixed = np.block([[decay, -drive @ system.K1 / scale], [zero, system.K1]])
+    learned = np.block([[-drive @ system.K2, zero], [scale * system.K2, zero]]) / strength
+
+    def excess(factor: float) -> float:
+        return spectral_radius(fixed + factor * learned) - 1
+
+    one = np.eye(len(fixed) ** 2)
+    constant = np.kron(fixed, fixed) - one
+    linear = np.kron(fixed, learned) + np.kron(learned, fixed)
+    left = np.block([[np.zeros_like(one), one], [-constant, -linear]])
+    right = np.block([[one, np.zeros_like(one)], [np.zeros_like(one), np.kron(learned, learned)]])
+    factors = np.asarray(eigvals(left, right), dtype=np.complex128)
+    factors = factors[np.isfinite(factors) & (np.abs(factors.imag) < 1e-4 * np.abs(factors))]
+    borders = np.unique(factors.real[(factors.real > 1e-9) & (factors.real < 1e9)])
+    probes = np.sqrt(np.append(1e-9, borders) * np.append(borders, 1e9))
+    if excess(probes[0]) >= 0:
+        return 0.0
+    for inside, outside in pairwise(probes):
+        if excess(outside) >= 0:
+            return float(brentq(excess, inside, outside, xtol=1e-13, rtol=1e-13)) / strength
+    return float("inf")
+
+
+def scalar_sampled_limit(inertia: float, damping: float, K1: float, interval: float) -> float:
+    """The largest stable scalar K2 [N m s] of the sampled-and-held observer with B_f = I.
+
+    k2 < (1 + a)(1 + k1) lambda / (1 - a), a = exp(-lambda tau / j), where an eigenvalue passes -1.
+    For scalar gains and a full inertia matrix, its smallest eigenvalue decides. ``inertia``
+    [kg m2], ``damping`` [N m s], ``interval`` [s], all above zero, and -1 < K1 <= 1.
+
+    Raises
+    ------
+    InputError
+        If a parameter is outside its range.
+    """
+    j, lam = as_positive("inertia", inertia), as_positive("damping", damping)
+    tau, k1 = as_positive("interval", interval), as_scalar("K1", K1)
+    if not -1 < k1 <= 1:
+        raise InputError("K1", f"{k1:g} must be above -1 and at most 1")
+    return (1 + k1) * lam / float(np.tanh(lam * tau / (2 * j)))

@@ -1,0 +1,278 @@
+"""Stability of the iterative learning observer (Chen & Saif 2007) that learns continuously.
+
+Linearised at rest, see `ilo_error_system`: a neutral-type delay system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_positive, spectral_radius
+from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, Verdict, error_system
+
+_UNIT = 1e-9  # a spectral radius this close to one is taken to be one
+_SHIFTS = (1.0, 0.1, 0.01, 0.001, 0.0)  # real parts [1/interval] right of which roots are counted
+_PERIODS = 4000  # longest frequency range [2 pi / interval] over which roots are counted
+
+
+@dataclass(frozen=True)
+class ContinuousStability:
+    """Verdict on the delay system.
+
+    ``learning_radius`` is the spectral radius of K1. ``worst_round_gain`` is the supremum over
+    frequency of the spectral radius of K1 (I + K2 (J s + Lambda)^-1 B_f)^-1, the factor on ``v``
+    from one interval to the next (infinite if the inverse itself is unstable).
+    ``unstable_roots`` counts the characteristic roots with real part above ``counted_right_of``
+    [1/s], and no such root has a modulus above ``search_radius`` [rad/s]; each is None where it
+    was not needed or not found. ``growth_rate`` [1/s] is a lower bound on the fastest growth.
+    """
+
+    verdict: Verdict
+    reason: str
+    learning_radius: float
+    worst_round_gain: float
+    unstable_roots: int | None = None
+    counted_right_of: float | None = None
+    search_radius: float | None = None
+    growth_rate: float | None = None
+
+
+def continuous_stability(
+    inertia: ArrayLike,
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    interval: float,
+) -> ContinuousStability:
+    r"""Decide whether the error of (3)-(4) of the paper decays, linearised at rest.
+
+    The roots are those of :math:`\det[Js+\Lambda+B_f(I-K_1e^{-s\tau})^{-1}K_2]`. In this order:
+
+    1. A spectral radius of K1 above one is unstable whatever K2 is, because a chain of roots tends
+       to Re s = ln(radius)/tau at high frequency; so is a defective eigenvalue on the unit circle.
+    2. The roots also solve :math:`\det[I-e^{-s\tau}K_1T(s)]=0`, T = (I + K2 (Js+Lambda)^-1 B_f)^-1.
+       If T is stable and the spectral radius of K1 T(j w) stays below one, it does so in the whole
+       right half-plane (it is subharmonic there), and no root lies there for any interval.
+    3. Otherwise roots right of a line are counted by the winding of the return difference along
+       it. Beyond ``search_radius`` the loop gain has norm below one, so the count is exact if the
+       frequency grid, refined until neighbours differ by less than half their size, is fine enough.
+
+    If the radius of K1 is one, decay is never exponential: "marginal" then says that no root was
+    found right of ``counted_right_of``. The same is said of a design too close to call.
+
+    Raises
+    ------
+    InputError
+        See `error_system`.
+    """
+    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    radius = spectral_radius(system.K1)
+    gain = _worst_round_gain(system)
+    if radius > 1 + _UNIT:
+        rate = float(np.log(radius)) / system.interval
+        reason = f"K1 has spectral radius {radius:.6g} > 1, the estimate grows as exp({rate:.4g} t)"
+        return ContinuousStability("unstable", reason, radius, gain, growth_rate=rate)
+    if radius >= 1 - _UNIT and _powers_grow(system.K1):
+        reason = "K1 has a defective eigenvalue of modulus one, its powers grow without bound"
+        return ContinuousStability("unstable", reason, radius, gain)
+    if gain < 1 - _UNIT:
+        reason = (
+            f"each interval multiplies an error by at most {gain:.6g} at every frequency, "
+            "so no interval can make it grow"
+        )
+        return ContinuousStability("stable", reason, radius, gain, 0, 0.0)
+    ripple = (
+        f"K1 has spectral radius {radius:.6g}, so ripple near multiples of 2 pi/interval "
+        "decays ever more slowly towards high frequency"
+    )
+    if gain <= 1 + _UNIT:
+        reason = f"no root is in the open right half-plane; {ripple}"
+        return ContinuousStability("marginal", reason, radius, gain, 0, 0.0)
+    return _verdict_by_count(system, radius, gain, ripple)
+
+
+def _verdict_by_count(
+    system: ErrorSystem, radius: float, gain: float, ripple: str
+) -> ContinuousStability:
+    """Step 3 of `continuous_stability`: count right of lines that approach the imaginary axis."""
+    line, reach = None, None
+    for shift in _SHIFTS:
+        if radius * np.exp(-shift) >= 1 - _UNIT:
+            break
+        right_of = shift / system.interval
+        bound = _root_bound(system, right_of)
+        if bound * system.interval > 2 * np.pi * _PERIODS:
+            break
+        roots = _count_roots(system, right_of, bound)
+        if roots is None:
+            continue
+        line, reach = right_of, bound
+        if roots:
+            reason = f"{roots} roots have a real part above {line:.4g} 1/s"
+            return ContinuousStability("unstable", reason, radius, gain, roots, line, reach, line)
+        if shift == 0:
+            reason = f"no root is in the right half-plane, none could be beyond {reach:.4g} rad/s"
+            return ContinuousStability("stable", reason, radius, gain, roots, line, reach)
+    if radius >= 1 - _UNIT and _tail_excess(system) > _UNIT:
+        reason = (
+            f"K1 has spectral radius {radius:.6g} and K2 J^-1 B_f turns its learned harmonics: "
+            "infinitely many roots approach the imaginary axis from the right"
+        )
+        return ContinuousStability("unstable", reason, radius, gain, None, line, reach)
+    found = "the roots cannot be counted on an affordable frequency grid"
+    if line is not None:
+        found = f"no root has a real part above {line:.4g} 1/s"
+    count = None if line is None else 0
+    reason = f"{found}; {ripple}" if radius >= 1 - _UNIT else f"{found}, too close to call"
+    return ContinuousStability("marginal", reason, radius, gain, count, line, reach)
+
+
+def _powers_grow(K1: Matrix) -> bool:
+    """Whether K1, of spectral radius one, has a defective eigenvalue on the unit circle."""
+    norms = [np.linalg.norm(np.linalg.matrix_power(K1, 2**power), 2) for power in (10, 14)]
+    return bool(norms[1] > 4 * norms[0])  # bounded if semisimple, at least times 16 otherwise
+
+
+def _worst_round_gain(system: ErrorSystem) -> float:
+    """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
+    closed = -np.linalg.solve(system.inertia, system.damping + system.fault_matrix @ system.K2)
+    poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(system.rate_matrix)])
+    if np.max(poles.real) >= 0:
+        return float("inf")
+    size = np.abs(poles)
+    wide = np.geomspace(1e-3 * size.min(), 1e4 * size.max(), 1500)
+    # Resonances of T may be narrower than that grid: sample each in units of its half-width.
+    angles = np.tan(np.linspace(-1.5, 1.5, 61))
+    near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * angles
+    frequency = np.concatenate([[0.0], wide, np.abs(near).ravel()])
+    eigenvalues = np.linalg.eigvals(_round_trip(system, 1j * frequency))
+    return max(float(np.max(np.abs(eigenvalues))), spectral_radius(system.K1))
+
+
+def _round_trip(system: ErrorSystem, s: ArrayLike) -> Complex:
+    """K1 (I + K2 (J s + Lambda)^-1 B_f)^-1, shape (..., n, n)."""
+    return np.asarray(system.K1 @ np.linalg.inv(np.eye(len(system.K1)) + system.loop(s)))
+
+
+def _tail_excess(system: ErrorSystem) -> float:
+    """By how much the radius of K1 T exceeds one where the loop gain is 1e-5.
+
+    Eigenvalues mu of K1 on the unit circle move to mu (1 - q / (j w)); q off the real axis, an
+    effect of first order, makes this far above the second-order effects of about 1e-10.
+    """
+    gain = float(
+        np.linalg.norm(system.K2 @ np.linalg.solve(system.inertia, system.fault_matrix), 2)
+    )
+    frequency = 1e5 * max(gain, float(np.linalg.norm(system.rate_matrix, 2)))
+    return float(np.max(np.abs(np.linalg.eigvals(_round_trip(system, 1j * frequency))))) - 1
+
+
+def _root_bound(system: ErrorSystem, right_of: float) -> float:
+    """A modulus [rad/s] that no root with real part at least ``right_of`` [1/s] reaches.
+
+    Beyond it the loop gain (J s + Lambda)^-1 B_f (I - K1 exp(-s tau))^-1 K2 has norm below one,
+    because ||(J s + Lambda)^-1|| <= 1 / (s_min(J) |s| - ||Lambda||) and the norm of the other
+    inverse is at most the sum of ||K1||^k exp(-k right_of tau), bounded here by repeated squaring.
+    """
+    power = system.K1 * np.exp(-right_of * system.interval)
+    memory = 1.0
+    while (norm := float(np.linalg.norm(power, 2))) >= 0.5:
+        memory *= 1 + norm
+        power = power @ power
+    memory /= 1 - norm
+    loop = float(np.linalg.norm(system.fault_matrix, 2) * np.linalg.norm(system.K2, 2)) * memory
+    smallest = float(np.linalg.eigvalsh(system.inertia)[0])
+    return (float(np.linalg.norm(system.damping, 2)) + loop) / smallest * (1 + _UNIT)
+
+
+def _count_roots(system: ErrorSystem, right_of: float, bound: float) -> int | None:
+    """Roots with real part above ``right_of`` by the argument principle; None if one is on it."""
+
+    def difference(frequency: NDArray[np.float64]) -> Complex:
+        s = right_of + 1j * frequency
+        memory = system.memory(s)
+        ratio = np.linalg.det(memory + system.loop(s)) / np.linalg.det(memory)
+        return np.asarray(ratio, dtype=np.complex128)
+
+    # K1 resonates at (angle of an eigenvalue + 2 pi k) / tau; sample each in its half-widths.
+    eigenvalues = np.linalg.eigvals(system.K1)
+    eigenvalues = np.append(eigenvalues[np.abs(eigenvalues) > 1e-6], np.exp(-1.0))
+    width = right_of * system.interval - np.log(np.abs(eigenvalues))
+    steps = np.sinh(np.linspace(-1, 1, 25)[:, None] * np.arcsinh(np.pi / width)) * width
+    turns = 2 * np.pi * np.arange(np.ceil(bound * system.interval / (2 * np.pi)) + 2)
+    resonances = (np.angle(eigenvalues) + steps)[..., None] + turns
+    poles = np.abs(np.linalg.eigvals(system.rate_matrix))
+    low = np.geomspace(1e-3 * poles.min(), max(bound, poles.max()), 400)
+    grid = np.concatenate([[0.0, bound], low, np.abs(resonances).ravel() / system.interval])
+    grid = np.unique(grid[grid <= bound])
+    values = difference(grid)
+    for _ in range(40):
+        step = np.abs(np.diff(values))
+        coarse = step > 0.5 * np.minimum(np.abs(values[1:]), np.abs(values[:-1]))
+        if not coarse.any():
+            break
+        middle = 0.5 * (grid[1:] + grid[:-1])[coarse]
+        where = np.flatnonzero(coarse) + 1
+        grid = np.insert(grid, where, middle)
+        values = np.insert(values, where, difference(middle))
+    else:
+        return None
+    along = float(np.sum(np.angle(values[1:] / values[:-1])))
+    s = right_of + 1j * bound
+    loop = np.linalg.solve(system.memory(s), system.loop(s))
+    # |eigenvalues| < 1 on the closing arc, so the principal angle is the continuous one.
+    closing = float(np.sum(np.angle(1 + np.linalg.eigvals(loop))))
+    return round((closing - along) / np.pi)
+
+
+@dataclass(frozen=True)
+class RippleRoots:
+    """Roots n = 1, 2, ... near 2 pi n / tau: ``asymptotic`` and ``exact``, both [1/s], shape (n,).
+
+    A root is the complex rate of one ripple harmonic; its real part is the growth of that ripple.
+    """
+
+    order: NDArray[np.int64]
+    asymptotic: Complex
+    exact: Complex
+
+
+def ripple_roots(
+    inertia: float, damping: float, K1: float, K2: float, interval: float, count: int = 5
+) -> RippleRoots:
+    r"""The first ``count`` ripple roots of (j s + lambda)(1 - k1 exp(-s tau)) + k2 = 0, scalars.
+
+    For k1 = 1, :math:`\Re s_n\approx-(k_2\lambda+k_2^2/2)/(j^2\omega_n^2\tau)` with
+    :math:`\omega_n=2\pi n/\tau`, an expansion in k2 / (j w_n): a constant learned with K1 = I
+    keeps a ripple that hardly decays. Another k1 adds ln(k1) / tau. The exact roots come from
+    Newton's method on ln(1 + k2 / (j s + lambda)) - ln k1 + s tau = 2 pi i n, which keeps n.
+
+    Raises
+    ------
+    InputError
+        If a parameter is not above zero, or Newton's method does not reach a root.
+    """
+    j, lam, k1 = (
+        as_positive("inertia", inertia),
+        as_positive("damping", damping),
+        as_positive("K1", K1),
+    )
+    k2, tau = as_positive("K2", K2), as_positive("interval", interval)
+    order = np.arange(1, count + 1)
+    frequency = 2 * np.pi * order / tau
+    real = np.log(k1) / tau - (k2 * lam + k2**2 / 2) / (j**2 * frequency**2 * tau)
+    asymptotic = real + 1j * frequency
+    root = asymptotic.copy()
+    for _ in range(50):
+        gain = k2 / (j * root + lam)
+        value = np.log(1 + gain) - np.log(k1) + root * tau - 2j * np.pi * order
+        slope = tau - j * gain / ((j * root + lam) * (1 + gain))
+        root = root - value / slope
+    if not np.all(np.abs(value) < 1e-9 * (1 + np.abs(order))):
+        raise InputError("K2", f"{k2:g} is too large for its ripple roots to be followed")
+    return RippleRoots(order, asymptotic, root)
