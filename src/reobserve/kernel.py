@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
@@ -17,4 +21,33 @@ def kernel(function: Function) -> Function:
     products never fused (no ``fastmath``), so that stepping and batch runs agree to
     the last bit.
     """
-    return cast(Function, numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _cache_folder()
+    try:
+        compiled = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return cast(Function, compiled)
+
+
+@cache
+def _cache_folder() -> str:
+    """Where the machine code of exactly these sources is kept.
+
+    numba keys its cache by the file that defines a function and would run old code after an
+    edit of a kernel that is called from another file. So the folder is named after the source
+    of all kernels.
+    """
+    package = Path(__file__).parent
+    whole = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"@kernel" in source:
+            whole.update(source)
+    if numba.config.CACHE_DIR:
+        base = Path(numba.config.CACHE_DIR)
+    elif os.access(package, os.W_OK):
+        base = package / "__pycache__"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "reobserve"
+    return str(base / f"kernels-{whole.hexdigest()[:16]}")

@@ -22,6 +22,9 @@ Tree = dict[str, Any]
 
 OVERRIDDEN = "user override"
 
+# Keys whose value is a word, also where it looks like a number.
+_WORDS = ("unit", "source", "why", "label", "title", "file", "column")
+
 # Sections in which a user may add an entry of his own beside those of the paper.
 _OPEN = ("scenarios", "observers", "studies", "figures")
 
@@ -53,7 +56,7 @@ class Ledger:
             raise InputError("paper", f"there is no {paper!r}{_nearest(paper, papers)}")
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         if overrides:
-            tree = _merge(tree, overrides, paper, open_here=False)
+            tree = _merge(tree, _numbers(overrides), paper, open_here=False)
         check_schema(project, "paper", tree, paper)
         ledger = cls(paper, tree, seed)
         ledger._check_ranges()
@@ -150,6 +153,14 @@ class Ledger:
             }
         return settings
 
+    def refined(self) -> Ledger:
+        """The same ledger with every numerical step [s] halved."""
+        tree = copy.deepcopy(self.tree)
+        for _, entry in _entries(tree, ""):
+            if entry.get("numerical") and entry["unit"] == "s":
+                entry["value"] /= 2
+        return Ledger(self.paper, tree, self.seed)
+
     def _check_ranges(self) -> None:
         for path, entry in self.entries():
             if entry["source"] == OVERRIDDEN or "range" not in entry:
@@ -207,6 +218,25 @@ def read_yaml(path: Path) -> Tree:
     return tree
 
 
+def check_config(project: Path, config: Tree, papers: list[str]) -> None:
+    """Check what `config/config.yaml` and the command line say is to be built.
+
+    Raises
+    ------
+    InputError
+        If a key is neither of the schema nor a paper, or a value is not allowed.
+    """
+    schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
+    known = [*schema["properties"], *papers]
+    for key in config:
+        if key not in known:
+            raise InputError(f"config.{key}", f"unknown key{_nearest(key, known)}")
+    check_schema(project, "config", config, "config")
+    for paper in config["papers"]:
+        if paper not in papers:
+            raise InputError("config.papers", f"there is no {paper!r}{_nearest(paper, papers)}")
+
+
 def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
     """Check ``tree`` against ``workflow/schemas/<name>.schema.yaml``.
 
@@ -256,6 +286,24 @@ def _merge(base: Tree, over: Any, place: str, open_here: bool) -> Tree:
     return merged
 
 
+def _numbers(branch: Any) -> Any:
+    """``branch`` with numbers for words that spell one.
+
+    Snakemake reads nested values of ``--config`` as words, and YAML takes 1e3 for a word.
+    """
+    if isinstance(branch, Mapping):
+        return {key: value if key in _WORDS else _numbers(value) for key, value in branch.items()}
+    if isinstance(branch, list):
+        return [_numbers(value) for value in branch]
+    if isinstance(branch, str):
+        for kind in (int, float):
+            try:
+                return kind(branch)
+            except ValueError:
+                pass
+    return branch
+
+
 def _override(entry: Tree, value: Any, place: str) -> Tree:
     if not isinstance(value, Mapping):
         value = {"value": value}
@@ -264,7 +312,8 @@ def _override(entry: Tree, value: Any, place: str) -> Tree:
             raise InputError(f"{place}.{key}", f"unknown key{_nearest(key, ['value', 'why'])}")
     if value.get("unit", entry["unit"]) != entry["unit"]:
         raise InputError(f"{place}.unit", f"{value['unit']!r} must be {entry['unit']!r}")
-    return {**entry, "source": OVERRIDDEN, **value}
+    kept = {key: part for key, part in entry.items() if key != "why"}
+    return {**kept, "source": OVERRIDDEN, **value}
 
 
 def _added(siblings: Tree, body: Any, place: str) -> Any:

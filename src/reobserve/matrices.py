@@ -15,9 +15,12 @@ Matrix = NDArray[np.float64]
 def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
     """``value`` as an array of finite floats; `InputError` names ``name`` otherwise."""
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(name, f"{value!r} is not a number or an array of numbers") from None
+        raw = np.array(value)
+    except ValueError:  # rows of different lengths
+        raw = np.array(None)
+    if raw.dtype.kind not in "iuf":
+        raise InputError(name, f"{value!r} is not a number or an array of numbers")
+    array = raw.astype(np.float64)
     if not np.all(np.isfinite(array)):
         raise InputError(name, f"{array.tolist()} has an entry that is not finite")
     return array

@@ -1,15 +1,11 @@
-# What the rules need to know: the checked ledgers, what each job depends on, and who builds.
+# What the rules need to know: the checked ledgers, and what each job depends on.
 
-import fcntl
-import json
 import shlex
 import sys
 from pathlib import Path
 
-from snakemake.exceptions import WorkflowError
-
 from reobserve.errors import ReobserveError
-from reobserve.ledger import Ledger, check_schema, digest, known_papers
+from reobserve.ledger import Ledger, check_config, digest, known_papers
 from reobserve.provenance import code_digest, versions
 from reobserve.signals import sample_files
 
@@ -20,22 +16,16 @@ shell.prefix(f"export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH
 
 
 def load_ledgers():
-    """The ledgers of all papers, with the overrides of this call."""
+    """The ledgers of all papers, with the overrides of this call; one sentence if one is wrong."""
+    papers = known_papers(PROJECT)
     try:
-        check_schema(PROJECT, "config", config, "config")
-        papers = known_papers(PROJECT)
-        for key in set(config) - {"papers", "formats", "seed"} | set(config["papers"]):
-            if key not in papers:
-                raise WorkflowError(
-                    f"config.{key}: there is no such key or paper; the keys are papers, "
-                    f"formats and seed, the papers {', '.join(papers)}"
-                )
+        check_config(PROJECT, config, papers)
         return {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])
             for paper in papers
         }
     except ReobserveError as error:
-        raise WorkflowError(str(error)) from None
+        sys.exit(f"reobserve: {error}")
 
 
 LEDGERS = load_ledgers()
@@ -56,26 +46,19 @@ def all_figures():
 
 def names(section):
     """A wildcard constraint: the names that any paper has in a section of its ledger."""
-    found = {name for ledger in LEDGERS.values() for name in ledger.tree.get(section, {})}
+    found = {
+        name for ledger in LEDGERS.values() for name in ledger.tree.get(section, {})
+    }
     return "|".join(sorted(found)) or "none"
-
-
-def overrides_of(wildcards):
-    """The overrides of this call as an argument of `reobserve ledger`, empty if there are none."""
-    tree = config.get(wildcards.paper)
-    return f"--overrides {shlex.quote(json.dumps(tree, sort_keys=True))}" if tree else ""
 
 
 def settings(stage, name, observer=None):
     """A params function: the digest of all that a job of this stage takes from the ledger."""
 
     def inner(wildcards):
-        try:
-            tree = LEDGERS[wildcards.paper].settings(
-                stage, wildcards[name], wildcards[observer] if observer else ""
-            )
-        except ReobserveError as error:
-            raise WorkflowError(str(error)) from None
+        tree = LEDGERS[wildcards.paper].settings(
+            stage, wildcards[name], wildcards[observer] if observer else ""
+        )
         return digest(tree)
 
     return inner
@@ -92,7 +75,12 @@ def packages(wildcards):
 
 
 def ledger_file(wildcards):
-    return f"results/{wildcards.paper}/ledger.json"
+    """The ledger as this build resolves it; `write_ledgers` puts it there."""
+    return ledger_path(wildcards.paper)
+
+
+def ledger_path(paper):
+    return f"results/{paper}/ledger.json"
 
 
 def signal_files(wildcards):
@@ -139,13 +127,3 @@ def caption_template(wildcards):
     own = PROJECT / "workflow" / "report" / wildcards.paper / f"{wildcards.figure}.rst"
     name = f"{wildcards.paper}/{wildcards.figure}" if own.exists() else "figure"
     return f"workflow/report/{name}.rst"
-
-
-def take_build_lock():
-    """Hold the folder for this build, or say who holds it."""
-    global build_lock
-    build_lock = open(".snakemake/build.lock", "a+")
-    try:
-        fcntl.flock(build_lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        raise WorkflowError("another build is running in this folder; wait for it to end") from None

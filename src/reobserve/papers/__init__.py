@@ -8,7 +8,7 @@ of the others fresh:
     study.run(settings, plant) -> list of rows        (only papers that have studies)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
-    check.check(ledger) -> None                       (builds everything once, runs nothing)
+    ledger.check(ledger) -> None                      (builds everything once, runs nothing)
 
 ``settings`` are what `reobserve.ledger.Ledger.settings` returns for the stage.
 """

@@ -13,5 +13,5 @@ from reobserve.stages.common import paper_module
 def run(project: Path, paper: str, overrides: dict[str, Any], seed: int, output: Path) -> None:
     """Resolve, build every plant and observer once to check them, and write."""
     ledger = Ledger.load(project, paper, overrides, seed)
-    paper_module(paper, "check").check(ledger)
+    paper_module(paper, "ledger").check(ledger)
     write_text(output, ledger.text())

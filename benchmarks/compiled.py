@@ -1,0 +1,91 @@
+"""The C peer: compiled when it is needed, with the compiler of this machine, and called directly."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SOURCE = Path(__file__).with_name("ilo.c")
+
+# The compiled library knows the processor it runs on, so C may know it, too. Contraction would
+# round differently from the library, whose rules exclude it.
+_FLAGS = ("-O3", "-std=c11", "-ffp-contract=off", "-shared", "-fPIC")
+_TUNED = "-march=native"
+
+_Doubles = ctypes.POINTER(ctypes.c_double)
+
+
+class _Constants(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_double * 9) for name in ("J", "inverse", "L", "B", "Bf", "K1", "K2")),
+        ("step", ctypes.c_double),
+    ]
+
+
+class _Record(ctypes.Structure):
+    _fields_ = [(name, _Doubles) for name in ("rate", "rate_before", "control", "control_before")]
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The C library and how it was made."""
+
+    library: ctypes.CDLL
+    command: str
+
+    def function(self, law: str) -> Any:
+        """The loop of a law: ``continuous``, ``sampled`` or ``adaptive``."""
+        function = self.library[law]
+        function.restype = ctypes.c_long
+        function.argtypes = [
+            ctypes.POINTER(_Constants),
+            _Record,
+            ctypes.c_long,
+            ctypes.c_long,
+            *(_Doubles,) * 4,
+        ]
+        return function
+
+
+def compile_c() -> Compiled | None:
+    """The C peer, or None where there is no compiler."""
+    compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
+    if compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        built = Path(folder) / "ilo.so"
+        for flags in ((*_FLAGS, _TUNED), _FLAGS):
+            command = [compiler, *flags, str(SOURCE), "-o", str(built), "-lm"]
+            if subprocess.run(command, capture_output=True, check=False).returncode == 0:
+                # The loaded library outlives its file.
+                shown = " ".join((Path(compiler).name, *flags[:3], *flags[5:]))
+                return Compiled(ctypes.CDLL(str(built)), shown)
+    return None
+
+
+def constants(parts: tuple[Any, ...]) -> _Constants:
+    """The library's constants (seven matrices and the step) as C reads them."""
+    matrices = [(ctypes.c_double * 9)(*np.asarray(part).ravel()) for part in parts[:-1]]
+    return _Constants(*matrices, parts[-1])
+
+
+def pointer(array: Array) -> Any:
+    """Where the numbers of a contiguous array are."""
+    assert array.flags.c_contiguous
+    return array.ctypes.data_as(_Doubles)
+
+
+def record(rate: Array, control: Array) -> _Record:
+    """A record without jumps: the limits from the left are the samples themselves."""
+    return _Record(pointer(rate), pointer(rate), pointer(control), pointer(control))

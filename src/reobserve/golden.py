@@ -1,0 +1,246 @@
+"""Golden numbers: what stands behind each figure, kept with tolerances, checked and renewed.
+
+For each figure ``tests/golden/<paper>`` holds the series, one row every `PERIOD` seconds, and the
+metrics, each with the tolerance found by halving every numerical step when it was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, ReobserveError
+from reobserve.evaluation import Evaluation, Evaluator
+from reobserve.files import read_table, write_table
+from reobserve.ledger import Ledger, known_papers, read_yaml
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.1  # [s] between the rows kept of each series
+
+# What another processor may round differently: kernels of BLAS, sines of the C library. A rate is
+# good to some units in its last place; gains of some thousands turn that into torque.
+_ROUNDING = {"N m": 1e-9, "rad/s": 1e-12, "1": 1e-9, "s": 1e-9}
+
+_METRIC_HEADER = ("observer", "metric", "value", "unit", "tolerance", "reason")
+_TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")
+
+
+@dataclass(frozen=True)
+class Number:
+    """One golden value, or one column of them, with its unit."""
+
+    values: Array
+    unit: str
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A number that is not within its tolerance of the golden one."""
+
+    figure: str
+    what: str
+    golden: float
+    found: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        """One line: where, what it was, what it is, what is allowed."""
+        return (
+            f"{self.figure}, {self.what}: golden {self.golden:.9g}, found {self.found:.9g}, "
+            f"off by {abs(self.found - self.golden):.2g}, allowed {self.tolerance:.2g}"
+        )
+
+
+def folder(project: Path, paper: str) -> Path:
+    """Where the golden numbers of a paper are."""
+    return project / "tests" / "golden" / paper
+
+
+def compare(evaluator: Evaluator, figure: str, golden: Path) -> Iterator[Deviation]:
+    """The deviations of a figure from the golden numbers in the folder ``golden``.
+
+    Raises
+    ------
+    InputError
+        If a golden file is missing, damaged or holds other columns or metrics than the figure.
+    """
+    name = f"{evaluator.ledger.paper} {figure}"
+    series, metrics = _numbers(evaluator.figure(figure))
+    columns, tolerances = _read_series(golden, figure)
+    _same_names(golden / f"{figure}.series.csv", columns, series)
+    for column, number in series.items():
+        if len(number.values) != len(columns[column]):
+            yield Deviation(name, f"rows of {column}", len(columns[column]), len(number.values), 0)
+            continue
+        off = np.abs(number.values - columns[column])
+        worst = int(np.argmax(off))
+        if not off[worst] <= tolerances[column]:
+            yield Deviation(
+                name,
+                f"{column} at {worst * PERIOD:g} s",
+                float(columns[column][worst]),
+                float(number.values[worst]),
+                tolerances[column],
+            )
+    kept = _read_metrics(golden, figure)
+    _same_names(golden / f"{figure}.metrics.csv", kept, metrics)
+    for metric, number in metrics.items():
+        value, tolerance = kept[metric]
+        found = float(number.values)
+        if np.isnan(value) and np.isnan(found):
+            continue
+        if not abs(found - value) <= tolerance:
+            yield Deviation(name, metric, value, found, tolerance)
+
+
+def write(ledger: Ledger, figure: str, golden: Path) -> None:
+    """Write the golden numbers of a figure, with tolerances from halving every step."""
+    series, metrics = _numbers(Evaluator(ledger).figure(figure))
+    fine_series, fine_metrics = _numbers(Evaluator(ledger.refined()).figure(figure))
+    time = np.arange(len(next(iter(series.values())).values)) * PERIOD
+    rows = (
+        {"time": f"{t:.6g}"} | {name: f"{n.values[i]:.14g}" for name, n in series.items()}
+        for i, t in enumerate(time)
+    )
+    write_table(golden / f"{figure}.series.csv", rows, ["time", *series])
+    write_table(
+        golden / f"{figure}.tolerances.csv",
+        (
+            {"column": name, "unit": number.unit} | _tolerance(number, fine_series[name])
+            for name, number in series.items()
+        ),
+        _TOLERANCE_HEADER,
+    )
+    write_table(
+        golden / f"{figure}.metrics.csv",
+        (
+            dict(zip(("observer", "metric"), name.split(":"), strict=True))
+            | {"value": f"{float(number.values):.14g}", "unit": number.unit}
+            | _tolerance(number, fine_metrics[name])
+            for name, number in metrics.items()
+        ),
+        _METRIC_HEADER,
+    )
+
+
+def check_command(project: Path) -> None:
+    """Compare all figures of all papers that are built; print and fail on deviations."""
+    found: list[Deviation] = []
+    for paper in read_yaml(project / "config" / "config.yaml")["papers"]:
+        evaluator = Evaluator(_default_ledger(project, paper))
+        for figure in evaluator.ledger.tree["figures"]:
+            found += compare(evaluator, figure, folder(project, paper))
+            print(f"{paper} {figure}: compared")
+    for deviation in found:
+        print(deviation)
+    if found:
+        raise ReobserveError(f"{len(found)} golden numbers moved beyond their tolerances")
+
+
+def update_command(project: Path, paper: Sequence[str], reason: str) -> None:
+    """Renew golden numbers: refuses without a reason, in CI and on a dirty tree."""
+    from reobserve.golden_guard import check_may_renew, keep_reason
+
+    check_may_renew(project, reason)
+    moved: list[str] = []
+    for name in paper or known_papers(project):
+        ledger = _default_ledger(project, name)
+        for figure in ledger.tree["figures"]:
+            moved += _renew(ledger, figure, folder(project, name))
+    print("\n".join(moved) if moved else "nothing moved beyond its tolerance")
+    keep_reason(project, reason, len(moved))
+
+
+def _renew(ledger: Ledger, figure: str, golden: Path) -> list[str]:
+    """Write one figure; what is said of it: old and new of each number that moved."""
+    try:
+        said = [str(deviation) for deviation in compare(Evaluator(ledger), figure, golden)]
+    except InputError as error:
+        said = [f"{ledger.paper} {figure}: written anew ({error})"]
+    write(ledger, figure, golden)
+    return said
+
+
+def _default_ledger(project: Path, paper: str) -> Ledger:
+    seed = read_yaml(project / "config" / "config.yaml")["seed"]
+    return Ledger.load(project, paper, seed=seed)
+
+
+def _numbers(evaluation: Evaluation) -> tuple[dict[str, Number], dict[str, Number]]:
+    """The kept rows of all series, and all metrics, by name."""
+    series = dict(_columns("plant", evaluation.plant))
+    for observer, estimate in evaluation.estimates.items():
+        series.update(_columns(observer, estimate))
+    metrics = {
+        f"{metric.observer}:{metric.metric}": Number(np.array(metric.value), metric.unit)
+        for metric in evaluation.metrics
+    }
+    return series, metrics
+
+
+def _columns(owner: str, series: Series) -> Iterator[tuple[str, Number]]:
+    every = round(PERIOD / series.step)
+    units = {name: channel.unit for name, channel in series.channels.items()}
+    for column, values in series.flat().items():
+        name = column if column in units else column.rpartition("_")[0]
+        if not name.endswith("_before"):
+            yield f"{owner}.{column}", Number(values[::every], units[name])
+
+
+def _tolerance(number: Number, fine: Number) -> dict[str, Any]:
+    """Twice the change on halving the steps, and not below what processors round differently."""
+    rows = min(number.values.size, fine.values.size)
+    change = np.abs(number.values.ravel()[:rows] - fine.values.ravel()[:rows])
+    halving = 2 * float(np.nanmax(change, initial=0.0))
+    size = float(np.nanmax(np.abs(number.values), initial=0.0))
+    rounding = _ROUNDING[number.unit] * max(1.0, size)
+    reason = "twice the change on halving every step"
+    if rounding > halving:
+        reason = "rounding on another processor; halving every step changes less"
+    return {"tolerance": f"{max(halving, rounding):.3g}", "reason": reason}
+
+
+def _same_names(path: Path, golden: Any, found: Any) -> None:
+    missing, extra = sorted(set(golden) - set(found)), sorted(set(found) - set(golden))
+    if missing or extra:
+        raise InputError(
+            str(path), f"does not fit the figure; only there: {missing}, only here: {extra}"
+        )
+
+
+def _read_series(golden: Path, figure: str) -> tuple[dict[str, Array], dict[str, float]]:
+    path = golden / f"{figure}.tolerances.csv"
+    rows = read_table(path, _TOLERANCE_HEADER)
+    tolerances = {row["column"]: _number(path, row["tolerance"]) for row in rows}
+    path = golden / f"{figure}.series.csv"
+    table = read_table(path, ["time", *tolerances])
+    columns = {
+        name: np.array([_number(path, row[name]) for row in table], dtype=np.float64)
+        for name in tolerances
+    }
+    return columns, tolerances
+
+
+def _read_metrics(golden: Path, figure: str) -> dict[str, tuple[float, float]]:
+    path = golden / f"{figure}.metrics.csv"
+    return {
+        f"{row['observer']}:{row['metric']}": (
+            _number(path, row["value"]),
+            _number(path, row["tolerance"]),
+        )
+        for row in read_table(path, _METRIC_HEADER)
+    }
+
+
+def _number(path: Path, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(str(path), f"holds {text!r} where a number must be") from None
