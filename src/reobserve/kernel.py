@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -21,12 +21,13 @@ def kernel(function: Function) -> Function:
     products never fused (no ``fastmath``), so that stepping and batch runs agree to
     the last bit.
     """
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _cache_folder()
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = _cache_folder()
     try:
         compiled = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
     return cast(Function, compiled)
 
 
@@ -44,8 +45,9 @@ def _cache_folder() -> str:
         source = path.read_bytes()
         if b"@kernel" in source:
             whole.update(source)
-    if numba.config.CACHE_DIR:
-        base = Path(numba.config.CACHE_DIR)
+    chosen: Any = numba.config
+    if chosen.CACHE_DIR:
+        base = Path(chosen.CACHE_DIR)
     elif os.access(package, os.W_OK):
         base = package / "__pycache__"
     else:

@@ -215,7 +215,9 @@ def read_yaml(path: Path) -> Tree:
         raise InputError(str(path), f"is not YAML: {reason}") from None
     if not isinstance(tree, dict):
         raise InputError(str(path), "must be a mapping of keys to values")
-    return tree
+    # A YAML alias is one object in several places; here every place has its own.
+    separate: Tree = json.loads(json.dumps(tree))
+    return separate
 
 
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:

@@ -1,0 +1,5 @@
+from benchmarks.report import Section
+
+
+def run(quick: bool) -> Section:
+    return Section("build", "")
