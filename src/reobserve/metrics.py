@@ -61,23 +61,30 @@ def peak(*values: Array) -> float:
     return max(sizes, default=float("nan"))
 
 
-def first_crossing(time: Array, values: Array, level: float) -> float:
-    """When |values| first exceeds ``level``, linear between samples; nan if it never does."""
-    size = np.abs(values)
-    above = np.flatnonzero(size > level)
+def first_crossing(time: Array, start: Array, end: Array, level: float) -> float:
+    """When |signal| first exceeds ``level``: inside a step, linearly, or by a jump between two.
+
+    ``start`` and ``end`` are the signal's limits from inside the steps that begin at ``time``
+    [s], which has one more entry, the end of the last step; nan if the level is never exceeded.
+    """
+    first, last = np.abs(start), np.abs(end)
+    above = np.flatnonzero((first > level) | (last > level))
     if above.size == 0:
         return float("nan")
     k = int(above[0])
-    if k == 0:
-        return float(time[0])
-    share = (level - size[k - 1]) / (size[k] - size[k - 1])
-    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+    if first[k] > level:
+        return float(time[k])
+    share = (level - first[k]) / (last[k] - first[k])
+    return float(time[k] + share * (time[k + 1] - time[k]))
 
 
-def settling_time(time: Array, error: Array, band: float) -> float:
-    """When |error| enters ``band`` for good; the first time if it never leaves, nan if never in."""
-    outside = np.flatnonzero(np.abs(error) > band)
+def settling_time(time: Array, start: Array, end: Array, band: float) -> float:
+    """When |error| enters ``band`` for good: the end of the last step that leaves it.
+
+    Arguments as for `first_crossing`; nan if the error is outside at the end.
+    """
+    outside = np.flatnonzero(np.maximum(np.abs(start), np.abs(end)) > band)
     if outside.size == 0:
         return float(time[0])
     k = int(outside[-1]) + 1
-    return float(time[k]) if k < len(time) else float("nan")
+    return float(time[k]) if k < len(time) - 1 else float("nan")

@@ -103,6 +103,15 @@ def _slopes(
 
 
 @kernel
+def _estimate(c: Constants, integral: Triple, rate: Triple, estimate: Triple) -> Triple:
+    """f^ = z + Kp (w - w^)."""
+    x, y, z = product(
+        c.proportional_gain, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
+    )
+    return (integral[0] + x, integral[1] + y, integral[2] + z)
+
+
+@kernel
 def _run(
     c: Constants,
     estimate: Array,
@@ -113,17 +122,19 @@ def _run(
     control_before: Matrix,
     rates: Matrix,
     faults: Matrix,
+    faults_before: Matrix,
 ) -> int:
-    """Fill ``rates`` and ``faults``; leave w^ and z in place."""
+    """Fill the last three arguments; leave w^ and z in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rates) - 1
     w = (estimate[0], estimate[1], estimate[2])
     z = (memory[0], memory[1], memory[2])
     for k in range(steps + 1):
         start = row(rate, 2 * k)
-        x, y, d = product(c.proportional_gain, start[0] - w[0], start[1] - w[1], start[2] - w[2])
         rates[k, 0], rates[k, 1], rates[k, 2] = w
-        faults[k, 0], faults[k, 1], faults[k, 2] = z[0] + x, z[1] + y, z[2] + d
+        faults[k, 0], faults[k, 1], faults[k, 2] = _estimate(c, z, start, w)
+        before = _estimate(c, z, row(rate_before, 2 * k), w)
+        faults_before[k, 0], faults_before[k, 1], faults_before[k, 2] = before
         if k == steps:
             break
         middle, end = row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)

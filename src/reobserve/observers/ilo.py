@@ -163,8 +163,9 @@ def _run(
     control_before: Matrix,
     rates: Matrix,
     faults: Matrix,
+    faults_before: Matrix,
 ) -> int:
-    """Fill ``rates`` and ``faults``; leave w^ and v of the last interval in place."""
+    """Fill the last three arguments; leave w^ and v of the last interval in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rates) - 1
     w = (estimate[0], estimate[1], estimate[2])
@@ -198,6 +199,7 @@ def _run(
         for i in range(3):
             rates[k, i] = w[i]
             faults[k, i] = past[0, i]
+            faults_before[k + 1, i] = past[2, i]
         if not np.isfinite(after[0] + after[1] + after[2]):
             return k + 1
         w = after
@@ -208,5 +210,7 @@ def _run(
     faults[steps, 0], faults[steps, 1], faults[steps, 2] = learn(
         c, learned, row(rate, 2 * steps), w
     )
-    rates[steps, 0], rates[steps, 1], rates[steps, 2] = w
+    for i in range(3):
+        rates[steps, i] = w[i]
+        faults_before[0, i] = faults[0, i]
     return steps + 1

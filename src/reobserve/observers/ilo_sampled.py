@@ -87,8 +87,9 @@ def _run(
     control_before: Matrix,
     rates: Matrix,
     faults: Matrix,
+    faults_before: Matrix,
 ) -> int:
-    """Fill ``rates`` and ``faults``; leave w^ and the v in force in place."""
+    """Fill the last three arguments; leave w^ and the v in force in place."""
     h, half = c.step, 0.5 * c.step
     steps = len(rates) - 1
     w = (estimate[0], estimate[1], estimate[2])
@@ -108,6 +109,7 @@ def _run(
         for i in range(3):
             rates[k, i] = w[i]
             faults[k, i] = v[i]
+            faults_before[k + 1, i] = v[i]
         if not np.isfinite(after[0] + after[1] + after[2]):
             return k + 1
         w = after
@@ -120,4 +122,5 @@ def _run(
     for i in range(3):
         rates[steps, i] = w[i]
         faults[steps, i] = v[i]
+        faults_before[0, i] = faults[0, i]
     return steps + 1

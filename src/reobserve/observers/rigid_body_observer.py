@@ -41,12 +41,15 @@ class Run:
     """Estimates at the ends of the steps of a record.
 
     ``rate`` [rad/s] and ``fault`` [N m] have shape (m, 3), their first row at the start of the
-    record. ``diverged_at`` is None, or the time [s] since that start after which the state left
-    the range of floating-point numbers; then m counts the rows up to it. ``state`` goes on.
+    record; ``fault_before`` holds the limits of ``fault`` from the left, which differ where the
+    estimate jumps: at updates, at jumps of the measurement. ``diverged_at`` is None, or the time
+    [s] since that start after which the state left the range of floating-point numbers; then m
+    counts the rows up to it. ``state`` goes on.
     """
 
     rate: Array
     fault: Array
+    fault_before: Array
     state: State
     diverged_at: float | None
 
@@ -138,13 +141,14 @@ class RigidBodyObserver(ABC):
             else _record("control_before", control_before, len(right)),
         )
         steps = len(right) // 2
-        outputs = (np.empty((steps + 1, 3)), np.empty((steps + 1, 3)))
+        outputs = (np.empty((steps + 1, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3)))
         working = State(state.rate.copy(), state.memory.copy(), state.count)
         rows = self._run(working, inputs, outputs)
         diverged_at = None if rows == steps + 1 else (rows - 1) * self.step_size
         return Run(
             outputs[0][:rows],
             outputs[1][:rows],
+            outputs[2][:rows],
             State(working.rate, working.memory, state.count + rows - 1),
             diverged_at,
         )

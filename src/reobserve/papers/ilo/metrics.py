@@ -69,6 +69,7 @@ def _judge(
     last = onsets[-1] if onsets else 0.0
     before = estimate.time < first - 1e-9
     time, v = estimate.time[~before], estimate["fault"][~before]
+    v_before = estimate["fault_before"][~before]
     threshold = rules["residual_threshold"]
 
     rms = root_mean_square(score.start, score.end)
@@ -78,11 +79,12 @@ def _judge(
     yield "late_rms_error", root_mean_square(late.start, late.end), "N m"
     yield "final_error", abs(float(errors.end[-1])), "N m"
     yield "residual_before_fault", peak(estimate["fault"][before]), "N m"
-    yield "detection_delay", first_crossing(time, v[:, axis], threshold) - first, "s"
+    seen = first_crossing(time, v[:-1, axis], v_before[1:, axis], threshold)
+    yield "detection_delay", seen - first, "s"
     after = errors.window(last)
-    yield "settling_time", settling_time(after.time, after.end, threshold) - last, "s"
-    others = np.delete(v, axis, axis=1)
-    yield "leakage", peak(others), "N m"
+    settled = settling_time(np.append(after.time, end), after.start, after.end, threshold)
+    yield "settling_time", settled - last, "s"
+    yield "leakage", peak(np.delete(v, axis, axis=1)), "N m"
     predicted = predicted_error(settings, settings["observers"][name], axis)
     if predicted is not None:
         yield "predicted_rms_error", predicted, "N m"

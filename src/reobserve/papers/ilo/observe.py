@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from reobserve.errors import DivergenceError
 from reobserve.papers.ilo.setup import build_observer, stride
 from reobserve.series import Channel, Series
@@ -14,7 +12,7 @@ from reobserve.series import Channel, Series
 def estimate(settings: dict[str, Any], plant: Series) -> Series:
     """Estimated rate [rad/s] and fault torque [N m] at the ends of the observer's steps.
 
-    ``fault_before`` holds the limits from the left: v jumps where it is sampled and held.
+    ``fault_before`` holds the limits from the left, which differ where the estimate jumps.
 
     Raises
     ------
@@ -39,8 +37,9 @@ def estimate(settings: dict[str, Any], plant: Series) -> Series:
     )
     if run.diverged_at is not None:
         raise DivergenceError(settings["observer"]["algorithm"], run.diverged_at)
-    channels = {"rate": Channel(run.rate, "rad/s"), "fault": Channel(run.fault, "N m")}
-    if settings["observer"]["algorithm"] == "sampled_ilo":
-        before = np.vstack([run.fault[:1], run.fault[:-1]])
-        channels["fault_before"] = Channel(before, "N m")
+    channels = {
+        "rate": Channel(run.rate, "rad/s"),
+        "fault": Channel(run.fault, "N m"),
+        "fault_before": Channel(run.fault_before, "N m"),
+    }
     return Series(plant.time[:: 2 * every], channels, plant.events)
