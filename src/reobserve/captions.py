@@ -23,7 +23,12 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
     """
     import jinja2
 
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True)
+    # Templates may import from others of the workflow, by their path below its report folder.
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([template.parent, template.parent.parent]),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
     environment.filters.update(digits=_digits, percent=_percent, milli=_milli)
     numbers = lookup(metrics)
     try:
@@ -37,15 +42,16 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
         raise InputError(str(template), f"asks for the metric {error.args[0]}") from None
     except jinja2.TemplateError as error:
         raise InputError(str(template), f"cannot be filled: {error.message}") from None
-    return rendered.strip() + "\n"
+    paragraphs = [" ".join(paragraph.split()) for paragraph in rendered.split("\n\n")]
+    return "\n\n".join(paragraph for paragraph in paragraphs if paragraph) + "\n"
 
 
 def _digits(number: float, count: int = 2) -> str:
-    return f"{number:.{count}g}"
+    return f"{float(f'{number:.{count}g}'):g}"
 
 
 def _percent(number: float, count: int = 2) -> str:
-    return f"{100 * number:.{count}g} %"
+    return f"{float(f'{100 * number:.{count}g}'):g} %"
 
 
 def _milli(number: float, count: int = 2) -> str:

@@ -198,8 +198,8 @@ def _tolerance(number: Number, fine: Number) -> dict[str, Any]:
     """Twice the change on halving the steps, and not below what processors round differently."""
     rows = min(number.values.size, fine.values.size)
     change = np.abs(number.values.ravel()[:rows] - fine.values.ravel()[:rows])
-    halving = 2 * float(np.nanmax(change, initial=0.0))
-    size = float(np.nanmax(np.abs(number.values), initial=0.0))
+    halving = 2 * float(np.max(np.nan_to_num(change)))
+    size = float(np.max(np.abs(np.nan_to_num(number.values))))
     rounding = _ROUNDING[number.unit] * max(1.0, size)
     reason = "twice the change on halving every step"
     if rounding > halving:

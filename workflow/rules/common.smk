@@ -127,3 +127,9 @@ def caption_template(wildcards):
     own = PROJECT / "workflow" / "report" / wildcards.paper / f"{wildcards.figure}.rst"
     name = f"{wildcards.paper}/{wildcards.figure}" if own.exists() else "figure"
     return f"workflow/report/{name}.rst"
+
+
+def caption_partials(wildcards):
+    """What the captions of a paper share."""
+    folder = PROJECT / "workflow" / "report" / wildcards.paper
+    return sorted(str(path) for path in folder.glob("_*.rst"))

@@ -119,10 +119,11 @@ rule plot:
         study=figure_study,
         metrics="results/{paper}/{figure}.metrics.csv",
         template=caption_template,
+        partials=caption_partials,
     output:
         report(
             f"results/{{paper}}/{{figure}}.{REPORTED}",
-            caption="../../results/{paper}/{figure}.caption.rst",
+            caption="../report/caption.rst",
             category="{paper}",
             subcategory="figures",
             labels={"figure": "{figure}", "what": "drawing"},

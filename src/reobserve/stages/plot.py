@@ -29,7 +29,7 @@ def run(
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("plot", figure)
     metrics = read_metrics(metrics_file)
-    write_text(caption, render(template, settings, metrics))
+    text = render(template, settings, metrics)
     estimates = read_estimates(settings["figure"]["observers"], estimate_files)
     study = None
     if study_file is not None:
@@ -39,3 +39,4 @@ def run(
         drawing = module.draw(settings, Series.read(plant_file), estimates, study, metrics)
     for output in outputs:
         save(drawing, output)
+    write_text(caption, text)

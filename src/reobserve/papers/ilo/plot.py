@@ -68,7 +68,7 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
     below.set_ylim(1e-12, 10)
     below.set_xlabel("time [s]")
     below.set_xlim(plant.time[0], plant.time[-1])
-    below.legend(loc="upper left")
+    below.legend(loc="center right", bbox_to_anchor=(1.0, 0.42))
     add_note(figure, _note(settings))
     return figure
 
@@ -96,17 +96,19 @@ def _envelope(time: Any, size: Any, width: float = 0.01) -> tuple[Any, Any]:
 def _matching(
     settings: dict[str, Any], plant: Series, estimates: Mapping[str, Series], rows: Rows
 ) -> Figure:
-    labels = {name: observer["label"] for name, observer in settings["observers"].items()}
+    names = settings["study"]["observers"]
+    labels = {name: settings["observers"][name]["label"] for name in names}
+    styles = dict(zip(names, STYLES, strict=False))
     axis = settings["metrics"]["axis"]
     figure, (gains, noise, trace) = new_figure((2.1, 2.1, 1.5), share_time=False)
 
-    families = {
-        "integral": "integral (adaptive observer)",
-        "proportional_integral": "proportional-integral, $K_p = \\Gamma\\tau/2$",
-        "ilo": "ILO, continuous, $K_1 = I$, $K_2 = \\Gamma\\tau$",
-    }
-    for style, (family, label) in zip(STYLES, families.items(), strict=False):
-        _sweep(gains, rows, "integral_gain", family, style, label)
+    families = (
+        ("integral", "adaptive", "integral (adaptive observer)"),
+        ("proportional_integral", "matched", "proportional-integral, $K_p = \\Gamma\\tau/2$"),
+        ("ilo", "continuous", "ILO, continuous, $K_1 = I$, $K_2 = \\Gamma\\tau$"),
+    )
+    for family, like, label in families:
+        _sweep(gains, rows, "integral_gain", family, styles[like], label)
     gains.set_xlabel("integral gain $\\Gamma$ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
@@ -114,21 +116,23 @@ def _matching(
         gain = settings["observers"][name]["integral_gain"]
         gains.axvline(gain, color="0.5", linewidth=0.8, linestyle=":")
         gains.annotate(
-            place, (gain, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -9),
+            place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(3, 0),
             textcoords="offset points", fontsize=7, color="0.3",
         )  # fmt: skip
-    gains.legend(loc="lower left")
+    gains.legend(loc="lower left", bbox_to_anchor=(0.02, 0.1))
 
-    for style, name in zip(STYLES, settings["study"]["observers"], strict=False):
-        _sweep(noise, rows, "noise", name, style, labels.get(name, name))
+    for name in names:
+        _sweep(noise, rows, "noise", name, styles[name], labels[name])
     noise.set_xlabel("standard deviation of the rate measurement [rad/s]")
     noise.set_ylabel("relative RMS error [%]")
     noise.set_title("(b) the same error over the measurement noise")
     noise.legend(loc="upper left", ncols=2)
+    noise.set_ylim(top=30 * noise.get_ylim()[1])
 
-    for style, name in zip(STYLES[1:], ("continuous", "matched"), strict=False):
-        errors = Errors.of(plant, estimates[name], axis - 1).window(4.9, 7.5)
-        trace.plot(*thin(errors.time, errors.start), **style.line(), label=labels[name])
+    for name in ("continuous", "matched"):
+        onset = plant.events["onsets"][0]
+        errors = Errors.of(plant, estimates[name], axis - 1).window(onset - 0.1, onset + 2.5)
+        trace.plot(*thin(errors.time, errors.start), **styles[name].line(), label=labels[name])
     trace.set_xlabel("time [s]")
     trace.set_ylabel("error [N m]")
     trace.set_ylim(-0.06, 0.06)
@@ -139,7 +143,7 @@ def _matching(
 
 
 def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: str) -> None:
-    """The mean over runs against the level, and the span of the runs where there are several."""
+    """The mean over runs against the level, and the span of the runs behind it."""
     levels: dict[float, list[float]] = {}
     for row in rows:
         if row["sweep"] == sweep and row["observer"] == name:
@@ -148,6 +152,8 @@ def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: s
     level = sorted(levels)
     mean = [float(np.mean(levels[x])) for x in level]
     axes.loglog(level, mean, **style.points(), label=label)
+    least, most = ([end(levels[x]) for x in level] for end in (min, max))
+    axes.fill_between(level, least, most, color=style.color, alpha=0.2, linewidth=0)
 
 
 def _note(settings: dict[str, Any]) -> str:
