@@ -131,7 +131,7 @@ class Series:
             "provenance": self.provenance,
         }
         table = pa.table({"time": self.time, **self.flat()})
-        table = table.replace_schema_metadata({_KEY: json.dumps(about, sort_keys=True).encode()})
+        table = table.replace_schema_metadata({_KEY: json.dumps(about).encode()})
         write_whole(path, lambda partial: parquet.write_table(table, partial, use_dictionary=False))
 
     @classmethod

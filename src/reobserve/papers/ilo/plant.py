@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.matrices import as_vector
 from reobserve.papers.ilo.setup import grid, held_noise, noise_deviation
 from reobserve.plants.satellite import Satellite
 from reobserve.random_streams import random_stream
@@ -26,6 +27,7 @@ def build(settings: dict[str, Any]) -> tuple[Satellite, Signal, Signal]:
     steps, step = grid(plant)
     with located("plant"):
         satellite = Satellite(plant["inertia"], plant["input_matrix"], plant["fault_matrix"])
+        as_vector("initial_rate", plant["initial_rate"], 3)
         control = Signal.parse("control", plant["control"], 3)
         control.check_grid("control", 2 * step, steps * step)
     with located("scenario"):

@@ -1,0 +1,87 @@
+"""Builds in copies of the project: what a user types, run apart from this checkout."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Project:
+    """A copy of the project whose own ``src`` is what runs in it."""
+
+    folder: Path
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The variables under which commands run in the copy."""
+        return {
+            **os.environ,
+            "PYTHONPATH": str(self.folder / "src"),
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        }
+
+    def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+        """Run a command in the copy and keep what it prints."""
+        done = subprocess.run(
+            command, cwd=self.folder, env=self.environment, capture_output=True, text=True,
+            check=False,
+        )  # fmt: skip
+        assert done.returncode == 0 or not check, done.stdout + done.stderr
+        return done
+
+    def snakemake(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+        """Run Snakemake in the copy."""
+        return self.run("snakemake", "--cores", "2", *arguments, check=check)
+
+    def stale(self, *arguments: str) -> dict[str, int]:
+        """How many jobs of each rule a build would run now."""
+        output = self.snakemake("--dry-run", *arguments).stdout
+        table = re.search(r"Job stats:\n(.*?)\ntotal", output, re.DOTALL)
+        rows = table[1].splitlines()[2:] if table else []
+        return {row.split()[0]: int(row.split()[1]) for row in rows if not row.startswith("all ")}
+
+    def results(self) -> dict[str, bytes]:
+        """The content of everything built, by path."""
+        built = self.folder / "results"
+        return {
+            str(path.relative_to(built)): path.read_bytes()
+            for path in sorted(built.rglob("*"))
+            if path.is_file() and path.name != "README.md"
+        }
+
+
+def copy_project(target: Path) -> Project:
+    """Copy what git tracks or would track."""
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, target / name)
+    return Project(target)
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A copy with everything built on two cores. Tests leave it as they find it."""
+    project = copy_project(tmp_path_factory.mktemp("built"))
+    project.snakemake()
+    return project
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> Project:
+    """A copy of one's own with nothing built."""
+    return copy_project(tmp_path)

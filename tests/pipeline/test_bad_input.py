@@ -1,0 +1,269 @@
+"""What a user can get wrong: one sentence that names it, a non-zero exit, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from reobserve.cli import main
+
+from .conftest import ROOT, Project
+
+Capture = pytest.CaptureFixture[str]
+
+
+def refused(capsys: Capture, *arguments: str | Path) -> str:
+    """Run a sub-command that must fail; the one sentence it prints."""
+    assert main([str(argument) for argument in arguments]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("reobserve: ")
+    assert captured.err.count("\n") == 1, captured.err
+    return captured.err.removeprefix("reobserve: ").rstrip()
+
+
+def nothing_in(folder: Path) -> bool:
+    return not any(path.is_file() for path in folder.rglob("*"))
+
+
+def fault_at(time: float) -> dict[str, object]:
+    term = {"kind": "constant", "axis": 1, "from": time, "size": 1}
+    return {"scenarios": {"constant": {"fault": [term]}}}
+
+
+# Overrides as a user would write them, and what the sentence must say: where, and what is allowed.
+BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
+    "misspelt section": ({"observrs": {}}, "ilo.observrs:", "did you mean 'observers'"),
+    "misspelt observer": (
+        {"observers": {"smpled": {"K2": 1}}},
+        "ilo.observers.smpled:",
+        "'algorithm' is a required property",
+    ),
+    "misspelt gain": (
+        {"observers": {"sampled": {"K22": 1}}},
+        "ilo.observers.sampled.K22:",
+        "did you mean 'K2'",
+    ),
+    "misspelt part of an entry": (
+        {"plant": {"horizon": {"valeu": 10}}},
+        "ilo.plant.horizon.valeu:",
+        "unknown key",
+    ),
+    "shape of a gain": (
+        {"observers": {"sampled": {"K2": [[1, 0], [0, 1]]}}},
+        "ilo.observers.sampled.K2:",
+        "has shape (2, 2), must be one number",
+    ),
+    "shape of a rate": (
+        {"plant": {"initial_rate": [0, 0]}},
+        "ilo.plant.initial_rate:",
+        "must be a list of 3 numbers",
+    ),
+    "a word for a number": (
+        {"plant": {"input_matrix": "one"}},
+        "ilo.plant.input_matrix:",
+        "'one' is not a number",
+    ),
+    "inertia not positive definite": (
+        {"plant": {"inertia": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}},
+        "ilo.plant.inertia:",
+        "must be positive definite, its eigenvalues are -1, 1, 3",
+    ),
+    "inertia not symmetric": (
+        {"plant": {"inertia": [[3, 1, 0], [0, 3, 0], [0, 0, 1]]}},
+        "ilo.plant.inertia:",
+        "must be symmetric",
+    ),
+    "interval not positive": (
+        {"observers": {"continuous": {"interval": 0}}},
+        "ilo.observers.continuous.interval:",
+        "0 must be greater than zero",
+    ),
+    "interval no multiple of the step": (
+        {"observers": {"continuous": {"interval": 0.0101}}},
+        "ilo.observers.continuous.interval:",
+        "0.0101 s must be a whole multiple of the step of 0.00025 s",
+    ),
+    "K1 outside the stable region": (
+        {"observers": {"continuous": {"K1": 1.05}}},
+        "ilo.observers.continuous.K1",
+        "grows as exp(4.879 t)",
+    ),
+    "K2 beyond the sampled limit": (
+        {"observers": {"sampled": {"K2": 90000}}},
+        "ilo.observers.sampled.K1, K2:",
+        "the limit is 0.750544 times this K2",
+    ),
+    "fault after the end": (
+        fault_at(12),
+        "ilo.scenarios.constant.fault:",
+        "starts at 12 s, must start before the end at 10 s",
+    ),
+    "fault between two steps": (
+        fault_at(5.0001),
+        "ilo.scenarios.constant.fault:",
+        "jumps at 5.0001 s, must jump at a multiple of 0.00025 s",
+    ),
+    "unknown kind of fault": (
+        {"scenarios": {"constant": {"fault": [{"kind": "stepp", "axis": 1}]}}},
+        "ilo.scenarios.constant.fault[0].kind:",
+        "must be one of constant, sine, ramp, samples",
+    ),
+    "unknown scenario of a figure": (
+        {"figures": {"fig1": {"scenario": "constnat"}}},
+        "ilo.figures.fig1:",
+        "did you mean 'constant'",
+    ),
+    "unknown algorithm": (
+        {"observers": {"mine": {"like": "sampled", "algorithm": "ilo"}}},
+        "ilo.observers.mine.algorithm:",
+        "must be one of sampled_ilo, continuous_ilo, adaptive",
+    ),
+    "negative noise": ({"plant": {"noise": -1}}, "ilo.plant.noise:", "must not be negative"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_CONFIG)
+def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
+    overrides, where, what = BAD_CONFIG[case]
+    said = refused(
+        capsys,
+        *("ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("--output", tmp_path / "ledger.json"),
+    )
+    assert where in said
+    assert what in said
+    assert nothing_in(tmp_path)
+
+
+def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
+    record = tmp_path / "torque.csv"
+    record.write_text("time,torque\n0,0.1\n1,nan\n2,0.2\n")
+    term = {"kind": "samples", "axis": 1, "file": str(record), "column": "torque"}
+    overrides = {"scenarios": {"constant": {"fault": [term]}}}
+    said = refused(
+        capsys,
+        *("ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("--output", tmp_path / "ledger.json"),
+    )
+    assert str(record) in said
+    assert "'torque', row 2 is nan" in said
+
+
+@pytest.fixture
+def ledger_file(tmp_path: Path) -> Path:
+    path = tmp_path / "ledger.json"
+    assert main(["ledger", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
+    return path
+
+
+@pytest.fixture
+def record(ledger_file: Path) -> Path:
+    path = ledger_file.with_name("plant.parquet")
+    assert main(["plant", str(ledger_file), "constant", "--output", str(path)]) == 0
+    return path
+
+
+def test_a_record_cut_short(ledger_file: Path, record: Path, capsys: Capture) -> None:
+    record.write_bytes(record.read_bytes()[:-1000])
+    output = record.with_name("out") / "sampled.parquet"
+    said = refused(capsys, "observe", ledger_file, record, "sampled", "--output", output)
+    assert said.startswith(f"{record}: is damaged or no Parquet file")
+    assert not output.parent.exists()
+
+
+def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    foreign = tmp_path / "foreign.parquet"
+    parquet.write_table(pa.table({"time": [0.0, 1.0]}), foreign)
+    said = refused(
+        capsys, "observe", ledger_file, foreign, "sampled", "--output", tmp_path / "out.parquet"
+    )
+    assert "has no reobserve metadata" in said
+
+
+def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
+    missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
+    said = refused(capsys, "observe", ledger_file, missing, "sampled", "--output", output)
+    assert said == f"{missing}: there is no such file"
+
+
+def test_an_unknown_name_lists_the_known_ones(
+    ledger_file: Path, record: Path, capsys: Capture
+) -> None:
+    output = record.with_name("out.parquet")
+    said = refused(capsys, "observe", ledger_file, record, "sampeld", "--output", output)
+    assert "there is no 'sampeld'; did you mean 'sampled'?" in said
+    said = refused(capsys, "plant", ledger_file, "nothing", "--output", output)
+    assert "constant, periodic, aperiodic, combined" in said
+    said = refused(capsys, "params", "ill", "--project", ROOT)
+    assert "did you mean 'ilo'" in said
+    assert not output.exists()
+
+
+def test_an_output_folder_that_cannot_be_written(ledger_file: Path, capsys: Capture) -> None:
+    """A file where a folder must be: refused for everyone, also for root."""
+    blocked = ledger_file / "plant.parquet"
+    said = refused(capsys, "plant", ledger_file, "constant", "--output", blocked)
+    assert said.startswith(f"{blocked}: cannot be written")
+    assert [path.name for path in ledger_file.parent.iterdir()] == ["ledger.json"]
+
+
+def test_an_output_folder_without_permission(
+    ledger_file: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    folder = tmp_path / "closed"
+    folder.mkdir(mode=0o555)
+    probe = folder / "probe"
+    try:
+        probe.touch()
+    except PermissionError:
+        pass
+    else:
+        probe.unlink()
+        pytest.skip("this user may write everywhere")
+    said = refused(capsys, "plant", ledger_file, "constant", "--output", folder / "plant.parquet")
+    assert "cannot be written (Permission denied)" in said
+    assert nothing_in(folder)
+
+
+def test_a_divergent_observer_names_the_time(
+    ledger_file: Path, record: Path, capsys: Capture
+) -> None:
+    """A step beyond the reach of the integrator, which no stability condition forbids."""
+    ledger = json.loads(ledger_file.read_text())
+    ledger["ledger"]["observers"]["adaptive"]["damping"]["value"] = 1e6
+    ledger_file.write_text(json.dumps(ledger))
+    output = record.with_name("adaptive.parquet")
+    said = refused(capsys, "observe", ledger_file, record, "adaptive", "--output", output)
+    assert said.startswith("ilo.observers.adaptive (adaptive) diverged: its state is finite up to")
+    assert not output.exists()
+
+
+BAD_CALLS = {
+    "formats=[gif]": "config.formats.0: 'gif' is not one of ['pdf', 'svg', 'png']",
+    "sede=1": "config.sede: unknown key; did you mean 'seed'?",
+    "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
+    "ilo={observers: {sampled: {K22: 1}}}": (
+        "ilo.observers.sampled.K22: unknown key; did you mean 'K2'?"
+    ),
+    "ilo={observers: {continuous: {K1: 1.05}}}": (
+        "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
+        "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
+    ),
+}
+
+
+@pytest.mark.parametrize("config", BAD_CALLS)
+def test_snakemake_says_it_in_one_sentence(built: Project, config: str) -> None:
+    before = built.results()
+    done = built.snakemake("--config", config, check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: {BAD_CALLS[config]}"
+    assert "Traceback" not in done.stderr
+    assert 'File "' not in done.stderr
+    assert built.results() == before

@@ -1,0 +1,68 @@
+"""Two clean builds give the same bytes, on one core or two, disturbed or not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+
+from .conftest import Project
+
+
+def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None:
+    assert sorted(first) == sorted(second)
+    assert [name for name in first if first[name] != second[name]] == []
+
+
+def test_one_core_and_two_give_the_same_bytes(built: Project, fresh: Project) -> None:
+    fresh.run("snakemake", "--cores", "1")
+    results = fresh.results()
+    assert {name.rpartition(".")[2] for name in results} == {
+        "parquet", "csv", "png", "svg", "pdf", "rst", "json",
+    }  # fmt: skip
+    assert_same_files(built.results(), results)
+
+
+def test_a_killed_build_ends_with_the_same_bytes(built: Project, fresh: Project) -> None:
+    """SIGKILL of the whole process group, again and again, as the results grow."""
+    whole = built.results()
+    for wanted in (1, 4, 9, 14, 19, 24, 29):
+        build = subprocess.Popen(
+            ["snakemake", "--cores", "2"],
+            cwd=fresh.folder, env=fresh.environment, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        deadline = time.monotonic() + 120
+        while len(fresh.results()) < wanted and build.poll() is None:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        os.killpg(build.pid, signal.SIGKILL)
+        assert build.wait() == -signal.SIGKILL, "the build was meant to be killed half-way"
+        for name, content in fresh.results().items():
+            # What stands under its own name is whole, whenever the kill came.
+            assert ".partial" in name or content == whole[name], name
+    fresh.snakemake()
+    assert_same_files(whole, fresh.results())
+
+
+def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
+    target = "results/ilo/constant/plant.parquet"
+    first = subprocess.Popen(
+        ["snakemake", "--cores", "1", "results/ilo/fig4_matched.svg"],
+        cwd=fresh.folder, env=fresh.environment, start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        while not (fresh.folder / "results/ilo/ledger.json").exists():
+            assert first.poll() is None
+            time.sleep(0.02)
+        second = fresh.snakemake(target, check=False)
+    finally:
+        os.killpg(first.pid, signal.SIGKILL)
+        first.wait()
+    assert second.returncode != 0
+    assert second.stderr.strip().endswith(
+        "reobserve: another build is running in this folder; wait for it to end"
+    )
+    fresh.snakemake(target)

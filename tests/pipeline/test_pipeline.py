@@ -1,0 +1,187 @@
+"""The files of a build: complete, found where one would look, and what the library computes."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reobserve.evaluation import Evaluator
+from reobserve.ledger import Ledger
+from reobserve.metrics import read_metrics
+from reobserve.series import Series
+
+from .conftest import ROOT, Project
+
+FIGURES = ("fig1", "fig2", "fig3", "fig4", "fig4_matched", "fig5")
+SEED = 20070501
+
+
+@pytest.fixture(scope="module")
+def evaluator() -> Evaluator:
+    return Evaluator(Ledger.load(ROOT, "ilo", seed=SEED))
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_the_pipeline_computes_what_the_library_does(
+    built: Project, evaluator: Evaluator, figure: str
+) -> None:
+    """One call in this process and a chain of jobs and files: the same to the last bit."""
+    evaluation = evaluator.figure(figure)
+    folder = built.folder / "results" / "ilo"
+    for mine, theirs in zip(
+        evaluation.metrics, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
+    ):
+        assert (mine.observer, mine.metric, mine.unit) == (
+            theirs.observer, theirs.metric, theirs.unit,
+        )  # fmt: skip
+        assert mine.value == theirs.value or (math.isnan(mine.value) and math.isnan(theirs.value))
+    scenario = evaluator.ledger.tree["figures"][figure]["scenario"]
+    series = {"plant": evaluation.plant, **evaluation.estimates}
+    for name, expected in series.items():
+        found = Series.read(folder / scenario / f"{name}.parquet")
+        assert list(found.channels) == list(expected.channels)
+        for channel in found.channels:
+            assert np.array_equal(found[channel], expected[channel])
+            assert found.channels[channel].unit == expected.channels[channel].unit
+
+
+def test_provenance_says_what_made_a_series(built: Project) -> None:
+    series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
+    about = series.provenance
+    assert (about["paper"], about["stage"], about["job"]) == ("ilo", "observe", "forgetting")
+    assert about["settings"]["observer"]["K1"] == 0.9
+    assert about["packages"]["numpy"] == np.__version__
+    assert series.channels["fault"].unit == "N m"
+    assert series.events["onsets"] == (5.0,)
+
+
+def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
+    fresh.snakemake("results/ilo/fig3.pdf")
+    chain = {
+        "ilo/ledger.json",
+        "ilo/aperiodic/plant.parquet",
+        *(f"ilo/aperiodic/{name}.parquet" for name in ("sampled", "continuous", "forgetting")),
+        "ilo/fig3.metrics.csv",
+        "ilo/fig3.caption.rst",
+        *(f"ilo/fig3.{suffix}" for suffix in ("pdf", "svg", "png")),
+    }
+    assert set(fresh.results()) == chain
+    assert (fresh.folder / "logs/ilo/aperiodic/plant.log").exists()
+    assert (fresh.folder / "logs/ilo/fig3.plot.tsv").exists()
+
+
+def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
+    output = built.snakemake(
+        "--dry-run", "--force", "--printshellcmds", "results/ilo/fig2.metrics.csv"
+    ).stdout
+    command = re.search(r"Shell command: (reobserve metrics .*)", output)
+    assert command
+    before = built.results()["ilo/fig2.metrics.csv"]
+    built.run("bash", "-c", command[1])
+    assert built.results()["ilo/fig2.metrics.csv"] == before
+
+
+def test_a_fault_of_ones_own(fresh: Project) -> None:
+    """A scenario, an observer and a figure added from a file, with samples from a CSV."""
+    time = np.arange(0, 10.01, 0.01)
+    torque = np.where(time > 3, 0.2 * np.sin(2 * time), 0.0)
+    with (fresh.folder / "torque.csv").open("w", newline="") as stream:
+        csv.writer(stream).writerows([("time", "torque"), *zip(time, torque, strict=True)])
+    (fresh.folder / "mine.yaml").write_text(
+        """
+        ilo:
+          scenarios:
+            mine:
+              like: constant
+              title: a recorded torque and a drift
+              fault:
+                - {kind: samples, axis: 1, file: torque.csv, column: torque}
+                - {kind: ramp, axis: 2, from: 4, slope: 0.01}
+          observers:
+            quick: {like: sampled, label: mine, K2: 3000}
+          figures:
+            fig9: {like: fig1, title: Mine, source: none, scenario: mine, observers: [quick]}
+        """
+    )
+    fresh.snakemake("results/ilo/fig9.svg", "--configfile", "mine.yaml")
+    plant = Series.read(fresh.folder / "results/ilo/mine/plant.parquet")
+    assert np.max(np.abs(plant["fault"][::80, 0] - torque)) < 1e-15
+    assert plant["fault"][-1, 1] == pytest.approx(0.06, abs=1e-12)
+    quick = Series.read(fresh.folder / "results/ilo/mine/quick.parquet")
+    assert quick.provenance["settings"]["observer"]["K2"] == 3000
+    # The record is an input: a new one makes the figure stale.
+    (fresh.folder / "torque.csv").write_text("time,torque\n0,0\n10,0.1\n")
+    stale = fresh.stale("results/ilo/fig9.svg", "--configfile", "mine.yaml")
+    assert stale == {"plant": 1, "observe": 1, "metrics": 1, "plot": 1}
+
+
+def test_noise_in_the_record(fresh: Project) -> None:
+    """A deviation in the ledger gives a measured rate, held, with that deviation."""
+    target = "results/ilo/constant/plant.parquet"
+    fresh.snakemake(target, "--config", "ilo={plant: {noise: 1e-5}}")
+    series = Series.read(fresh.folder / target)
+    noise = series["measured"] - series["rate"]
+    held = noise.reshape(-1)[: 8 * 3 * 10000].reshape(10000, 8, 3)  # 8 samples of 0.125 ms
+    assert np.max(np.ptp(held, axis=1)) < 1e-16
+    assert np.std(held[:, 0]) == pytest.approx(1e-5, rel=0.02)
+
+
+def test_the_snakemake_report_is_complete(built: Project) -> None:
+    built.snakemake("--report", "report.html")
+    html = (built.folder / "report.html").read_text()
+    for figure in FIGURES:
+        assert f"{figure}.svg" in html
+        assert f"{figure}.metrics.csv" in html
+        caption = (built.folder / f"results/ilo/{figure}.caption.rst").read_text()
+        title = re.match(r"\*\*(.*?)\*\*", caption)
+        assert title
+        assert title[1] in html, "the caption stands in the report"
+    (built.folder / "report.html").unlink()
+
+
+def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
+    for figure in FIGURES:
+        caption = (built.folder / f"results/ilo/{figure}.caption.rst").read_text()
+        assert "Left open by the paper" in caption
+        assert "Chosen" in caption
+    fig4 = (built.folder / "results/ilo/fig4.caption.rst").read_text()
+    metrics = {
+        (m.observer, m.metric): m.value
+        for m in read_metrics(built.folder / "results/ilo/fig4.metrics.csv")
+    }
+    share = metrics["matched", "relative_rms_error"]
+    assert f"errs by {100 * share:.2g} %" in fig4
+    assert "All of it." in fig4
+
+
+def test_what_a_person_can_look_up(built: Project) -> None:
+    listing = built.run("reobserve", "list").stdout
+    for word in ("ilo", *FIGURES, "constant", "combined", "sampled", "matching", "built: pdf"):
+        assert word in listing
+    params = built.run("reobserve", "params", "ilo").stdout
+    ledger = Ledger.load(ROOT, "ilo")
+    keys = [path for path, _ in ledger.entries()]
+    squeezed = re.sub(r"\s+", "", params)
+    assert len(keys) > 40
+    for key in keys:
+        assert key[:30] in squeezed
+    why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
+    assert "chosen so that the contrast" in re.sub(r"\s+", " ", why)
+    usage = built.run("reobserve", "--help").stdout
+    for command in ("list", "params", "ledger", "plant", "observe", "study", "metrics", "plot"):
+        assert command in usage
+        assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")
+    helped = built.run("make", "help").stdout
+    for target in ("figures", "test", "check", "bench", "golden", "lock", "clean"):
+        assert target in helped
+
+
+def test_benchmark_and_logs_stand_beside(built: Project) -> None:
+    logs = {path.name for path in (built.folder / "logs").rglob("*.tsv")}
+    assert {"plant.tsv", "sampled.tsv", "fig1.metrics.tsv", "fig1.plot.tsv"} <= logs
+    assert all(Path(log).suffix == ".tsv" for log in logs)

@@ -1,0 +1,141 @@
+"""An edit makes exactly what depends on it stale; a touch makes nothing stale."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from reobserve.provenance import import_closure, stage_modules
+
+from .conftest import Project
+
+STAGES = ("plant", "observe", "study", "metrics", "plot")
+ALL = {"plant": 4, "observe": 14, "study": 1, "metrics": 6, "plot": 6}
+FROM_OBSERVE = {"observe": 14, "study": 1, "metrics": 6, "plot": 6}
+
+
+@contextmanager
+def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]:
+    """The file with ``old`` replaced by ``new`` (added at the end if ``old`` is empty)."""
+    before, status = path.read_bytes(), path.stat()
+    text = before.decode()
+    assert old in text
+    path.write_text(text.replace(old, new, 1) if old else text + new)
+    try:
+        yield
+    finally:
+        path.write_bytes(before)
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+# The module, and the jobs that its edit makes stale: its stage's and those that follow.
+EDITS = {
+    "plants/satellite.py": ALL,
+    "papers/ilo/plant.py": ALL,
+    "rigid_body.py": ALL,  # imported by plant and observers, indirectly
+    "papers/ilo/observe.py": FROM_OBSERVE,
+    "stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
+    "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
+    "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
+    "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
+    "papers/ilo/plot.py": {"plot": 6},
+    "figures.py": {"plot": 6},
+    "captions.py": {"plot": 6},
+    "golden.py": {},
+    "overview.py": {},
+    "stages/ledger.py": {},
+}
+
+
+@pytest.mark.parametrize("module", EDITS)
+def test_an_edit_makes_its_stage_and_what_follows_stale(built: Project, module: str) -> None:
+    with edited(built.folder / "src" / "reobserve" / module):
+        assert built.stale() == EDITS[module]
+
+
+def test_a_touch_makes_nothing_stale(built: Project) -> None:
+    for path in (built.folder / "src").rglob("*.py"):
+        path.touch()
+    for path in (built.folder / "config").rglob("*.yaml"):
+        path.touch()
+    assert built.stale() == {}
+
+
+def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
+    """One observer's gain: its runs, the study and their figures, no plant and not Fig. 4."""
+    gain = "ilo={observers: {forgetting: {K2: 1900}}}"
+    label = "ilo={observers: {forgetting: {label: another name}}}"
+    assert built.stale("--config", gain) == {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
+    assert built.stale("--config", label) == {"plot": 5}
+
+
+def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
+    with edited(built.folder / "workflow/report/ilo/fig2.rst"):
+        assert built.stale() == {"plot": 1}
+
+
+def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
+    figure = "results/ilo/fig1.svg"
+    fresh.snakemake(figure)
+    before = {path: path.stat().st_mtime_ns for path in (fresh.folder / "results").rglob("*.*")}
+    with edited(fresh.folder / "src/reobserve/papers/ilo/metrics.py"):
+        fresh.snakemake(figure)
+    changed = {path.name for path, stamp in before.items() if path.stat().st_mtime_ns != stamp}
+    assert changed == {
+        "fig1.metrics.csv", "fig1.svg", "fig1.pdf", "fig1.png", "fig1.caption.rst",
+    }  # fmt: skip
+
+
+def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
+    """Machine code is cached on disk; the product of rigid_body.py is compiled into others."""
+    target = "results/ilo/constant/plant.parquet"
+    fresh.snakemake(target)
+    before = fresh.results()["ilo/constant/plant.parquet"]
+    source = fresh.folder / "src/reobserve/rigid_body.py"
+    with edited(source, "torque[0] - (y * hz - z * hy)", "torque[0] + (y * hz - z * hy)"):
+        fresh.snakemake(target)
+        series = json.loads(
+            fresh.run(
+                "python", "-c",
+                "import json; from reobserve.series import Series; "
+                f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
+            ).stdout
+        )  # fmt: skip
+    fresh.snakemake(target)
+    assert fresh.results()["ilo/constant/plant.parquet"] == before
+    again = fresh.run(
+        "python", "-c",
+        "import json; from reobserve.series import Series; "
+        f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
+    ).stdout  # fmt: skip
+    assert abs(series[0] - json.loads(again)[0]) > 1e-6
+
+
+LOADED = """
+import json, sys
+from reobserve.cli import main
+assert main(sys.argv[1:]) == 0
+print(json.dumps(sorted(name for name in sys.modules if name.split(".")[0] == "reobserve")))
+"""
+
+
+def test_the_closure_holds_every_module_that_a_stage_loads(built: Project) -> None:
+    """The closure is read from source text; here each stage runs and says what it imported."""
+    jobs: dict[str, str] = {}
+    output = built.snakemake("--dry-run", "--forceall", "--printshellcmds").stdout
+    for line in output.splitlines():
+        words = line.replace("Shell command:", "").split()
+        if words[:1] == ["reobserve"] and "figdiff" not in words:
+            jobs.setdefault(words[1], " ".join(words[1:]).partition(" > ")[0])
+    assert set(jobs) == set(STAGES)
+    for stage, job in jobs.items():
+        loaded = set(json.loads(built.run("python", "-c", LOADED, *job.split()).stdout))
+        closure = set(import_closure(stage_modules(stage, "ilo")))
+        # __main__ is the module of `python -m reobserve`, which this test does not go through.
+        assert loaded <= closure, stage
+        assert closure - loaded <= {"reobserve.__main__"}, stage
