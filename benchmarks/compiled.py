@@ -1,4 +1,4 @@
-"""The C peer: compiled when it is needed, with the compiler of this machine, and called directly."""
+"""The C peer: compiled when needed, by the compiler of this machine, and called directly."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Compiled:
             _Record,
             ctypes.c_long,
             ctypes.c_long,
-            *(_Doubles,) * 4,
+            *(_Doubles,) * 5,
         ]
         return function
 

@@ -2,7 +2,7 @@
  *
  * Sums and products are in the order of the library, and the caller compiles without
  * contraction, so that both give the same numbers. Matrices are rows of nine; a record has
- * two samples a step, and those named `before` are the limits from the left.
+ * two samples a step; what is named `before` are limits from the left.
  */
 
 #include <math.h>
@@ -74,7 +74,7 @@ static inline double middle_of(double w, double after, double first, double last
 /* v learns at every instant; `history` holds v at three instants of each of `delay` steps. */
 long continuous(const constants *restrict c, record in, long steps, long delay,
                 double *restrict estimate, double *restrict history, double *restrict rates,
-                double *restrict faults) {
+                double *restrict faults, double *restrict before) {
     const double h = c->step, half = 0.5 * h, eighth = 0.125 * h;
     vec w = load(estimate);
     long slot = 0;
@@ -101,10 +101,12 @@ long continuous(const constants *restrict c, record in, long steps, long delay,
                              middle_of(w.z, after.z, k1.z, last.z, eighth)};
         const vec v = learn(c, learned_start, start, w);
         store(past, v);
+        const vec v_end = learn(c, learned_end, end, after);
         store(past + 3, learn(c, learned_middle, middle, between));
-        store(past + 6, learn(c, learned_end, end, after));
+        store(past + 6, v_end);
         store(rates + 3 * k, w);
         store(faults + 3 * k, v);
+        store(before + 3 * k + 3, v_end);
         if (!isfinite(after.x + after.y + after.z)) return k + 1;
         w = after;
         if (++slot == delay) slot = 0;
@@ -113,13 +115,14 @@ long continuous(const constants *restrict c, record in, long steps, long delay,
     store(rates + 3 * steps, w);
     const vec learned = product(c->first, load(history + 9 * slot));
     store(faults + 3 * steps, learn(c, learned, load(in.rate + 6 * steps), w));
+    store(before, load(faults));
     return steps + 1;
 }
 
 /* v is updated every `delay` steps and held. */
 long sampled(const constants *restrict c, record in, long steps, long delay,
              double *restrict estimate, double *restrict held, double *restrict rates,
-             double *restrict faults) {
+             double *restrict faults, double *restrict before) {
     const double h = c->step, half = 0.5 * h;
     vec w = load(estimate), v = load(held);
     long phase = 0;
@@ -138,6 +141,7 @@ long sampled(const constants *restrict c, record in, long steps, long delay,
         const vec after = rk4_sum(w, k1, k2, k3, k4, h);
         store(rates + 3 * k, w);
         store(faults + 3 * k, v);
+        store(before + 3 * k + 3, v);
         if (!isfinite(after.x + after.y + after.z)) return k + 1;
         w = after;
     }
@@ -146,6 +150,7 @@ long sampled(const constants *restrict c, record in, long steps, long delay,
     if (phase == 0) v = learn(c, product(c->first, v), load(in.rate + 6 * steps), w);
     store(rates + 3 * steps, w);
     store(faults + 3 * steps, v);
+    store(before, load(faults));
     return steps + 1;
 }
 
@@ -158,7 +163,7 @@ static inline vec adaptive_slope(const constants *c, vec w, vec z, vec rate, vec
 /* The fault estimate is an integral z of the error and a share of the error itself. */
 long adaptive(const constants *restrict c, record in, long steps, long delay,
               double *restrict estimate, double *restrict memory, double *restrict rates,
-              double *restrict faults) {
+              double *restrict faults, double *restrict before) {
     const double h = c->step, half = 0.5 * h;
     vec w = load(estimate), z = load(memory);
     (void)delay; /* no delay here: one signature for all three */
@@ -166,7 +171,8 @@ long adaptive(const constants *restrict c, record in, long steps, long delay,
         const long at = 6 * k;
         const vec start = load(in.rate + at);
         store(rates + 3 * k, w);
-        store(faults + 3 * k, add(z, product(c->second, sub(start, w))));
+        store(faults + 3 * k, learn(c, z, start, w));
+        store(before + 3 * k, learn(c, z, load(in.rate_before + at), w));
         if (k == steps) break;
         const vec middle = load(in.rate + at + 3), end = load(in.rate_before + at + 6);
         const vec u_middle = load(in.control + at + 3), u_end = load(in.control_before + at + 6);

@@ -25,7 +25,7 @@ _CONTROL_FREQUENCY, _CONTROL_PHASE = np.array([0.5, 0.3, 0.2]), np.array([0.0, 1
 
 # No zero off the diagonals: a peer that skipped one would show.
 _BODY = RigidBody(
-    [[36.0, 1.5, 0.2], [1.5, 17.0, 0.3], [0.2, 0.3, 26.0]],
+    np.array([[36.0, 1.5, 0.2], [1.5, 17.0, 0.3], [0.2, 0.3, 26.0]]),
     np.eye(3) + 0.1,
     np.eye(3) + 0.05,
 )
@@ -76,6 +76,9 @@ def constants(observer: Observer) -> tuple[Any, ...]:
     return tuple(observer._constants)
 
 
-def loop(observer: Observer, state: State, rate: Array, control: Array, out: Any) -> int:
-    """The compiled loop alone: no checks, no allocation."""
-    return observer._run(state, (rate, rate, control, control), out)
+def loop(
+    observer: Observer, state: State, record: tuple[Array, Array], outputs: list[Array]
+) -> int:
+    """The compiled loop alone: no checks, no allocation. The record has no jumps."""
+    rate, control = record
+    return observer._run(state, (rate, rate, control, control), tuple(outputs))

@@ -39,6 +39,12 @@ def test_the_numbers_are_golden(paper: str, figure: str) -> None:
 Path_ = tuple[str | int, ...]
 
 
+def twin(path: Path_) -> Path_:
+    """The mirrored place of a matrix entry; any other place is its own."""
+    in_matrix = len(path) == 2 and all(isinstance(step, int) for step in path)
+    return path[::-1] if in_matrix else path
+
+
 def constants() -> Iterator[tuple[str, str, Path_]]:
     """Every number of a ledger that is physics, a gain or a rule of the metrics, and not zero."""
     for paper in PAPERS:
@@ -48,7 +54,7 @@ def constants() -> Iterator[tuple[str, str, Path_]]:
             for path, value in leaves(entry["value"]):
                 words = isinstance(value, str | bool)
                 if not words and value != 0 and path[-1:] != ("axis",):
-                    if len(path) == 2 and path[0] > path[1]:  # type: ignore[operator]
+                    if path != min(path, twin(path), key=str):
                         continue  # the other half of a symmetric matrix
                     yield paper, key, path
 
@@ -66,7 +72,7 @@ def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger
     if not path:
         entry["value"] *= factor
     else:
-        for way in {path, path[::-1] if len(path) == 2 and isinstance(path[1], int) else path}:
+        for way in {path, twin(path)}:
             inner = entry["value"]
             for step in way[:-1]:
                 inner = inner[step]
@@ -76,9 +82,12 @@ def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger
 
 def deviates(ledger: Ledger) -> str:
     """The first deviation from the golden numbers, or the sentence that refuses the ledger."""
-    evaluator = Evaluator(ledger)
+    evaluator, unchanged = Evaluator(ledger), default(ledger.paper)
     try:
         for figure in ledger.tree["figures"]:
+            # A figure that sees nothing of the change cannot deviate; plot sees most.
+            if ledger.settings("plot", figure) == unchanged.settings("plot", figure):
+                continue
             for deviation in compare(evaluator, figure, folder(ROOT, ledger.paper)):
                 return str(deviation)
     except InputError as error:
@@ -95,11 +104,14 @@ def test_the_list_of_constants_is_long_enough() -> None:
 
 @pytest.mark.parametrize(("paper", "key", "path"), CONSTANTS)
 def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, path: Path_) -> None:
-    said = deviates(perturbed(paper, key, path))
+    # K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.
+    factor = 0.99 if key.endswith(".K1") else 1.01
+    said = deviates(perturbed(paper, key, path, factor))
     assert said
-    # Only what must fit the grid may be refused instead of being off.
-    on_the_grid = key.endswith((".interval", ".noise_period"))
-    assert said.startswith("refused: ") == on_the_grid, said
+    # Refused instead of off is only what must fit the grid, and the levels of a study, after
+    # which its metrics are named.
+    refused = (".interval", ".noise_period", ".integral_gains", ".noise_levels")
+    assert said.startswith("refused: ") == key.endswith(refused), said
 
 
 @pytest.mark.parametrize(
@@ -198,7 +210,7 @@ def test_unchanged_numbers_renew_to_the_same_bytes(checkout: Project) -> None:
         ),
         ("fig1.metrics.csv", lambda text: text[: len(text) // 2], "line"),
         ("fig1.series.csv", lambda text: text.replace("0.5", "half", 1), "must be"),
-        ("fig1.tolerances.csv", lambda text: "", "has the columns []"),
+        ("fig1.tolerances.csv", lambda text: "", "has the columns"),
     ],
 )
 def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, said: str) -> None:

@@ -110,6 +110,14 @@ def add_note(figure: Figure, text: str) -> None:
     figure.supxlabel(text, fontsize=6.3, color="0.35", x=0.012, ha="left", linespacing=1.35)
 
 
+def fix_layout(figure: Figure) -> None:
+    """Place the panels now and for good: every format gets the same layout, computed once."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the format of the path's suffix, whole or not at all, without dates or versions.
 

@@ -130,7 +130,8 @@ class Series:
             "events": {name: list(times) for name, times in self.events.items()},
             "provenance": self.provenance,
         }
-        table = pa.table({"time": self.time, **self.flat()})
+        columns = {"time": self.time, **self.flat()}
+        table = pa.table({name: _column(values) for name, values in columns.items()})
         table = table.replace_schema_metadata({_KEY: json.dumps(about).encode()})
         write_whole(path, lambda partial: parquet.write_table(table, partial, use_dictionary=False))
 
@@ -147,7 +148,7 @@ class Series:
         import pyarrow.parquet as parquet
 
         try:
-            table = parquet.read_table(path)
+            table = parquet.ParquetFile(path).read()
         except FileNotFoundError:
             raise InputError(str(path), "there is no such file") from None
         except (OSError, pa.ArrowException) as error:
@@ -157,7 +158,7 @@ class Series:
         if about is None:
             raise InputError(str(path), "has no reobserve metadata; it was written elsewhere")
         return cls(
-            table["time"].to_numpy(),
+            _values(table, "time"),
             {
                 name: Channel(_gather(table, name, entry["components"]), entry["unit"])
                 for name, entry in about["channels"].items()
@@ -167,8 +168,21 @@ class Series:
         )
 
 
+def _column(values: Array) -> pa.Array:
+    """An Arrow column over the same memory; ``pa.array`` would import pandas to look at it."""
+    import pyarrow as pa
+
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    return pa.Array.from_buffers(pa.float64(), len(values), [None, pa.py_buffer(values)])
+
+
+def _values(table: pa.Table, name: str) -> Array:
+    """A column as numpy; ``to_numpy`` would import pandas to look at it."""
+    column: Array = np.asarray(np.from_dlpack(table[name].combine_chunks()), dtype=np.float64)
+    return column
+
+
 def _gather(table: pa.Table, name: str, components: int | None) -> Array:
     if components is None:
-        column: Array = table[name].to_numpy()
-        return column
-    return np.column_stack([table[f"{name}_{i + 1}"].to_numpy() for i in range(components)])
+        return _values(table, name)
+    return np.column_stack([_values(table, f"{name}_{i + 1}") for i in range(components)])

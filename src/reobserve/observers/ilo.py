@@ -210,7 +210,5 @@ def _run(
     faults[steps, 0], faults[steps, 1], faults[steps, 2] = learn(
         c, learned, row(rate, 2 * steps), w
     )
-    for i in range(3):
-        rates[steps, i] = w[i]
-        faults_before[0, i] = faults[0, i]
+    rates[steps, 0], rates[steps, 1], rates[steps, 2] = w
     return steps + 1

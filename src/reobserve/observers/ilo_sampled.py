@@ -122,5 +122,4 @@ def _run(
     for i in range(3):
         rates[steps, i] = w[i]
         faults[steps, i] = v[i]
-        faults_before[0, i] = faults[0, i]
     return steps + 1

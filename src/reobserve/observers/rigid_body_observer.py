@@ -144,6 +144,7 @@ class RigidBodyObserver(ABC):
         outputs = (np.empty((steps + 1, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3)))
         working = State(state.rate.copy(), state.memory.copy(), state.count)
         rows = self._run(working, inputs, outputs)
+        outputs[2][0] = outputs[1][0]  # the record has nothing before its first row
         diverged_at = None if rows == steps + 1 else (rows - 1) * self.step_size
         return Run(
             outputs[0][:rows],
@@ -163,9 +164,9 @@ def _record(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
         )
     if rows is not None and len(array) != rows:
         raise InputError(name, f"has {len(array)} rows, must have {rows} like the measured rate")
-    finite = np.isfinite(array).all(axis=1)
-    if not finite.all():
-        row = int(np.argmin(finite))
+    # Rows are looked at one by one only if something is wrong: that costs as much as observing.
+    if not np.isfinite(array).all():
+        row = int(np.argmin(np.isfinite(array).all(axis=1)))
         raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
     return array
 

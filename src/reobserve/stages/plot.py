@@ -6,7 +6,7 @@ from pathlib import Path
 
 from reobserve.captions import render
 from reobserve.errors import located
-from reobserve.figures import save
+from reobserve.figures import fix_layout, save
 from reobserve.files import read_table, write_text
 from reobserve.ledger import Ledger
 from reobserve.metrics import read_metrics
@@ -37,6 +37,7 @@ def run(
     module = paper_module(ledger.paper, "plot")
     with located(f"{ledger.paper}.figures.{figure}"):
         drawing = module.draw(settings, Series.read(plant_file), estimates, study, metrics)
+    fix_layout(drawing)
     for output in outputs:
         save(drawing, output)
     write_text(caption, text)

@@ -1,0 +1,116 @@
+"""A copy of the project in a temporary folder, and builds of all figures in it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+PROJECT = Path(__file__).parents[1]
+_MADE = ("results", "logs", ".snakemake")
+
+
+@dataclass(frozen=True)
+class Build:
+    """One build from nothing: time on the clock and of the processor [s], and each job's."""
+
+    wall: float
+    processor: float
+    stages: dict[str, list[float]]
+
+
+class BuildError(Exception):
+    """The build in the copy failed; the message is the end of its output."""
+
+
+class ProjectCopy:
+    """The tracked and the new files of the project, whose package the builds import."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / "project"
+        self.notes = folder / "notes"
+        self.reference = folder / "reference"
+        self.notes.mkdir(parents=True)
+        command = ["git", "ls-files", "-z", "-co", "--exclude-standard"]
+        listed = subprocess.run(command, cwd=PROJECT, check=True, capture_output=True, text=True)
+        for name in listed.stdout.split("\0"):
+            source, target = PROJECT / name, self.folder / name
+            if name and source.is_file():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(source, target)
+
+    def build(self, cache: str, stand_in: str = "") -> Build:
+        """Build all figures with two cores, from nothing but the numba cache named ``cache``.
+
+        ``stand_in`` names a script beside this one that takes the place of ``reobserve``.
+
+        Raises
+        ------
+        BuildError
+            If the build fails.
+        """
+        for name in _MADE:
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+        command = [sys.executable, "-m", "snakemake", "--cores", "2", "--benchmark-extended"]
+        before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        done = subprocess.run(
+            command,
+            cwd=self.folder,
+            env=self._environment(cache, stand_in),
+            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+        if done.returncode != 0:
+            raise BuildError("\n".join(done.stdout.splitlines()[-15:]))
+        processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        return Build(wall, processor, self._stages())
+
+    def keep(self) -> None:
+        """Make what was built the reference: what later builds are compared with and copy."""
+        shutil.rmtree(self.reference, ignore_errors=True)
+        shutil.copytree(self.folder / "results", self.reference / "results")
+
+    def differing(self) -> list[str]:
+        """The files that differ from the reference, or are there or here only."""
+        roots = (self.folder / "results", self.reference / "results")
+        here, there = (
+            {str(p.relative_to(root)): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+            for root in roots
+        )
+        return sorted(name for name in here | there if here.get(name) != there.get(name))
+
+    def _environment(self, cache: str, stand_in: str) -> dict[str, str]:
+        environment = {
+            **os.environ,
+            "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+            "PYTHONPATH": str(self.folder / "src"),
+            "NUMBA_CACHE_DIR": str(self.folder.parent / cache),
+            "BENCHMARK_NOTES": str(self.notes),
+            "BENCHMARK_REFERENCE": str(self.reference),
+        }
+        if stand_in:
+            # A function of the shell wins over any PATH that the workflow sets for its jobs,
+            # and leaves the workflow as it is. -P: what lies beside the script is not for it.
+            script = Path(__file__).with_name(stand_in)
+            call = f'() {{ "{sys.executable}" -P "{script}" "$@"; }}'
+            environment["BASH_FUNC_reobserve%%"] = call
+        return environment
+
+    def _stages(self) -> dict[str, list[float]]:
+        """Seconds of each job by rule, as Snakemake measured them."""
+        stages = defaultdict(list)
+        for path in sorted(self.folder.glob("logs/**/*.tsv")):
+            with path.open(newline="") as stream:
+                for job in csv.DictReader(stream, delimiter="\t"):
+                    stages[job["rule_name"]].append(float(job["s"]))
+        return dict(stages)
