@@ -114,6 +114,6 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
             name: table[name].cast(pa.float64()).to_numpy(zero_copy_only=False)
             for name in table.column_names
         }
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, KeyError, pa.ArrowException) as error:  # KeyError: a column named twice
         reason = str(error).splitlines()[0]
         raise InputError(str(path), f"cannot be read ({reason})") from None

@@ -58,7 +58,7 @@ class Series:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.time.ndim != 1 or np.any(np.diff(self.time) <= 0):
+        if self.time.ndim != 1 or not np.all(np.diff(self.time) > 0):
             raise InputError("time", "must be one column of increasing numbers")
         for name, channel in self.channels.items():
             if channel.values.ndim not in (1, 2) or len(channel.values) != len(self.time):
@@ -79,8 +79,10 @@ class Series:
         Raises
         ------
         InputError
-            If the samples are not evenly spaced.
+            If the samples are not evenly spaced, or there is one only.
         """
+        if len(self.time) < 2:
+            raise InputError("time", "must have two samples or more for a period")
         step = float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
         if np.max(np.abs(np.diff(self.time) - step)) > 1e-6 * step:
             raise InputError("time", "must be evenly spaced")

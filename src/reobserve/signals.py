@@ -32,11 +32,12 @@ Array = NDArray[np.float64]
 # Two instants closer than this are one: grid times are products and carry rounding.
 SAME_INSTANT = 1e-9
 
+# The keys of each kind beside axis, from and until, and whether a term must have them.
 _KEYS = {
-    "constant": {"size"},
-    "sine": {"amplitude", "frequency", "phase"},
-    "ramp": {"slope"},
-    "samples": {"file", "column", "interpolation"},
+    "constant": {"size": True},
+    "sine": {"amplitude": True, "frequency": True, "phase": False},
+    "ramp": {"slope": True},
+    "samples": {"file": True, "column": True, "interpolation": False},
 }
 
 
@@ -76,10 +77,17 @@ class Signal:
         return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))
 
     def __call__(self, time: Array, *, before: bool = False) -> Array:
-        """Values at ``time`` [s], shape (len(time), axes).
+        """Values at increasing times ``time`` [s], shape (len(time), axes).
 
         At a jump the limit from the right is meant, or with ``before`` that from the left.
+
+        Raises
+        ------
+        InputError
+            If the times decrease somewhere.
         """
+        if np.any(np.diff(time) < 0):
+            raise InputError("time", "must not decrease")
         values = np.zeros((len(time), self.axes))
         edge = SAME_INSTANT if before else -SAME_INSTANT
         for term in self.terms:
@@ -129,7 +137,7 @@ def sample_files(terms: Any) -> list[str]:
 
 def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
     kind = term.get("kind") if isinstance(term, Mapping) else None
-    if kind not in _KEYS:
+    if not isinstance(kind, str) or kind not in _KEYS:
         raise InputError(f"{name}.kind", f"{kind!r} must be one of {', '.join(_KEYS)}")
     allowed = {"kind", "axis", "from", "until", *_KEYS[kind]}
     for key in term:
@@ -137,11 +145,11 @@ def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
             raise InputError(
                 f"{name}.{key}", f"unknown key; a {kind} term takes {', '.join(sorted(allowed))}"
             )
-    for key in _KEYS[kind] - {"interpolation", "phase"}:
-        if key not in term:
+    for key, needed in _KEYS[kind].items():
+        if needed and key not in term:
             raise InputError(f"{name}.{key}", f"is missing; a {kind} term needs it")
     axis = term.get("axis")
-    if not isinstance(axis, int) or not 1 <= axis <= axes:
+    if not isinstance(axis, int) or isinstance(axis, bool) or not 1 <= axis <= axes:
         raise InputError(f"{name}.axis", f"{axis!r} must be a whole number from 1 to {axes}")
     onset = as_scalar(f"{name}.from", term.get("from", 0.0))
     end = as_scalar(f"{name}.until", term["until"]) if "until" in term else np.inf
@@ -183,7 +191,7 @@ def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: f
     interpolation = term.get("interpolation", "linear")
     if interpolation not in ("linear", "hold"):
         raise InputError(f"{name}.interpolation", f"{interpolation!r} must be linear or hold")
-    instants, values = _read_samples(name, Path(term["file"]), str(term["column"]))
+    instants, values = _read_samples(name, Path(str(term["file"])), str(term["column"]))
     onset = max(onset, float(instants[0]))
     if end <= onset:
         raise InputError(f"{name}.until", f"{end:g} s, but the samples start at {onset:g} s")

@@ -44,7 +44,8 @@ class Run:
     record; ``fault_before`` holds the limits of ``fault`` from the left, which differ where the
     estimate jumps: at updates, at jumps of the measurement. ``diverged_at`` is None, or the time
     [s] since that start after which the state left the range of floating-point numbers; then m
-    counts the rows up to it. ``state`` goes on.
+    counts the rows up to it. ``state`` is the one to go on from, or after a divergence the one
+    that the run started from.
     """
 
     rate: Array
@@ -129,8 +130,10 @@ class RigidBodyObserver(ABC):
         Raises
         ------
         InputError
-            If a shape is wrong or a sample is not finite.
+            If a shape is wrong, a sample is not finite or the state is not of such an observer.
         """
+        if state.memory.shape != self._fresh_memory().shape:
+            raise InputError("state", "is of an observer of another kind or another delay")
         right = _record("rate", rate)
         inputs = (
             right,
@@ -145,18 +148,26 @@ class RigidBodyObserver(ABC):
         working = State(state.rate.copy(), state.memory.copy(), state.count)
         rows = self._run(working, inputs, outputs)
         outputs[2][0] = outputs[1][0]  # the record has nothing before its first row
+        # The loop watches the rate; a fault estimate may overflow one row earlier.
+        if rows > 1 and not np.isfinite([values[rows - 1] for values in outputs]).all():
+            rows -= 1
         diverged_at = None if rows == steps + 1 else (rows - 1) * self.step_size
         return Run(
             outputs[0][:rows],
             outputs[1][:rows],
             outputs[2][:rows],
-            State(working.rate, working.memory, state.count + rows - 1),
+            State(working.rate, working.memory, state.count + steps)
+            if diverged_at is None
+            else state,
             diverged_at,
         )
 
 
 def _record(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
-    array = np.ascontiguousarray(samples, dtype=np.float64)
+    try:
+        array = np.ascontiguousarray(samples, dtype=np.float64)
+    except (TypeError, ValueError):  # text, or rows of different lengths
+        raise InputError(name, "is no array of numbers") from None
     if array.ndim != 2 or array.shape[1] != 3 or len(array) % 2 == 0 or len(array) < 3:
         raise InputError(
             name,
@@ -173,7 +184,8 @@ def _record(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
 
 def whole_steps(interval: float, step: float) -> int:
     """How many steps make the interval; `InputError` if that is no whole number."""
-    count = round(interval / step)
+    ratio = interval / step
+    count = round(ratio) if np.isfinite(ratio) else 0
     if count < 1 or abs(count * step - interval) > 1e-9 * interval:
         raise InputError(
             "interval", f"{interval:g} s must be a whole multiple of the step of {step:g} s"

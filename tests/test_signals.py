@@ -1,0 +1,238 @@
+"""Signals against closed forms, their limits at jumps, sampled files, and bad input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.signals import Signal, sample_files
+
+Array = NDArray[np.float64]
+
+GRID = np.arange(0, 101) * 0.05  # 0 ... 5 s
+CONSTANT = {"kind": "constant", "axis": 1, "from": 1.0, "size": 0.5}
+SINE = {"kind": "sine", "axis": 2, "from": 2.5, "amplitude": 2.0, "frequency": 3.0, "phase": 0.4}
+RAMP = {"kind": "ramp", "axis": 3, "from": 0.5, "until": 2.0, "slope": -0.1}
+
+
+def parse(*terms: Any, axes: int = 3) -> Signal:
+    return Signal.parse("fault", terms, axes)
+
+
+# --- Closed forms -------------------------------------------------------------------------------
+
+
+def test_each_kind_in_closed_form() -> None:
+    expected = np.zeros((len(GRID), 3))
+    for row, t in zip(expected, GRID, strict=True):
+        row[0] = 0.5 if t > 1 - 1e-12 else 0
+        row[1] = 2 * np.sin(3 * t + 0.4) if t > 2.5 - 1e-12 else 0
+        row[2] = -0.1 * (t - 0.5) if 0.5 - 1e-12 < t < 2 - 1e-12 else 0
+    assert parse(CONSTANT, SINE, RAMP)(GRID) == pytest.approx(expected, abs=1e-14)
+
+
+def test_terms_on_one_axis_add() -> None:
+    other = {"kind": "sine", "axis": 1, "amplitude": -1.0, "frequency": 7.0}
+    together = parse(CONSTANT, other, CONSTANT)(GRID)
+    assert together[:, 0] == pytest.approx((GRID > 0.999) * 1.0 - np.sin(7 * GRID), abs=1e-14)
+    assert not together[:, 1:].any()
+    assert not parse()(GRID).any()
+
+
+def test_a_sine_starts_in_the_phase_of_the_run_and_not_of_its_onset() -> None:
+    late = {"kind": "sine", "axis": 1, "from": 2.5, "amplitude": 1.0, "frequency": 10.0}
+    assert parse(late)(np.array([2.5]))[0, 0] == pytest.approx(np.sin(25.0), rel=1e-15)
+
+
+def test_limits_from_both_sides_at_onset_and_end() -> None:
+    signal = parse({**CONSTANT, "until": 3.0}, {**RAMP, "axis": 1})
+    times = np.array([0.5, 1.0, 2.0, 3.0])
+    ramp = -0.1 * (times - 0.5)
+    right = signal(times)[:, 0]
+    left = signal(times, before=True)[:, 0]
+    assert right == pytest.approx([0, 0.5 + ramp[1], 0.5, 0], abs=1e-15)
+    assert left == pytest.approx([0, ramp[1], 0.5 + ramp[2], 0.5], abs=1e-15)
+
+
+def test_limits_do_not_depend_on_rounding_of_the_grid() -> None:
+    # 0.1 * 3 is above 0.3 and 0.7 below 0.1 * 7: products of grid times miss the onset by a bit.
+    for steps, onset in ((3, 0.3), (7, 0.7), (6, 0.6)):
+        signal = parse({**CONSTANT, "from": onset})
+        for time in (np.nextafter(0.1 * steps, 0), 0.1 * steps, np.nextafter(0.1 * steps, 9)):
+            assert signal(np.array([time]))[0, 0] == 0.5
+            assert signal(np.array([time]), before=True)[0, 0] == 0
+
+
+def test_onsets_and_jumps() -> None:
+    signal = parse(SINE, {**CONSTANT, "from": 0}, RAMP, {**CONSTANT, "from": 2.5, "until": 4})
+    assert signal.onsets == (0.5, 2.5)  # what acts from the start is no onset
+    assert signal.jumps == (0.5, 2.0, 2.5, 4.0)
+
+
+def test_check_grid() -> None:
+    signal = parse(CONSTANT, RAMP)
+    signal.check_grid("fault", 0.25, 5.0)
+    with pytest.raises(InputError, match=r"^fault: starts at 1 s, must start before .* 1 s$"):
+        signal.check_grid("fault", 0.25, 1.0)
+    with pytest.raises(
+        InputError,
+        match=r"^fault: jumps at 0.5 s, must jump at a multiple of 0.3 s .* 0.3 and 0.6 s\)$",
+    ):
+        signal.check_grid("fault", 0.3, 5.0)
+    # An end off the grid counts like an onset, unless it comes after the run.
+    ending = parse({**CONSTANT, "until": 2.1})
+    with pytest.raises(InputError, match=r"jumps at 2.1 s.* 2 and 2.25 s\)$"):
+        ending.check_grid("fault", 0.25, 5.0)
+    ending.check_grid("fault", 0.25, 2.0)
+
+
+# --- Samples ------------------------------------------------------------------------------------
+
+INSTANTS = np.array([0.5, 1.0, 2.0, 3.0])
+VALUES = np.array([1.0, 3.0, -1.0, 0.5])
+
+
+@pytest.fixture(params=["csv", "parquet"])
+def record(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    path = tmp_path / f"torque.{request.param}"
+    if path.suffix == ".csv":
+        rows = (f"{float(t)!r},{float(v)!r}\n" for t, v in zip(INSTANTS, VALUES, strict=True))
+        path.write_text("time,torque\n" + "".join(rows))
+    else:
+        parquet.write_table(pa.table({"time": INSTANTS, "torque": VALUES}), path)
+    return path
+
+
+def samples(path: Path, **changed: Any) -> dict[str, Any]:
+    return {"kind": "samples", "axis": 1, "file": str(path), "column": "torque", **changed}
+
+
+def test_linear_samples(record: Path) -> None:
+    signal = parse(samples(record))
+    times = np.array([0.0, 0.4, 0.5, 0.75, 1.0, 1.5, 2.5, 3.0, 9.0])
+    # Nothing before the first sample, straight in between, the last one holds.
+    expected = [0, 0, 1, 2, 3, 1, -0.25, 0.5, 0.5]
+    assert signal(times)[:, 0] == pytest.approx(expected, abs=1e-15)
+    assert signal(np.array([0.5]), before=True)[0, 0] == 0
+    assert signal.onsets == signal.jumps == (0.5,)
+
+
+def test_held_samples_jump_at_every_sample(record: Path) -> None:
+    signal = parse(samples(record, interpolation="hold"))
+    times = np.array([0.0, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 9.0])
+    assert signal(times)[:, 0].tolist() == [0, 1, 1, 3, 3, -1, 0.5, 0.5]
+    assert signal(times, before=True)[:, 0].tolist() == [0, 0, 1, 1, 3, 3, -1, 0.5]
+    assert signal.jumps == (0.5, 1.0, 2.0, 3.0)
+    with pytest.raises(InputError, match=r"jumps at 0.5 s"):
+        signal.check_grid("fault", 0.4, 5.0)
+
+
+def test_samples_within_a_span(record: Path) -> None:
+    signal = parse(samples(record, interpolation="hold", **{"from": 0.75, "until": 2.5}))
+    times = np.array([0.5, 0.75, 1.0, 2.0, 2.5])
+    assert signal(times)[:, 0].tolist() == [0, 1, 3, -1, 0]
+    assert signal(times, before=True)[:, 0].tolist() == [0, 0, 1, 3, -1]
+    assert signal.jumps == (0.75, 1.0, 2.0, 2.5)
+
+
+def test_sample_files_are_listed(record: Path) -> None:
+    assert sample_files([CONSTANT, samples(record)]) == [str(record)]
+    assert sample_files("nonsense") == []
+
+
+# --- Bad input ----------------------------------------------------------------------------------
+
+
+def without(term: dict[str, Any], key: str) -> dict[str, Any]:
+    return {name: value for name, value in term.items() if name != key}
+
+
+BAD_TERMS: list[tuple[Any, str]] = [
+    ({**CONSTANT, "kind": "step"}, r"^fault\[0\].kind: 'step' must be one of constant, sine,"),
+    (without(CONSTANT, "kind"), r"^fault\[0\].kind: None must be one of constant"),
+    ({**CONSTANT, "kind": ["sine"]}, r"^fault\[0\].kind: \['sine'\] must be one of constant"),
+    ("constant", r"^fault\[0\].kind: None must be one of"),
+    ({**CONSTANT, "slope": 1.0}, r"^fault\[0\].slope: unknown key; a constant .* size, until$"),
+    (without(CONSTANT, "size"), r"^fault\[0\].size: is missing; a constant term needs it$"),
+    (without(SINE, "frequency"), r"^fault\[0\].frequency: is missing; a sine term needs it$"),
+    ({**SINE, "frequency": 0.0}, r"^fault\[0\].frequency: 0 must be greater than zero$"),
+    ({**SINE, "frequency": -1.0}, r"^fault\[0\].frequency: -1 must be greater than zero$"),
+    ({**SINE, "amplitude": "big"}, r"^fault\[0\].amplitude: 'big' is not a number"),
+    ({**SINE, "phase": [0.0]}, r"^fault\[0\].phase: \[0.0\] must be one number, not an array"),
+    ({**CONSTANT, "size": np.nan}, r"^fault\[0\].size: nan has an entry that is not finite$"),
+    ({**CONSTANT, "axis": 4}, r"^fault\[0\].axis: 4 must be a whole number from 1 to 3$"),
+    ({**CONSTANT, "axis": 0}, r"^fault\[0\].axis: 0 must be a whole number from 1 to 3$"),
+    ({**CONSTANT, "axis": 1.0}, r"^fault\[0\].axis: 1.0 must be a whole number from 1 to 3$"),
+    (without(CONSTANT, "axis"), r"^fault\[0\].axis: None must be a whole number from 1 to 3$"),
+    ({**CONSTANT, "from": -1.0}, r"^fault\[0\].from: -1 s must not be negative"),
+    ({**RAMP, "until": 0.5}, r"^fault\[0\].from: 0.5 s must not be negative and before 0.5 s$"),
+    ({**RAMP, "until": 0.1}, r"^fault\[0\].from: 0.5 s must not be negative and before 0.1 s$"),
+]
+
+
+@pytest.mark.parametrize(("term", "sentence"), BAD_TERMS)
+def test_bad_terms_are_refused_in_a_sentence(term: Any, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        parse(term)
+
+
+def test_the_place_of_a_bad_term_is_named() -> None:
+    with pytest.raises(InputError, match=r"^fault\[2\].axis: 9 "):
+        parse(CONSTANT, SINE, {**RAMP, "axis": 9})
+    with pytest.raises(InputError, match=r"^fault: 'sine' must be a list of terms$"):
+        Signal.parse("fault", "sine", 3)
+
+
+BAD_TABLES = [
+    ("time,torque\n0,1\n1,nan\n2,3\n", r"column 'torque', row 2 is nan, must be a finite number$"),
+    ("time,torque\n0,1\n1,\n2,3\n", r"column 'torque', row 2 is nan, must be a finite number$"),
+    ("time,torque\n0,1\n1,2\n2,inf\n", r"column 'torque', row 3 is inf, must be"),
+    ("time,torque\nnan,1\n1,2\n", r"column 'time', row 1 is nan, must be a finite number$"),
+    ("time,force\n0,1\n1,2\n", r"has no column 'torque', only time, force$"),
+    ("clock,torque\n0,1\n1,2\n", r"has no column 'time', only clock, torque$"),
+    ("time,torque\n0,1\n2,2\n2,3\n", r"times must increase, over two rows or more$"),
+    ("time,torque\n1,1\n0,2\n", r"times must increase, over two rows or more$"),
+    ("time,torque\n0,1\n", r"times must increase, over two rows or more$"),
+    ("time,torque\n0,1\n1,high\n", r"cannot be read \(.*high.*\)$"),
+    ("time,torque\n0,1\n1\n", r"cannot be read \(.*\)$"),
+    ("time,torque,torque\n0,1,1\n1,2,2\n", r"cannot be read \(.*torque.* 2 times.*\)$"),
+    ("", r"cannot be read \(.*\)$"),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), BAD_TABLES)
+def test_bad_tables_are_refused_by_file_and_place(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "torque.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=sentence) as found:
+        parse(samples(path))
+    assert str(path) in str(found.value)
+    assert "\n" not in str(found.value)
+
+
+def test_bad_files_are_refused(tmp_path: Path, record: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere.csv: cannot be read \(.*nowhere.csv.*\)$"):
+        parse(samples(tmp_path / "nowhere.csv"))
+    with pytest.raises(InputError, match=r"torque.txt: must be a .csv or a .parquet file$"):
+        parse(samples(tmp_path / "torque.txt"))
+    with pytest.raises(InputError, match=r"^fault\[0\].interpolation: 'cubic' must be linear or "):
+        parse(samples(record, interpolation="cubic"))
+    with pytest.raises(InputError, match=r"^fault\[0\].until: 0.4 s, .* samples start at 0.5 s$"):
+        parse(samples(record, until=0.4))
+
+
+def test_a_parquet_file_cut_short_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "torque.parquet"
+    parquet.write_table(pa.table({"time": INSTANTS, "torque": VALUES}), path)
+    whole = path.read_bytes()
+    for length in (0, 3, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"torque.parquet: cannot be read \(.*\)$"):
+            parse(samples(path))
