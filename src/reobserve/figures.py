@@ -10,7 +10,9 @@ import matplotlib
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from reobserve.files import write_whole
@@ -103,6 +105,17 @@ def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]
     ends = np.sort(np.stack([first + block.argmin(axis=1), first + block.argmax(axis=1)]), axis=0)
     index = np.unique(np.concatenate([[0], ends.T.ravel(), np.arange(whole, len(time))]))
     return time[index], values[index]
+
+
+def decades(axis: Axis) -> None:
+    """Label whole powers of ten of a logarithmic axis, in plain letters: mathtext is slow."""
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+    def label(value: float, _: float) -> str:
+        return "10" + str(round(np.log10(value))).translate(raised)
+
+    axis.set_major_formatter(label)
+    axis.set_minor_formatter(NullFormatter())
 
 
 def add_note(figure: Figure, text: str) -> None:

@@ -84,15 +84,19 @@ def _imports(module: str) -> tuple[str, ...]:
     return tuple(name for node in _running(tree) for name in _names(node, module, path))
 
 
-def _running(node: ast.AST) -> Iterator[ast.AST]:
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
-            continue
-        yield child
-        yield from _running(child)
+def _running(node: ast.AST) -> Iterator[ast.stmt]:
+    """The statements below ``node`` that can run; imports are statements, so no expressions."""
+    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for child in getattr(node, block, ()):
+            if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
+                yield from _running(ast.Module(child.orelse, []))
+                continue
+            if isinstance(child, ast.stmt):
+                yield child
+            yield from _running(child)
 
 
-def _names(node: ast.AST, module: str, path: Path) -> Iterator[str]:
+def _names(node: ast.stmt, module: str, path: Path) -> Iterator[str]:
     if isinstance(node, ast.Import):
         yield from (alias.name for alias in node.names)
     elif isinstance(node, ast.ImportFrom):

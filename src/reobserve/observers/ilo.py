@@ -119,9 +119,9 @@ class IterativeLearningObserver(IloGains):
             self.step_size,
         )
 
-    def _fresh_memory(self) -> Array:
-        # v at the start, middle and end of each step of the last interval; zero before t = 0.
-        return np.zeros((self.delay, 3, 3))
+    def _fresh_memory(self, fault: Array) -> Array:
+        # v at the start, the middle and the end of each step of the last interval.
+        return np.tile(fault, (self.delay, 3, 1))
 
     def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
         return _run(self._constants, state.rate, state.memory, state.count, *inputs, *outputs)

@@ -65,8 +65,8 @@ class SampledIterativeLearningObserver(IloGains):
             self.step_size,
         )
 
-    def _fresh_memory(self) -> Array:
-        return np.zeros(3)
+    def _fresh_memory(self, fault: Array) -> Array:
+        return fault.copy()
 
     def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
         return _run(

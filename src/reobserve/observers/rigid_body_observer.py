@@ -68,22 +68,30 @@ class RigidBodyObserver(ABC):
     step_size: float
 
     @abstractmethod
-    def _fresh_memory(self) -> Array:
-        """The memory before the first step."""
+    def _fresh_memory(self, fault: Array) -> Array:
+        """The memory before the first step, if the estimate was ``fault`` up to then."""
 
     @abstractmethod
     def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
         """Run the compiled loop on ``state`` in place; return the number of finite rows."""
 
-    def init(self, rate: ArrayLike) -> State:
-        """The state before the first step: estimate ``rate`` [rad/s], shape (3,), no fault.
+    def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
+        """The state before the first step.
+
+        Parameters
+        ----------
+        rate
+            Estimate of w [rad/s], shape (3,).
+        fault
+            Estimate of the fault torque [N m], shape (3,), at all earlier times.
 
         Raises
         ------
         InputError
-            If ``rate`` is not three finite numbers.
+            If ``rate`` or ``fault`` is not three finite numbers.
         """
-        return State(as_vector("rate", rate, 3), self._fresh_memory())
+        earlier = as_vector("initial_fault", fault, 3)
+        return State(as_vector("initial_rate", rate, 3), self._fresh_memory(earlier))
 
     def step(
         self,
@@ -132,7 +140,7 @@ class RigidBodyObserver(ABC):
         InputError
             If a shape is wrong, a sample is not finite or the state is not of such an observer.
         """
-        if state.memory.shape != self._fresh_memory().shape:
+        if state.memory.shape != self._fresh_memory(np.zeros(3)).shape:
             raise InputError("state", "is of an observer of another kind or another delay")
         right = _record("rate", rate)
         inputs = (

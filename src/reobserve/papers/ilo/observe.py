@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.errors import DivergenceError
+from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo.setup import build_observer, stride
 from reobserve.series import Channel, Series
 
@@ -21,9 +22,14 @@ def estimate(settings: dict[str, Any], plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    observer = build_observer(settings["plant"], settings["observer"])
+    return observe(build_observer(settings["plant"], settings["observer"]), settings, plant)
+
+
+def observe(observer: RigidBodyObserver, settings: dict[str, Any], plant: Series) -> Series:
+    """`estimate` with an observer that is built already."""
     every = stride(settings["plant"], observer)
     measured = "measured" if "measured" in plant.channels else "rate"
+    mine = settings["observer"]
 
     def samples(name: str) -> Any:
         return plant[name][::every] if name in plant.channels else None
@@ -31,12 +37,12 @@ def estimate(settings: dict[str, Any], plant: Series) -> Series:
     run = observer.run(
         samples(measured),
         samples("control"),
-        observer.init(settings["observer"]["initial_rate"]),
+        observer.init(mine["initial_rate"], mine["initial_fault"]),
         samples(f"{measured}_before"),
         samples("control_before"),
     )
     if run.diverged_at is not None:
-        raise DivergenceError(settings["observer"]["algorithm"], run.diverged_at)
+        raise DivergenceError(mine["algorithm"], run.diverged_at)
     channels = {
         "rate": Channel(run.rate, "rad/s"),
         "fault": Channel(run.fault, "N m"),

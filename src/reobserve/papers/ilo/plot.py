@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.errors import InputError
-from reobserve.figures import STYLES, TRUTH, Style, add_note, new_figure, thin
+from reobserve.figures import STYLES, TRUTH, Style, add_note, decades, new_figure, thin
 from reobserve.metrics import Metric
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.series import Series
@@ -66,6 +66,7 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
     below.set_ylabel("|error| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
     below.set_ylim(1e-12, 10)
+    decades(below.yaxis)
     below.set_xlabel("time [s]")
     below.set_xlim(plant.time[0], plant.time[-1])
     below.legend(loc="center right", bbox_to_anchor=(1.0, 0.42))
@@ -104,12 +105,12 @@ def _matching(
 
     families = (
         ("integral", "adaptive", "integral (adaptive observer)"),
-        ("proportional_integral", "matched", "proportional-integral, $K_p = \\Gamma\\tau/2$"),
-        ("ilo", "continuous", "ILO, continuous, $K_1 = I$, $K_2 = \\Gamma\\tau$"),
+        ("proportional_integral", "matched", "proportional-integral, Kₚ = Γτ/2"),
+        ("ilo", "continuous", "ILO, continuous, K₁ = I, K₂ = Γτ"),
     )
     for family, like, label in families:
         _sweep(gains, rows, "integral_gain", family, styles[like], label)
-    gains.set_xlabel("integral gain $\\Gamma$ [N m/rad]")
+    gains.set_xlabel("integral gain Γ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
     for name, place in (("adaptive", "Fig. 4"), ("matched", "ILO of Fig. 3")):
@@ -152,6 +153,8 @@ def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: s
     level = sorted(levels)
     mean = [float(np.mean(levels[x])) for x in level]
     axes.loglog(level, mean, **style.points(), label=label)
+    decades(axes.xaxis)
+    decades(axes.yaxis)
     least, most = ([end(levels[x]) for x in level] for end in (min, max))
     axes.fill_between(level, least, most, color=style.color, alpha=0.2, linewidth=0)
 
@@ -160,12 +163,12 @@ def _note(settings: dict[str, Any]) -> str:
     """One line an observer: what was chosen for it where the paper gives nothing."""
     lines = ["Chosen where the paper gives nothing (units: N m, s, rad):"]
     symbols = {
-        "K1": "$K_1$",
-        "K2": "$K_2$",
-        "damping": "$\\Lambda$",
-        "interval": "$\\tau$",
-        "integral_gain": "$\\Gamma$",
-        "proportional_gain": "$K_p$",
+        "K1": "K₁",
+        "K2": "K₂",
+        "damping": "Λ",
+        "interval": "τ",
+        "integral_gain": "Γ",
+        "proportional_gain": "Kₚ",
     }
     for observer in settings["observers"].values():
         values = ", ".join(

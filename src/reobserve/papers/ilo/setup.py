@@ -22,7 +22,7 @@ ALGORITHMS: dict[str, tuple[type[RigidBodyObserver], tuple[str, ...]]] = {
     "adaptive": (AdaptiveObserver, ("damping", "integral_gain", "proportional_gain")),
 }
 
-_COMMON = ("step_size", "inertia_factor", "initial_rate")
+_COMMON = ("step_size", "inertia_factor", "initial_rate", "initial_fault")
 
 
 def known_body(plant: Settings, factor: float = 1.0) -> RigidBody:
@@ -55,7 +55,7 @@ def build_observer(plant: Settings, settings: Settings) -> RigidBodyObserver:
     gains = {name: settings[name] for name in names}
     observer = kind(body, settings["step_size"], **gains)
     stride(plant, observer)
-    observer.init(settings["initial_rate"])
+    observer.init(settings["initial_rate"], settings["initial_fault"])
     return observer
 
 

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from reobserve.errors import located
 from reobserve.metrics import root_mean_square
-from reobserve.papers.ilo.observe import estimate
+from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.papers.ilo.setup import held_noise, known_body
+from reobserve.papers.ilo.setup import build_observer, held_noise, known_body
 from reobserve.random_streams import random_stream
 from reobserve.series import Channel, Series
 
@@ -61,21 +62,33 @@ def _gain_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, An
         }
         for name, observer in families.items():
             with located(f"studies.integral_gains, {gain:g}"):
-                score = _score(settings, plant, observer)
+                built = build_observer(settings["plant"], observer)
+                score = _score(settings, plant, plant, built, observer)
             yield _row("integral_gain", name, gain, 0, score)
 
 
 def _noise_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, Any]]:
-    study = settings["study"]
+    study, observers = settings["study"], settings["observers"]
+    built = {}
+    for name, observer in observers.items():
+        with located(f"observers.{name}"):
+            built[name] = build_observer(settings["plant"], observer)
     for run in range(int(study["noise_runs"])):
-        # The same draw for every observer and level: they differ by what is compared only.
         stream = random_stream(settings["seed"], "ilo", "matching noise", str(run))
         noise = held_noise(stream, settings["plant"], len(plant.time))
-        for name, observer in settings["observers"].items():
-            for level in study["noise_levels"]:
+        for level in study["noise_levels"]:
+            # The same draw for every observer and level: they differ by what is compared only.
+            noisy = _with_noise(plant, level, noise)
+            for name, observer in observers.items():
                 with located(f"observers.{name}"):
-                    score = _score(settings, plant, observer, (level * noise[0], level * noise[1]))
+                    score = _score(settings, plant, noisy, built[name], observer)
                 yield _row("noise", name, level, run, score)
+
+
+def _with_noise(plant: Series, level: float, noise: tuple[Array, Array]) -> Series:
+    measured, before = (Channel(plant["rate"] + level * unit, "rad/s") for unit in noise)
+    channels = {**plant.channels, "measured": measured, "measured_before": before}
+    return Series(plant.time, channels, plant.events)
 
 
 def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dict[str, Any]:
@@ -85,17 +98,12 @@ def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dic
 def _score(
     settings: dict[str, Any],
     plant: Series,
+    record: Series,
+    built: RigidBodyObserver,
     observer: dict[str, Any],
-    noise: tuple[Array, Array] | None = None,
 ) -> float:
-    """RMS of e over that of u_f, by the windows of the figures' metrics."""
-    rate = Channel(plant["rate"], "rad/s")
-    channels = dict(plant.channels)
-    if noise is not None:
-        channels["measured"] = Channel(rate.values + noise[0], "rad/s")
-        channels["measured_before"] = Channel(rate.values + noise[1], "rad/s")
-    noisy = Series(plant.time, channels, plant.events)
-    estimated = estimate({"plant": settings["plant"], "observer": observer}, noisy)
+    """RMS of e over that of u_f on ``record``, by the windows of the figures' metrics."""
+    estimated = observe(built, {"plant": settings["plant"], "observer": observer}, record)
     axis, skip = settings["metrics"]["axis"] - 1, settings["metrics"]["settling_skip"]
     errors = scored(Errors.of(plant, estimated, axis), plant.events["onsets"], skip)
     return root_mean_square(errors.start, errors.end) / root_mean_square(
