@@ -6,9 +6,10 @@ STAMP   := $(VENV)/.installed
 CORES   ?= 2
 LOCKS   := requirements-build.lock requirements.lock
 
-# The first Python on the PATH that is new enough; `make PYTHON=...` overrides it.
+# The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.
 PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
-	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null \
+	&& echo $$p && break; done)
 
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -40,13 +41,10 @@ golden: $(STAMP)  ## renew the golden numbers: make golden REASON="why they move
 
 env: $(STAMP)  ## set up .venv and nothing else
 
-$(STAMP): $(LOCKS) pyproject.toml
-	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or newer on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
+$(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-build.lock
-	$(BIN)/python -m pip install --quiet --require-hashes --no-build-isolation \
-		--only-binary=:all: --no-binary=connection-pool -r requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	PYTHON=$(BIN)/python sh workflow/envs/install.sh
 	@touch $@
 
 # The locks name versions and hashes and no package index, and hold for every

@@ -551,10 +551,30 @@ def test_bad_records_are_refused(
 
 @each_observer
 def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
-    with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
+    with pytest.raises(
+        InputError, match=r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"
+    ):
         observer.init([1.0, 2.0])
-    with pytest.raises(InputError, match=r"^rate: \[0.0, 0.0, inf\] has an entry"):
+    with pytest.raises(InputError, match=r"^initial_rate: \[0.0, 0.0, inf\] has an entry"):
         observer.init([0.0, 0.0, np.inf])
+
+
+def test_an_estimate_that_starts_right_stays_right() -> None:
+    """The true rate and a constant fault known from the start: K1 = I and integrators keep them."""
+    body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
+    terms = [{"kind": "constant", "axis": i + 1, "size": f} for i, f in enumerate(torque)]
+    none = Signal.parse("control", [], 3)
+    rate = Satellite(INERTIA).simulate(
+        [0.1, 0.2, -0.1], none, Signal.parse("fault", terms, 3), step / 2, 2000
+    )
+    for observer in (
+        IterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
+        SampledIterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
+        AdaptiveObserver(body, step, 50.0, 100.0, 20.0),
+    ):
+        run = observer.run(rate, np.zeros_like(rate), observer.init(rate[0], torque))
+        assert np.max(np.abs(run.fault - torque)) < 1e-9
+        assert np.max(np.abs(run.fault_before - torque)) < 1e-9
 
 
 @each_observer

@@ -75,23 +75,23 @@ class RigidBodyObserver(ABC):
     def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
         """Run the compiled loop on ``state`` in place; return the number of finite rows."""
 
-    def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
+    def init(self, initial_rate: ArrayLike, initial_fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
         """The state before the first step.
 
         Parameters
         ----------
-        rate
+        initial_rate
             Estimate of w [rad/s], shape (3,).
-        fault
+        initial_fault
             Estimate of the fault torque [N m], shape (3,), at all earlier times.
 
         Raises
         ------
         InputError
-            If ``rate`` or ``fault`` is not three finite numbers.
+            If one of them is not three finite numbers.
         """
-        earlier = as_vector("initial_fault", fault, 3)
-        return State(as_vector("initial_rate", rate, 3), self._fresh_memory(earlier))
+        rate = as_vector("initial_rate", initial_rate, 3)
+        return State(rate, self._fresh_memory(as_vector("initial_fault", initial_fault, 3)))
 
     def step(
         self,
