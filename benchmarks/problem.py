@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
-from reobserve.observers.rigid_body_observer import State
+from reobserve.observers.rigid_body_observer import Record, Rows, State
 from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -81,4 +81,4 @@ def loop(
 ) -> int:
     """The compiled loop alone: no checks, no allocation. The record has no jumps."""
     rate, control = record
-    return observer._run(state, (rate, rate, control, control), tuple(outputs))
+    return observer._run(state, Record(rate, rate, control, control), Rows(*outputs))

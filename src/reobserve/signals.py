@@ -8,9 +8,10 @@ on and, where ``until`` is given, up to that time:
     {kind: ramp, axis: 2, from: 1, until: 4, slope: 0.1}
     {kind: samples, axis: 1, file: torque.csv, column: torque, interpolation: linear}
 
-A sine is ``amplitude * sin(frequency * t + phase)`` with the frequency in rad/s and t the
-time of the run, not the time since the onset; a ramp is ``slope * (t - from)``. Samples come
-from a CSV or Parquet file with a column ``time`` [s]; the last one holds until the term ends.
+A constant that starts at its onset is a step. A sine is ``amplitude * sin(frequency * t +
+phase)`` with the frequency in rad/s and t the time of the run, not the time since the onset; a
+ramp is ``slope * (t - from)``. Samples come from a CSV or Parquet file with a column ``time``
+[s]; the last one holds until the term ends.
 """
 
 from __future__ import annotations

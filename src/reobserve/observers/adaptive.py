@@ -19,7 +19,7 @@ import numpy as np
 
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
-from reobserve.observers.rigid_body_observer import Array, RigidBodyObserver, State
+from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
 from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
 
 
@@ -84,8 +84,8 @@ class AdaptiveObserver(RigidBodyObserver):
     def _fresh_memory(self, fault: Array) -> Array:
         return fault.copy()
 
-    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
-        return _run(self._constants, state.rate, state.memory, *inputs, *outputs)
+    def _run(self, state: State, record: Record, rows: Rows) -> int:
+        return _run(self._constants, state.rate, state.memory, record, rows)
 
 
 # One kernel for each derivative: a kernel that returns both as a pair makes the loop half as fast.
@@ -124,30 +124,25 @@ def _run(
     c: Constants,
     estimate: Array,
     memory: Array,
-    rate: Matrix,
-    rate_before: Matrix,
-    control: Matrix,
-    control_before: Matrix,
-    rates: Matrix,
-    faults: Matrix,
-    faults_before: Matrix,
+    record: Record,
+    rows: Rows,
 ) -> int:
-    """Fill the last three arguments; leave w^ and z in place."""
+    """Fill ``rows``; leave w^ and z in place."""
     h, half = c.step, 0.5 * c.step
-    steps = len(rates) - 1
+    steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])
     z = (memory[0], memory[1], memory[2])
     for k in range(steps + 1):
-        start = row(rate, 2 * k)
-        rates[k, 0], rates[k, 1], rates[k, 2] = w
-        faults[k, 0], faults[k, 1], faults[k, 2] = _estimate(c, z, start, w)
-        before = _estimate(c, z, row(rate_before, 2 * k), w)
-        faults_before[k, 0], faults_before[k, 1], faults_before[k, 2] = before
+        start = row(record.rate, 2 * k)
+        rows.rate[k, 0], rows.rate[k, 1], rows.rate[k, 2] = w
+        rows.fault[k, 0], rows.fault[k, 1], rows.fault[k, 2] = _estimate(c, z, start, w)
+        before = _estimate(c, z, row(record.rate_before, 2 * k), w)
+        rows.fault_before[k, 0], rows.fault_before[k, 1], rows.fault_before[k, 2] = before
         if k == steps:
             break
-        middle, end = row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)
-        control_middle = row(control, 2 * k + 1)
-        k1 = _slope(c, w, z, start, row(control, 2 * k))
+        middle, end = row(record.rate, 2 * k + 1), row(record.rate_before, 2 * k + 2)
+        control_middle = row(record.control, 2 * k + 1)
+        k1 = _slope(c, w, z, start, row(record.control, 2 * k))
         l1 = _growth(c, w, start)
         w2 = ahead(w, k1, half)
         k2 = _slope(c, w2, ahead(z, l1, half), middle, control_middle)
@@ -156,7 +151,7 @@ def _run(
         k3 = _slope(c, w3, ahead(z, l2, half), middle, control_middle)
         l3 = _growth(c, w3, middle)
         w4 = ahead(w, k3, h)
-        k4 = _slope(c, w4, ahead(z, l3, h), end, row(control_before, 2 * k + 2))
+        k4 = _slope(c, w4, ahead(z, l3, h), end, row(record.control_before, 2 * k + 2))
         l4 = _growth(c, w4, end)
         after = rk4_sum(w, k1, k2, k3, k4, h)
         if not np.isfinite(after[0] + after[1] + after[2]):

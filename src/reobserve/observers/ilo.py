@@ -18,13 +18,20 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
-from reobserve.observers.rigid_body_observer import Array, RigidBodyObserver, State, whole_steps
+from reobserve.observers.rigid_body_observer import (
+    Array,
+    Record,
+    RigidBodyObserver,
+    Rows,
+    State,
+    whole_steps,
+)
 from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 
 class Constants(NamedTuple):
-    """What the loop reads, in the order of (3), with B_f v split into known and fed-back part."""
+    """What the loop reads. ``injection`` multiplies w - w^: Lambda, and what of B_f v does so."""
 
     inertia: Matrix
     inverse: Matrix
@@ -78,6 +85,19 @@ class IloGains(RigidBodyObserver):
         """The updating interval in steps."""
         return whole_steps(self.interval, self.step_size)
 
+    def _constants_with(self, injection: Matrix) -> Constants:
+        model = self.model
+        return Constants(
+            model.inertia,
+            model.inverse,
+            injection,
+            model.input_matrix,
+            model.fault_matrix,
+            self.K1,
+            self.K2,
+            self.step_size,
+        )
+
 
 @dataclass(frozen=True)
 class IterativeLearningObserver(IloGains):
@@ -107,24 +127,14 @@ class IterativeLearningObserver(IloGains):
 
     @cached_property
     def _constants(self) -> Constants:
-        model = self.model
-        return Constants(
-            model.inertia,
-            model.inverse,
-            self.damping + model.fault_matrix @ self.K2,
-            model.input_matrix,
-            model.fault_matrix,
-            self.K1,
-            self.K2,
-            self.step_size,
-        )
+        return self._constants_with(self.damping + self.model.fault_matrix @ self.K2)
 
     def _fresh_memory(self, fault: Array) -> Array:
         # v at the start, the middle and the end of each step of the last interval.
         return np.tile(fault, (self.delay, 3, 1))
 
-    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
-        return _run(self._constants, state.rate, state.memory, state.count, *inputs, *outputs)
+    def _run(self, state: State, record: Record, rows: Rows) -> int:
+        return _run(self._constants, state.rate, state.memory, state.count, record, rows)
 
 
 @kernel
@@ -157,28 +167,27 @@ def _run(
     estimate: Array,
     history: Array,
     count: int,
-    rate: Matrix,
-    rate_before: Matrix,
-    control: Matrix,
-    control_before: Matrix,
-    rates: Matrix,
-    faults: Matrix,
-    faults_before: Matrix,
+    record: Record,
+    rows: Rows,
 ) -> int:
-    """Fill the last three arguments; leave w^ and v of the last interval in place."""
+    """Fill ``rows``; leave w^ and v of the last interval in place."""
     h, half = c.step, 0.5 * c.step
-    steps = len(rates) - 1
+    steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])
     slot = count % len(history)
     for k in range(steps):
         past = history[slot]
-        start, middle, end = row(rate, 2 * k), row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)
+        start, middle, end = (
+            row(record.rate, 2 * k),
+            row(record.rate, 2 * k + 1),
+            row(record.rate_before, 2 * k + 2),
+        )
         learned_start = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
         learned_middle = product(c.K1, past[1, 0], past[1, 1], past[1, 2])
         learned_end = product(c.K1, past[2, 0], past[2, 1], past[2, 2])
-        known_start = known_torque(c, row(control, 2 * k), learned_start)
-        known_middle = known_torque(c, row(control, 2 * k + 1), learned_middle)
-        known_end = known_torque(c, row(control_before, 2 * k + 2), learned_end)
+        known_start = known_torque(c, row(record.control, 2 * k), learned_start)
+        known_middle = known_torque(c, row(record.control, 2 * k + 1), learned_middle)
+        known_end = known_torque(c, row(record.control_before, 2 * k + 2), learned_end)
 
         k1 = slope(c, w, start, known_start)
         k2 = slope(c, ahead(w, k1, half), middle, known_middle)
@@ -197,9 +206,9 @@ def _run(
         past[1, 0], past[1, 1], past[1, 2] = learn(c, learned_middle, middle, between)
         past[2, 0], past[2, 1], past[2, 2] = learn(c, learned_end, end, after)
         for i in range(3):
-            rates[k, i] = w[i]
-            faults[k, i] = past[0, i]
-            faults_before[k + 1, i] = past[2, i]
+            rows.rate[k, i] = w[i]
+            rows.fault[k, i] = past[0, i]
+            rows.fault_before[k + 1, i] = past[2, i]
         if not np.isfinite(after[0] + after[1] + after[2]):
             return k + 1
         w = after
@@ -207,8 +216,8 @@ def _run(
     estimate[0], estimate[1], estimate[2] = w
     past = history[slot]
     learned = product(c.K1, past[0, 0], past[0, 1], past[0, 2])
-    faults[steps, 0], faults[steps, 1], faults[steps, 2] = learn(
-        c, learned, row(rate, 2 * steps), w
+    rows.fault[steps, 0], rows.fault[steps, 1], rows.fault[steps, 2] = learn(
+        c, learned, row(record.rate, 2 * steps), w
     )
-    rates[steps, 0], rates[steps, 1], rates[steps, 2] = w
+    rows.rate[steps, 0], rows.rate[steps, 1], rows.rate[steps, 2] = w
     return steps + 1

@@ -17,9 +17,8 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
-from reobserve.matrices import Matrix
 from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
-from reobserve.observers.rigid_body_observer import Array, State
+from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
 from reobserve.rigid_body import ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
@@ -53,24 +52,14 @@ class SampledIterativeLearningObserver(IloGains):
 
     @cached_property
     def _constants(self) -> Constants:
-        model = self.model
-        return Constants(
-            model.inertia,
-            model.inverse,
-            self.damping,
-            model.input_matrix,
-            model.fault_matrix,
-            self.K1,
-            self.K2,
-            self.step_size,
-        )
+        return self._constants_with(self.damping)
 
     def _fresh_memory(self, fault: Array) -> Array:
         return fault.copy()
 
-    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
+    def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(
-            self._constants, self.delay, state.rate, state.memory, state.count, *inputs, *outputs
+            self._constants, self.delay, state.rate, state.memory, state.count, record, rows
         )
 
 
@@ -81,35 +70,36 @@ def _run(
     estimate: Array,
     held: Array,
     count: int,
-    rate: Matrix,
-    rate_before: Matrix,
-    control: Matrix,
-    control_before: Matrix,
-    rates: Matrix,
-    faults: Matrix,
-    faults_before: Matrix,
+    record: Record,
+    rows: Rows,
 ) -> int:
-    """Fill the last three arguments; leave w^ and the v in force in place."""
+    """Fill ``rows``; leave w^ and the v in force in place."""
     h, half = c.step, 0.5 * c.step
-    steps = len(rates) - 1
+    steps = len(rows.rate) - 1
     w = (estimate[0], estimate[1], estimate[2])
     v = (held[0], held[1], held[2])
     phase = count % delay
     for k in range(steps):
-        start, middle, end = row(rate, 2 * k), row(rate, 2 * k + 1), row(rate_before, 2 * k + 2)
+        start, middle, end = (
+            row(record.rate, 2 * k),
+            row(record.rate, 2 * k + 1),
+            row(record.rate_before, 2 * k + 2),
+        )
         if phase == 0:
             v = learn(c, product(c.K1, v[0], v[1], v[2]), start, w)
         phase = phase + 1 if phase + 1 < delay else 0
-        known_middle = known_torque(c, row(control, 2 * k + 1), v)
-        k1 = slope(c, w, start, known_torque(c, row(control, 2 * k), v))
+        known_middle = known_torque(c, row(record.control, 2 * k + 1), v)
+        k1 = slope(c, w, start, known_torque(c, row(record.control, 2 * k), v))
         k2 = slope(c, ahead(w, k1, half), middle, known_middle)
         k3 = slope(c, ahead(w, k2, half), middle, known_middle)
-        k4 = slope(c, ahead(w, k3, h), end, known_torque(c, row(control_before, 2 * k + 2), v))
+        k4 = slope(
+            c, ahead(w, k3, h), end, known_torque(c, row(record.control_before, 2 * k + 2), v)
+        )
         after = rk4_sum(w, k1, k2, k3, k4, h)
         for i in range(3):
-            rates[k, i] = w[i]
-            faults[k, i] = v[i]
-            faults_before[k + 1, i] = v[i]
+            rows.rate[k, i] = w[i]
+            rows.fault[k, i] = v[i]
+            rows.fault_before[k + 1, i] = v[i]
         if not np.isfinite(after[0] + after[1] + after[2]):
             return k + 1
         w = after
@@ -118,8 +108,8 @@ def _run(
         held[i] = v[i]
     # An update due at the very end shows in the last row; the next run takes it into force.
     if phase == 0:
-        v = learn(c, product(c.K1, v[0], v[1], v[2]), row(rate, 2 * steps), w)
+        v = learn(c, product(c.K1, v[0], v[1], v[2]), row(record.rate, 2 * steps), w)
     for i in range(3):
-        rates[steps, i] = w[i]
-        faults[steps, i] = v[i]
+        rows.rate[steps, i] = w[i]
+        rows.fault[steps, i] = v[i]
     return steps + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,23 @@ from reobserve.matrices import Matrix, as_vector
 from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
+
+
+class Record(NamedTuple):
+    """What an observer reads, arrays of shape (2 n + 1, 3); see `RigidBodyObserver.run`."""
+
+    rate: Matrix
+    rate_before: Matrix
+    control: Matrix
+    control_before: Matrix
+
+
+class Rows(NamedTuple):
+    """What it writes, arrays of shape (n + 1, 3); see `Run`."""
+
+    rate: Matrix
+    fault: Matrix
+    fault_before: Matrix
 
 
 @dataclass(frozen=True)
@@ -72,7 +90,7 @@ class RigidBodyObserver(ABC):
         """The memory before the first step, if the estimate was ``fault`` up to then."""
 
     @abstractmethod
-    def _run(self, state: State, inputs: tuple[Matrix, ...], outputs: tuple[Matrix, ...]) -> int:
+    def _run(self, state: State, record: Record, rows: Rows) -> int:
         """Run the compiled loop on ``state`` in place; return the number of finite rows."""
 
     def init(self, initial_rate: ArrayLike, initial_fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
@@ -142,36 +160,31 @@ class RigidBodyObserver(ABC):
         """
         if state.memory.shape != self._fresh_memory(np.zeros(3)).shape:
             raise InputError("state", "is of an observer of another kind or another delay")
-        right = _record("rate", rate)
-        inputs = (
+        right = _samples("rate", rate)
+        known = _samples("control", control, len(right))
+        record = Record(
             right,
-            right if rate_before is None else _record("rate_before", rate_before, len(right)),
-            known := _record("control", control, len(right)),
+            right if rate_before is None else _samples("rate_before", rate_before, len(right)),
+            known,
             known
             if control_before is None
-            else _record("control_before", control_before, len(right)),
+            else _samples("control_before", control_before, len(right)),
         )
         steps = len(right) // 2
-        outputs = (np.empty((steps + 1, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3)))
+        rows = Rows(*(np.empty((steps + 1, 3)) for _ in Rows._fields))
         working = State(state.rate.copy(), state.memory.copy(), state.count)
-        rows = self._run(working, inputs, outputs)
-        outputs[2][0] = outputs[1][0]  # the record has nothing before its first row
+        finite = self._run(working, record, rows)
+        rows.fault_before[0] = rows.fault[0]  # the record has nothing before its first row
         # The loop watches the rate; a fault estimate may overflow one row earlier.
-        if rows > 1 and not np.isfinite([values[rows - 1] for values in outputs]).all():
-            rows -= 1
-        diverged_at = None if rows == steps + 1 else (rows - 1) * self.step_size
-        return Run(
-            outputs[0][:rows],
-            outputs[1][:rows],
-            outputs[2][:rows],
-            State(working.rate, working.memory, state.count + steps)
-            if diverged_at is None
-            else state,
-            diverged_at,
-        )
+        if finite > 1 and not np.isfinite([values[finite - 1] for values in rows]).all():
+            finite -= 1
+        if finite == steps + 1:
+            return Run(*rows, State(working.rate, working.memory, state.count + steps), None)
+        kept = Rows(*(values[:finite] for values in rows))
+        return Run(*kept, state, (finite - 1) * self.step_size)
 
 
-def _record(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
+def _samples(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
     try:
         array = np.ascontiguousarray(samples, dtype=np.float64)
     except (TypeError, ValueError):  # text, or rows of different lengths

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from reobserve.files import read_table
 from reobserve.ledger import Ledger, digest
 from reobserve.provenance import code_digest, versions
 from reobserve.series import Series
@@ -36,3 +37,8 @@ def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) 
 def read_estimates(observers: list[str], paths: list[Path]) -> dict[str, Series]:
     """The estimates of a figure by observer, from the files in the same order."""
     return {name: Series.read(path) for name, path in zip(observers, paths, strict=True)}
+
+
+def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
+    """The rows of a figure's study; None for a figure without one."""
+    return None if path is None else read_table(path, paper_module(paper, "study").HEADER)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import located
-from reobserve.files import read_table
 from reobserve.ledger import Ledger
 from reobserve.metrics import write_metrics
 from reobserve.series import Series
-from reobserve.stages.common import paper_module, read_estimates
+from reobserve.stages.common import paper_module, read_estimates, read_study
 
 
 def run(
@@ -24,9 +23,7 @@ def run(
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("metrics", figure)
     estimates = read_estimates(settings["figure"]["observers"], estimate_files)
-    study = None
-    if study_file is not None:
-        study = read_table(study_file, paper_module(ledger.paper, "study").HEADER)
+    study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "metrics")
     with located(ledger.paper):
         found = module.measure(settings, Series.read(plant_file), estimates, study)

@@ -7,11 +7,11 @@ from pathlib import Path
 from reobserve.captions import render
 from reobserve.errors import located
 from reobserve.figures import fix_layout, save
-from reobserve.files import read_table, write_text
+from reobserve.files import write_text
 from reobserve.ledger import Ledger
 from reobserve.metrics import read_metrics
 from reobserve.series import Series
-from reobserve.stages.common import paper_module, read_estimates
+from reobserve.stages.common import paper_module, read_estimates, read_study
 
 
 def run(
@@ -31,9 +31,7 @@ def run(
     metrics = read_metrics(metrics_file)
     text = render(template, settings, metrics)
     estimates = read_estimates(settings["figure"]["observers"], estimate_files)
-    study = None
-    if study_file is not None:
-        study = read_table(study_file, paper_module(ledger.paper, "study").HEADER)
+    study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "plot")
     with located(f"{ledger.paper}.figures.{figure}"):
         drawing = module.draw(settings, Series.read(plant_file), estimates, study, metrics)
