@@ -11,8 +11,10 @@ from reobserve.signals import sample_files
 
 PROJECT = Path()  # the working directory, as everywhere in Snakemake
 
-# Jobs find the interpreter that runs Snakemake, also where the environment is not activated.
-shell.prefix(f"export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; ")
+# Jobs run what runs Snakemake, also where its environment is not activated. With conda they run
+# what the environment of their rule holds.
+if not workflow.deployment_settings.deployment_method:
+    shell.prefix(f"export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; ")
 
 
 def load_ledgers():

@@ -69,7 +69,7 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
     decades(below.yaxis)
     below.set_xlabel("time [s]")
     below.set_xlim(plant.time[0], plant.time[-1])
-    below.legend(loc="center right", bbox_to_anchor=(1.0, 0.42))
+    below.legend(loc="center right", bbox_to_anchor=(1.0, 0.34))
     add_note(figure, _note(settings))
     return figure
 
@@ -160,8 +160,8 @@ def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: s
 
 
 def _note(settings: dict[str, Any]) -> str:
-    """One line an observer: what was chosen for it where the paper gives nothing."""
-    lines = ["Chosen where the paper gives nothing (units: N m, s, rad):"]
+    """One line an observer: the settings behind its curve."""
+    lines = ["Settings (the paper names only K₁ = I; units: N m, s, rad):"]
     symbols = {
         "K1": "K₁",
         "K2": "K₂",
