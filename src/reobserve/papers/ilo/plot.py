@@ -48,9 +48,9 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
 
     _fault(above, plant, axis)
     time, value = thin(estimates[main].time, estimates[main]["fault"][:, axis - 1])
-    above.plot(time, value, **STYLES[0].line(), label=f"estimate $v_{axis}$: {labels[main]}")
+    above.plot(time, value, **STYLES[0].line(), label=f"estimate v: {labels[main]}")
     above.set_ylabel("torque [N m]")
-    above.set_title(f"(a) fault of thruster {axis} and its estimate")
+    above.set_title("(a) fault and its estimate")
     above.legend(loc="upper left", ncols=2)
     _headroom(above)
 
@@ -61,9 +61,9 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
         with np.errstate(divide="ignore"):
             size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
         below.semilogy(*_envelope(errors.time, size), **STYLES[index].line(), label=labels[name])
-    middle.set_ylabel(f"error $u_{{f{axis}}} - v_{axis}$ [N m]")
-    middle.set_title(f"(b) estimation error: {labels[main]}")
-    below.set_ylabel("|error| [N m]")
+    middle.set_ylabel("error e [N m]")
+    middle.set_title(f"(b) estimation error e = fault − v: {labels[main]}")
+    below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
     below.set_ylim(1e-12, 10)
     decades(below.yaxis)
@@ -76,7 +76,7 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
 
 def _fault(axes: Axes, plant: Series, axis: int) -> None:
     time, fault = thin(plant.time, plant["fault"][:, axis - 1])
-    axes.plot(time, fault, **TRUTH.line(), label=f"fault $u_{{f{axis}}}$")
+    axes.plot(time, fault, **TRUTH.line(), label=f"fault of thruster {axis}")
 
 
 def _headroom(axes: Axes) -> None:
@@ -135,7 +135,7 @@ def _matching(
         errors = Errors.of(plant, estimates[name], axis - 1).window(onset - 0.1, onset + 2.5)
         trace.plot(*thin(errors.time, errors.start), **styles[name].line(), label=labels[name])
     trace.set_xlabel("time [s]")
-    trace.set_ylabel("error [N m]")
+    trace.set_ylabel("error e [N m]")
     trace.set_ylim(-0.06, 0.06)
     trace.set_title("(c) error of the ILO and of its match, without noise")
     trace.legend(loc="upper right")
