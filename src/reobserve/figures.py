@@ -95,15 +95,19 @@ def new_figure(heights: tuple[float, ...], *, share_time: bool = True) -> tuple[
 
 
 def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]:
-    """Fewer points with the same picture: the least and the greatest of each bucket, in order."""
+    """Fewer points with the same picture: the least and the greatest of each bucket, in order.
+
+    There are ``buckets`` of them or a few more; a series of less than four points a bucket is
+    left alone.
+    """
     size = len(time) // buckets
     if size < 4:
         return time, values
-    whole = size * buckets
-    block = values[:whole].reshape(buckets, size)
-    first = np.arange(buckets) * size
-    ends = np.sort(np.stack([first + block.argmin(axis=1), first + block.argmax(axis=1)]), axis=0)
-    index = np.unique(np.concatenate([[0], ends.T.ravel(), np.arange(whole, len(time))]))
+    first = np.arange(len(time) // size) * size
+    block = values[: len(first) * size].reshape(len(first), size)
+    kept = [first + block.argmin(axis=1), first + block.argmax(axis=1)]
+    rest = np.arange(len(first) * size, len(time))
+    index = np.unique(np.concatenate([[0], *kept, rest]))
     return time[index], values[index]
 
 
