@@ -11,6 +11,7 @@ import pytest
 from matplotlib import font_manager
 from matplotlib.colors import to_rgb
 
+from reobserve.errors import InputError
 from reobserve.figures import STYLES, TRUTH, Style, fix_layout, new_figure, save, thin
 
 
@@ -67,6 +68,13 @@ def test_a_figure_is_the_same_bytes_each_time(tmp_path: Path, suffix: str) -> No
     assert len(first) > 1000
     for word in (b"Creat", b"Producer", b"Software", b"dc:date", matplotlib.__version__.encode()):
         assert word not in first
+
+
+def test_an_unknown_format_is_named(tmp_path: Path) -> None:
+    figure, _ = new_figure((2.0,))
+    with pytest.raises(InputError, match=r"fig\.gif: must end in one of \.pdf, \.svg, \.png"):
+        save(figure, tmp_path / "fig.gif")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_only_bundled_fonts_are_used() -> None:

@@ -12,10 +12,11 @@ from typing import Any
 
 import pytest
 
+from reobserve.config import read_yaml
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluator
 from reobserve.golden import compare, folder
-from reobserve.ledger import Ledger, leaves, read_yaml
+from reobserve.ledger import Ledger, leaves
 
 from .pipeline.conftest import ROOT, Project, copy_project
 

@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 import yaml
 
+from reobserve.config import read_yaml
 from reobserve.errors import InputError
-from reobserve.ledger import OVERRIDDEN, Ledger, digest, leaves, read_yaml
+from reobserve.ledger import Ledger, digest, leaves
 from reobserve.matrices import as_floats
+from reobserve.overrides import OVERRIDDEN
 
 ROOT = Path(__file__).parents[1]
 

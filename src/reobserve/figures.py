@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from reobserve.errors import InputError
 from reobserve.files import write_whole
 
 Array = NDArray[np.float64]
@@ -141,9 +142,11 @@ def save(figure: Figure, path: Path) -> None:
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the format is none of ours or the folder cannot be written.
     """
     kind = path.suffix.removeprefix(".")
+    if kind not in _METADATA:
+        raise InputError(str(path), f"must end in one of .{', .'.join(_METADATA)}")
     write_whole(
         path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
     )

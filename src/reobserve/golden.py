@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.config import known_papers, read_yaml
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.files import read_table, write_table
-from reobserve.ledger import Ledger, known_papers, read_yaml
+from reobserve.ledger import Ledger
 from reobserve.series import Series
 
 Array = NDArray[np.float64]

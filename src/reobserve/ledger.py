@@ -8,7 +8,6 @@ what is hashed to decide whether an output is stale is what the stage can see.
 from __future__ import annotations
 
 import copy
-import difflib
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
@@ -16,17 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from reobserve.config import Tree, check_schema, known_papers, nearest, read_yaml
 from reobserve.errors import InputError
-
-Tree = dict[str, Any]
-
-OVERRIDDEN = "user override"
-
-# Keys whose value is a word, also where it looks like a number.
-_WORDS = ("unit", "source", "why", "label", "title", "file", "column")
-
-# Sections in which a user may add an entry of his own beside those of the paper.
-_OPEN = ("scenarios", "observers", "studies", "figures")
+from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
 
 
 @dataclass(frozen=True)
@@ -53,10 +44,10 @@ class Ledger:
         """
         papers = known_papers(project)
         if paper not in papers:
-            raise InputError("paper", f"there is no {paper!r}{_nearest(paper, papers)}")
+            raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         if overrides:
-            tree = _merge(tree, _numbers(overrides), paper, open_here=False)
+            tree = lay_over(tree, overrides, paper)
         check_schema(project, "paper", tree, paper)
         ledger = cls(paper, tree, seed)
         ledger._check_ranges()
@@ -97,7 +88,7 @@ class Ledger:
         for depth, key in enumerate(path):
             if key not in branch:
                 place = ".".join((self.paper, *path[:depth]))
-                raise InputError(place, f"there is no {key!r}{_nearest(key, branch)}")
+                raise InputError(place, f"there is no {key!r}{nearest(key, branch)}")
             branch = branch[key]
         values: Tree = _values(branch)
         return values
@@ -181,7 +172,7 @@ class Ledger:
                         if key not in have:
                             raise InputError(
                                 f"{self.paper}.{section}.{name}",
-                                f"there is no {key!r} in {kind}{_nearest(key, have)}",
+                                f"there is no {key!r} in {kind}{nearest(key, have)}",
                             )
 
 
@@ -189,144 +180,6 @@ def digest(value: Any) -> str:
     """A short hash of plain data, the same for the same content."""
     text = json.dumps(value, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def known_papers(project: Path) -> list[str]:
-    """The papers that have a ledger."""
-    return sorted(path.stem for path in (project / "config" / "papers").glob("*.yaml"))
-
-
-def read_yaml(path: Path) -> Tree:
-    """A YAML file whose top is a mapping.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or no such YAML.
-    """
-    import yaml
-
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(str(path), f"is not YAML: {reason}") from None
-    if not isinstance(tree, dict):
-        raise InputError(str(path), "must be a mapping of keys to values")
-    # A YAML alias is one object in several places; here every place has its own.
-    separate: Tree = json.loads(json.dumps(tree))
-    return separate
-
-
-def check_config(project: Path, config: Tree, papers: list[str]) -> None:
-    """Check what `config/config.yaml` and the command line say is to be built.
-
-    Raises
-    ------
-    InputError
-        If a key is neither of the schema nor a paper, or a value is not allowed.
-    """
-    schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
-    known = [*schema["properties"], *papers]
-    for key in config:
-        if key not in known:
-            raise InputError(f"config.{key}", f"unknown key{_nearest(key, known)}")
-    check_schema(project, "config", config, "config")
-    for paper in config["papers"]:
-        if paper not in papers:
-            raise InputError("config.papers", f"there is no {paper!r}{_nearest(paper, papers)}")
-
-
-def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
-    """Check ``tree`` against ``workflow/schemas/<name>.schema.yaml``.
-
-    Raises
-    ------
-    InputError
-        With the dotted path of the worst fault, under ``place``.
-    """
-    from jsonschema import Draft202012Validator
-    from jsonschema.exceptions import best_match
-
-    schema = read_yaml(project / "workflow" / "schemas" / f"{name}.schema.yaml")
-    error = best_match(Draft202012Validator(schema).iter_errors(tree))
-    if error is None:
-        return
-    path = ".".join([place, *map(str, error.absolute_path)])
-    problem = error.message
-    if error.validator == "additionalProperties" and isinstance(error.instance, dict):
-        known = list(error.schema.get("properties", {}))
-        unknown = [key for key in error.instance if key not in known]
-        path, problem = f"{path}.{unknown[0]}", f"unknown key{_nearest(unknown[0], known)}"
-    raise InputError(path, problem)
-
-
-def is_entry(branch: Any) -> bool:
-    """Whether a branch of the tree is an entry: a value with a unit."""
-    return isinstance(branch, Mapping) and "value" in branch and "unit" in branch
-
-
-def _merge(base: Tree, over: Any, place: str, open_here: bool) -> Tree:
-    """``base`` with ``over`` laid over it; a bare value replaces the value of an entry."""
-    if not isinstance(over, Mapping):
-        raise InputError(place, f"{over!r} must be a mapping, like the section it overrides")
-    merged = copy.deepcopy(base)
-    for key, value in over.items():
-        here = f"{place}.{key}"
-        if key not in base:
-            if not open_here:
-                raise InputError(here, f"unknown key{_nearest(key, base)}")
-            merged[key] = _added(base, value, here)
-        elif is_entry(base[key]):
-            merged[key] = _override(base[key], value, here)
-        elif isinstance(base[key], Mapping):
-            merged[key] = _merge(base[key], value, here, place.count(".") == 0 and key in _OPEN)
-        else:
-            merged[key] = value
-    return merged
-
-
-def _numbers(branch: Any) -> Any:
-    """``branch`` with numbers for words that spell one.
-
-    Snakemake reads nested values of ``--config`` as words, and YAML takes 1e3 for a word.
-    """
-    if isinstance(branch, Mapping):
-        return {key: value if key in _WORDS else _numbers(value) for key, value in branch.items()}
-    if isinstance(branch, list):
-        return [_numbers(value) for value in branch]
-    if isinstance(branch, str):
-        for kind in (int, float):
-            try:
-                return kind(branch)
-            except ValueError:
-                pass
-    return branch
-
-
-def _override(entry: Tree, value: Any, place: str) -> Tree:
-    if not isinstance(value, Mapping):
-        value = {"value": value}
-    for key in value:
-        if key not in ("value", "unit", "source", "why", "range"):
-            raise InputError(f"{place}.{key}", f"unknown key{_nearest(key, ['value', 'why'])}")
-    if value.get("unit", entry["unit"]) != entry["unit"]:
-        raise InputError(f"{place}.unit", f"{value['unit']!r} must be {entry['unit']!r}")
-    kept = {key: part for key, part in entry.items() if key != "why"}
-    return {**kept, "source": OVERRIDDEN, **value}
-
-
-def _added(siblings: Tree, body: Any, place: str) -> Any:
-    """A user's own scenario, observer or figure; ``like`` names the one to start from."""
-    if not isinstance(body, Mapping) or "like" not in body:
-        return body
-    model = body["like"]
-    if model not in siblings:
-        raise InputError(f"{place}.like", f"there is no {model!r}{_nearest(model, siblings)}")
-    changes = {key: value for key, value in body.items() if key != "like"}
-    return _merge(siblings[model], changes, place, open_here=False)
 
 
 def _values(branch: Any) -> Any:
@@ -384,11 +237,3 @@ def _check_range(place: str, value: Any, allowed: Any) -> None:
                     raise InputError(where, f"{leaf!r} is outside its range [{low:g}, {high:g}]")
         if not found:
             raise InputError(f"{place}.range", f"{pattern!r} matches nothing in the value")
-
-
-def _nearest(key: str, known: Any) -> str:
-    """The end of a sentence about an unknown key."""
-    names = [str(name) for name in known]
-    close = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
-    listed = ", ".join(names) if names else "none"
-    return f"; did you mean {close[0]!r}?" if close else f"; there are: {listed}"

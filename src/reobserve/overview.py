@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.ledger import Ledger, known_papers, read_yaml
+from reobserve.config import known_papers, read_yaml
+from reobserve.ledger import Ledger
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:

@@ -121,6 +121,11 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
         "ilo.observers.mine.algorithm:",
         "must be one of sampled_ilo, continuous_ilo, adaptive",
     ),
+    "a horizon that no memory holds": (
+        {"plant": {"horizon": 1e9}},
+        "ilo.plant.horizon:",
+        "must be 2e+07 at most",
+    ),
     "negative noise": ({"plant": {"noise": -1}}, "ilo.plant.noise:", "must not be negative"),
 }  # fmt: skip
 
@@ -190,6 +195,18 @@ def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) ->
     missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
     said = refused(capsys, "observe", ledger_file, missing, "sampled", "--output", output)
     assert said == f"{missing}: there is no such file"
+
+
+def test_too_few_estimates_and_an_unknown_format(
+    ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    inputs = ["fig1", "--plant-file", record, "--estimate-files", record]
+    output = tmp_path / "fig1.metrics.csv"
+    said = refused(capsys, "metrics", ledger_file, *inputs, "--output", output)
+    assert said == (
+        "--estimate-files: 1 given, must be one each for sampled, continuous, forgetting"
+    )
+    assert not output.exists()
 
 
 def test_an_unknown_name_lists_the_known_ones(

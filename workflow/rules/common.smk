@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
-from reobserve.ledger import Ledger, check_config, digest, known_papers
+from reobserve.config import check_config, known_papers
+from reobserve.ledger import Ledger, digest
 from reobserve.provenance import code_digest, versions
 from reobserve.signals import sample_files
 

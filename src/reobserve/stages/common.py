@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from reobserve.errors import InputError
 from reobserve.files import read_table
 from reobserve.ledger import Ledger, digest
 from reobserve.provenance import code_digest, versions
@@ -35,7 +36,16 @@ def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) 
 
 
 def read_estimates(observers: list[str], paths: list[Path]) -> dict[str, Series]:
-    """The estimates of a figure by observer, from the files in the same order."""
+    """The estimates of a figure by observer, from the files in the same order.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer files than observers, or one cannot be read.
+    """
+    if len(paths) != len(observers):
+        wanted = ", ".join(observers)
+        raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")
     return {name: Series.read(path) for name, path in zip(observers, paths, strict=True)}
 
 

@@ -22,6 +22,8 @@ ALGORITHMS: dict[str, tuple[type[RigidBodyObserver], tuple[str, ...]]] = {
     "adaptive": (AdaptiveObserver, ("damping", "integral_gain", "proportional_gain")),
 }
 
+MOST_STEPS = 20_000_000  # of a plant record: some ten gigabytes
+
 _COMMON = ("step_size", "inertia_factor", "initial_rate", "initial_fault")
 
 
@@ -83,6 +85,11 @@ def grid(plant: Settings) -> tuple[int, float]:
     with located("plant"):
         step = as_positive("step", plant["step"])
         horizon = as_positive("horizon", plant["horizon"])
+        if horizon > MOST_STEPS * step:
+            raise InputError(
+                "horizon",
+                f"{horizon:g} s is {horizon / step:.3g} steps, must be {MOST_STEPS:g} at most",
+            )
         try:
             steps = whole_steps(horizon, step)
         except InputError:

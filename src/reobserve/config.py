@@ -1,0 +1,92 @@
+"""Config files: what there is, how it is read, and what a schema says of it."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError
+
+Tree = dict[str, Any]
+
+
+def known_papers(project: Path) -> list[str]:
+    """The papers that have a ledger."""
+    return sorted(path.stem for path in (project / "config" / "papers").glob("*.yaml"))
+
+
+def read_yaml(path: Path) -> Tree:
+    """A YAML file whose top is a mapping.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no such YAML.
+    """
+    import yaml
+
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(str(path), f"is not YAML: {reason}") from None
+    if not isinstance(tree, dict):
+        raise InputError(str(path), "must be a mapping of keys to values")
+    # A YAML alias is one object in several places; here every place has its own.
+    separate: Tree = json.loads(json.dumps(tree))
+    return separate
+
+
+def check_config(project: Path, config: Tree, papers: list[str]) -> None:
+    """Check what `config/config.yaml` and the command line say is to be built.
+
+    Raises
+    ------
+    InputError
+        If a key is neither of the schema nor a paper, or a value is not allowed.
+    """
+    schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
+    known = [*schema["properties"], *papers]
+    for key in config:
+        if key not in known:
+            raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
+    check_schema(project, "config", config, "config")
+    for paper in config["papers"]:
+        if paper not in papers:
+            raise InputError("config.papers", f"there is no {paper!r}{nearest(paper, papers)}")
+
+
+def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
+    """Check ``tree`` against ``workflow/schemas/<name>.schema.yaml``.
+
+    Raises
+    ------
+    InputError
+        With the dotted path of the worst fault, under ``place``.
+    """
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    schema = read_yaml(project / "workflow" / "schemas" / f"{name}.schema.yaml")
+    error = best_match(Draft202012Validator(schema).iter_errors(tree))
+    if error is None:
+        return
+    path = ".".join([place, *map(str, error.absolute_path)])
+    problem = error.message
+    if error.validator == "additionalProperties" and isinstance(error.instance, dict):
+        known = list(error.schema.get("properties", {}))
+        unknown = [key for key in error.instance if key not in known]
+        path, problem = f"{path}.{unknown[0]}", f"unknown key{nearest(unknown[0], known)}"
+    raise InputError(path, problem)
+
+
+def nearest(key: str, known: Any) -> str:
+    """The end of a sentence about an unknown key."""
+    names = [str(name) for name in known]
+    close = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
+    listed = ", ".join(names) if names else "none"
+    return f"; did you mean {close[0]!r}?" if close else f"; there are: {listed}"
