@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import DivergenceError, InputError
 from reobserve.matrices import Matrix, as_vector
 from reobserve.rigid_body import RigidBody
 
@@ -127,11 +127,13 @@ class RigidBodyObserver(ABC):
         Raises
         ------
         InputError
-            If a shape is wrong, a sample is not finite, or the state diverges in this step.
+            As `run`.
+        DivergenceError
+            If the state leaves the range of floating-point numbers in this step.
         """
         run = self.run(rate, control, state, rate_before, control_before)
         if run.diverged_at is not None:
-            raise InputError("state", f"diverges in step {state.count + 1}")
+            raise DivergenceError(type(self).__name__, state.count * self.step_size)
         return run.state, Estimate(run.rate[-1], run.fault[-1])
 
     def run(
