@@ -66,6 +66,8 @@ rule study:
         "logs/{paper}/{study}.study.log",
     benchmark:
         "logs/{paper}/{study}.study.tsv"
+    # The longest job: begun as soon as it can be, it does not hold up the end of a build.
+    priority: 1
     conda:
         "../envs/reobserve.yaml"
     params:
