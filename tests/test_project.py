@@ -160,7 +160,7 @@ def test_the_numbers_of_the_readme_are_those_of_the_build() -> None:
         scores = [percent(figure[observer, "relative_rms_error"]) for figure in figures]
         assert f"| `{observer}` | {' | '.join(scores)} |" in README
     fig4 = golden("fig4")
-    assert f"errs by {percent(fig4['adaptive', 'relative_rms_error'], 3)} as" in README
+    assert f"errs by {percent(fig4['adaptive', 'relative_rms_error'], 3)}, but" in README
     assert f"matched gains by {percent(fig4['matched', 'relative_rms_error'])}:" in README
 
 
