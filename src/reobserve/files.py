@@ -30,6 +30,7 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
+            partial.touch()  # so that the reason is the system's, whatever library writes
             write(partial)
             os.replace(partial, path)
         finally:
