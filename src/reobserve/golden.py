@@ -19,7 +19,7 @@ from reobserve.errors import InputError, ReobserveError
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.files import read_table, write_table
 from reobserve.ledger import Ledger
-from reobserve.series import Series
+from reobserve.series import Channel, Series
 
 Array = NDArray[np.float64]
 
@@ -31,14 +31,6 @@ _ROUNDING = {"N m": 1e-9, "rad/s": 1e-12, "1": 1e-9, "s": 1e-9}
 
 _METRIC_HEADER = ("observer", "metric", "value", "unit", "tolerance", "reason")
 _TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")
-
-
-@dataclass(frozen=True)
-class Number:
-    """One golden value, or one column of them, with its unit."""
-
-    values: Array
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -174,28 +166,28 @@ def _default_ledger(project: Path, paper: str) -> Ledger:
     return Ledger.load(project, paper, seed=seed)
 
 
-def _numbers(evaluation: Evaluation) -> tuple[dict[str, Number], dict[str, Number]]:
+def _numbers(evaluation: Evaluation) -> tuple[dict[str, Channel], dict[str, Channel]]:
     """The kept rows of all series, and all metrics, by name."""
     series = dict(_columns("plant", evaluation.plant))
     for observer, estimate in evaluation.estimates.items():
         series.update(_columns(observer, estimate))
     metrics = {
-        f"{metric.observer}:{metric.metric}": Number(np.array(metric.value), metric.unit)
+        f"{metric.observer}:{metric.metric}": Channel(np.array(metric.value), metric.unit)
         for metric in evaluation.metrics
     }
     return series, metrics
 
 
-def _columns(owner: str, series: Series) -> Iterator[tuple[str, Number]]:
+def _columns(owner: str, series: Series) -> Iterator[tuple[str, Channel]]:
     every = round(PERIOD / series.step)
     units = {name: channel.unit for name, channel in series.channels.items()}
     for column, values in series.flat().items():
         name = column if column in units else column.rpartition("_")[0]
         if not name.endswith("_before"):
-            yield f"{owner}.{column}", Number(values[::every], units[name])
+            yield f"{owner}.{column}", Channel(values[::every], units[name])
 
 
-def _tolerance(number: Number, fine: Number) -> dict[str, Any]:
+def _tolerance(number: Channel, fine: Channel) -> dict[str, Any]:
     """Twice the change on halving the steps, and not below what processors round differently."""
     rows = min(number.values.size, fine.values.size)
     change = np.abs(number.values.ravel()[:rows] - fine.values.ravel()[:rows])
