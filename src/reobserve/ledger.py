@@ -107,42 +107,36 @@ class Ledger:
         InputError
             If the ledger has no such scenario, observer, study or figure.
         """
+        settings = self._branches(stage, name, observer)
+        if stage == "plot":
+            return settings
+        decisive: Tree = _without_wording(settings)
+        return decisive
+
+    def _branches(self, stage: str, name: str, observer: str) -> Tree:
+        plant = self.section("plant")
         if stage == "plant":
-            scenario = self.section("scenarios", name)
-            return {"plant": self.section("plant"), "scenario": scenario, "seed": self.seed}
-        if stage == "observe":
             return {
-                "plant": self.section("plant"),
-                "observer": _without_labels(self.section("observers", observer)),
-            }
-        if stage == "study":
-            study = self.section("studies", name)
-            return {
-                "plant": self.section("plant"),
-                "scenario": self.section("scenarios", study["scenario"]),
-                "study": study,
-                "observers": {
-                    key: _without_labels(self.section("observers", key))
-                    for key in study["observers"]
-                },
-                "metrics": self.section("metrics"),
+                "plant": plant,
+                "scenario": self.section("scenarios", name),
                 "seed": self.seed,
             }
-        figure = self.section("figures", name)
-        settings = {
-            "plant": self.section("plant"),
-            "scenario": self.section("scenarios", figure["scenario"]),
-            "observers": {key: self.section("observers", key) for key in figure["observers"]},
+        if stage == "observe":
+            return {"plant": plant, "observer": self.section("observers", observer)}
+        kind = "study" if stage == "study" else "figure"
+        body = self.section("studies" if kind == "study" else "figures", name)
+        branches: Tree = {
+            "plant": plant,
+            "scenario": self.section("scenarios", body["scenario"]),
+            "observers": {key: self.section("observers", key) for key in body["observers"]},
             "metrics": self.section("metrics"),
-            "figure": figure,
+            kind: body,
         }
-        if "study" in figure:
-            settings["study"] = self.section("studies", figure["study"])
-        if stage == "metrics":
-            settings["observers"] = {
-                key: _without_labels(value) for key, value in settings["observers"].items()
-            }
-        return settings
+        if kind == "study":
+            branches["seed"] = self.seed
+        elif "study" in body:
+            branches["study"] = self.section("studies", body["study"])
+        return branches
 
     def refined(self) -> Ledger:
         """The same ledger with every numerical step [s] halved."""
@@ -190,9 +184,15 @@ def _values(branch: Any) -> Any:
     return branch
 
 
-def _without_labels(branch: Tree) -> Tree:
-    """What decides numbers: a new wording must not make a simulation stale."""
-    return {key: value for key, value in branch.items() if key not in ("label", "title")}
+def _without_wording(branch: Any) -> Any:
+    """What decides numbers: a new name or title must make nothing stale but drawings."""
+    if not isinstance(branch, Mapping):
+        return branch
+    return {
+        key: _without_wording(value)
+        for key, value in branch.items()
+        if key not in ("label", "title", "source")
+    }
 
 
 def _entries(branch: Any, place: str) -> Iterator[tuple[str, Tree]]:

@@ -74,6 +74,14 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
     assert built.stale("--config", label) == {"plot": 5}
 
 
+@pytest.mark.parametrize(
+    ("section", "name"), [("scenarios", "constant"), ("studies", "matching"), ("figures", "fig1")]
+)
+def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name: str) -> None:
+    title = f"ilo={{{section}: {{{name}: {{title: another title}}}}}}"
+    assert built.stale("--config", title) == {"plot": 1}
+
+
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
         assert built.stale() == {"plot": 1}
