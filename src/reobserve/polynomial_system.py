@@ -1,0 +1,71 @@
+"""Systems x' = f(x), y = h(x) whose right-hand sides are polynomials or truncated series."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.power_series.arithmetic import Coefficients
+from reobserve.power_series.maps import PolynomialMap
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialSystem:
+    """An autonomous system with the origin as an equilibrium at which the output is zero.
+
+    Parameters
+    ----------
+    dynamics
+        f, n components in n variables.
+    output
+        h, p components in n variables.
+
+    Raises
+    ------
+    InputError
+        If the sizes do not fit, or f or h is not zero at the origin.
+    """
+
+    dynamics: PolynomialMap
+    output: PolynomialMap
+
+    def __post_init__(self) -> None:
+        n = self.dynamics.variables
+        if self.dynamics.components != n:
+            raise InputError(
+                "dynamics", f"has {self.dynamics.components} components in {n} variables"
+            )
+        if self.output.variables != n:
+            raise InputError("output", f"has {self.output.variables} variables, must have {n}")
+        if self.dynamics.exact != self.output.exact:
+            raise InputError("output", "must be exact if the dynamics are, and only then")
+        for name, polynomials in (("dynamics", self.dynamics), ("output", self.output)):
+            constant = polynomials.coefficients[:, 0]
+            for component in np.flatnonzero(constant):
+                raise InputError(
+                    f"{name}.{component + 1}",
+                    f"has the constant term {constant[component]}, must be zero at the origin; "
+                    "shift the variables so that the equilibrium is there",
+                )
+
+    @property
+    def states(self) -> int:
+        """The number of states n."""
+        return self.dynamics.variables
+
+    @property
+    def outputs(self) -> int:
+        """The number of outputs p."""
+        return self.output.components
+
+    @property
+    def F(self) -> Coefficients:
+        """df/dx at the origin, shape (n, n)."""
+        return self.dynamics.matrix
+
+    @property
+    def H(self) -> Coefficients:
+        """dh/dx at the origin, shape (p, n)."""
+        return self.output.matrix

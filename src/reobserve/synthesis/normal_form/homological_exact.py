@@ -1,0 +1,73 @@
+"""The linear equation of each degree over exact rationals, for checks and for printed tables.
+
+Eigenvalues are not rational, so this road knows none: the sparse equations in the coefficients
+are reduced by sympy. It is slow and exact.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.power_series.arithmetic import Coefficients
+from reobserve.power_series.monomials import Monomials
+
+
+class RationalSolver:
+    """Solves P'(x) F x - A P(x) = R(x) for one pair of matrices of fractions."""
+
+    def __init__(self, F: Coefficients, A: Coefficients) -> None:
+        self._F, self._A = F, A
+
+    def __call__(self, basis: Monomials, right: Coefficients, degree: int) -> Coefficients:
+        """P for a homogeneous R of ``degree``; both of shape (n, monomials of that degree).
+
+        Raises
+        ------
+        InputError
+            If the equation has no unique solution: an eigenvalue of A is a sum of ``degree``
+            eigenvalues of F.
+        """
+        from sympy import QQ
+        from sympy.polys.matrices import DomainMatrix
+
+        n, width = right.shape
+        size = n * width
+        rows: dict[int, dict[int, Any]] = {}
+
+        def add(row: int, column: int, value: Fraction) -> None:
+            if value != 0:
+                entries = rows.setdefault(row, {})
+                entries[column] = entries.get(column, QQ(0)) + QQ(
+                    value.numerator, value.denominator
+                )
+
+        start = int(basis.first[degree])
+        for k, powers in enumerate(basis.exponents[basis.part(degree)]):
+            for i in np.flatnonzero(powers):
+                shorter = basis.lowered[start + k, i]
+                for j in range(n):
+                    place = int(basis.raised[shorter, j]) - start
+                    for c in range(n):
+                        add(c * width + place, c * width + k, int(powers[i]) * self._F[i, j])
+            for c in range(n):
+                for b in range(n):
+                    add(c * width + k, b * width + k, -self._A[c, b])
+                add(c * width + k, size, Fraction(right[c, k]))
+        rows = {row: {j: v for j, v in entries.items() if v} for row, entries in rows.items()}
+        reduced, pivots = DomainMatrix(rows, (size, size + 1), QQ).rref()
+        if pivots != tuple(range(size)):
+            raise InputError(
+                "injection",
+                f"is resonant: an eigenvalue of A is a sum of {degree} eigenvalues of F",
+            )
+        solution = np.full(size, Fraction(0), dtype=object)
+        for row, entries in reduced.rep.to_sdm().items():
+            if size in entries:
+                value = entries[size]
+                solution[row] = Fraction(int(value.numerator), int(value.denominator))
+        found: Coefficients = solution.reshape(n, width)
+        return found

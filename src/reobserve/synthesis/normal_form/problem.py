@@ -1,0 +1,134 @@
+"""The problem that all roads to a normal form solve, and what must hold for it.
+
+With the output injection l, whose linear part is L0, an observer
+
+    z' = A z - l(y),    x^ = T(z),    A = F + L0 H                                (9), (10), (12)
+
+has the exact linear error dynamics (S(x) - S(x^))' = A (S(x) - S(x^)) if z = S(x) obeys
+
+    S'(x) f(x) = A S(x) - l(h(x)),
+
+which for x = T(z) reads T'(z) (A z - l(h(T(z)))) = f(T(z)). Both linear parts are the identity,
+and both equations lead at each degree to the same linear one, with another right-hand side:
+
+    P'(x) F x - A P(x) = R(x).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.polynomial_system import PolynomialSystem
+from reobserve.power_series.arithmetic import Coefficients
+from reobserve.power_series.maps import PolynomialMap
+from reobserve.power_series.monomials import Monomials, monomials
+
+
+@dataclass(frozen=True, eq=False)
+class NormalFormProblem:
+    """A system, the output injection chosen for it, and the degree of the series.
+
+    Parameters
+    ----------
+    system
+        f and h.
+    injection
+        l, n components in p variables; `PolynomialMap.linear` of L0 for a linear one.
+    degree
+        The highest degree of S and T.
+
+    Raises
+    ------
+    InputError
+        If the sizes do not fit, the injection is not zero for y = 0, A is not stable (with the
+        mode that no injection can reach if there is one), or the degree is below 1.
+    """
+
+    system: PolynomialSystem
+    injection: PolynomialMap
+    degree: int
+
+    def __post_init__(self) -> None:
+        n, p = self.system.states, self.system.outputs
+        if (self.injection.components, self.injection.variables) != (n, p):
+            raise InputError(
+                "injection",
+                f"takes {self.injection.variables} outputs to {self.injection.components} "
+                f"states, must take {p} to {n}",
+            )
+        if np.any(self.injection.coefficients[:, 0] != 0):
+            raise InputError("injection", "must be zero for the output zero")
+        if self.injection.exact != self.system.dynamics.exact:
+            raise InputError("injection", "must be exact if the system is, and only then")
+        check_stable(self.system, self.A.astype(np.float64))
+        _ = self.basis
+
+    @cached_property
+    def basis(self) -> Monomials:
+        """The monomials of S and T."""
+        return monomials(self.system.states, self.degree)
+
+    @property
+    def F(self) -> Coefficients:
+        """df/dx at the origin."""
+        return self.system.F
+
+    @cached_property
+    def A(self) -> Coefficients:
+        """F + L0 H, the matrix of the error dynamics."""
+        found: Coefficients = self.F + self.injection.matrix @ self.system.H
+        return found
+
+    @cached_property
+    def dynamics(self) -> Coefficients:
+        """The series of f up to the degree, shape (n, N)."""
+        return self.system.dynamics.upto(self.degree).coefficients
+
+    @cached_property
+    def injected(self) -> Coefficients:
+        """l(h(x)) up to the degree, shape (n, N)."""
+        return self.injection.after(self.system.output, self.degree).coefficients
+
+
+def check_stable(system: PolynomialSystem, A: Coefficients) -> None:
+    """Refuse an A that is not stable, and say so if no gain could make it so.
+
+    Raises
+    ------
+    InputError
+        With the eigenvalues of A, or with the undetectable mode of the system.
+    """
+    eigenvalues = np.linalg.eigvals(A)
+    if np.max(eigenvalues.real) < 0:
+        return
+    hidden = undetectable(system)
+    if hidden is not None:
+        raise InputError(
+            "output",
+            f"does not show the mode {hidden:.6g} of the linear part, which does not decay: "
+            "the pair (F, H) is not detectable, and no injection makes the error decay",
+        )
+    listed = ", ".join(f"{value:.6g}" for value in eigenvalues)
+    raise InputError(
+        "injection",
+        f"makes A = F + L0 H with the eigenvalues {listed}; all real parts must be negative",
+    )
+
+
+def undetectable(system: PolynomialSystem) -> complex | None:
+    """An eigenvalue of F with a real part of zero or above that the output does not show.
+
+    By the test of Popov, Belevitch and Hautus; None if the pair (F, H) is detectable.
+    """
+    F, H = system.F.astype(np.float64), system.H.astype(np.float64)
+    n = len(F)
+    for value in np.linalg.eigvals(F):
+        if value.real >= -1e-12 * max(1.0, float(np.linalg.norm(F))):
+            pencil = np.concatenate([F - value * np.eye(n), H])
+            if np.linalg.matrix_rank(pencil) < n:
+                return complex(value)
+    return None
