@@ -93,6 +93,34 @@ def as_rows(name: str, value: ArrayLike, like: Matrix | None = None) -> Matrix:
     return array
 
 
+def as_record(name: str, samples: ArrayLike, columns: int, rows: int | None = None) -> Matrix:
+    """What an observer reads: two samples a step, and one at the end; finite, contiguous.
+
+    Raises
+    ------
+    InputError
+        If there is no odd number of rows (``rows`` if given), 3 or more, of ``columns`` finite
+        numbers.
+    """
+    try:
+        array = np.ascontiguousarray(samples, dtype=np.float64)
+    except (TypeError, ValueError):  # text, or rows of different lengths
+        raise InputError(name, "is no array of numbers") from None
+    if array.ndim != 2 or array.shape[1] != columns or len(array) % 2 == 0 or len(array) < 3:
+        raise InputError(
+            name,
+            f"has shape {array.shape}, must have an odd number of rows, 3 or more, of {columns} "
+            f"number{'s' if columns > 1 else ''}",
+        )
+    if rows is not None and len(array) != rows:
+        raise InputError(name, f"has {len(array)} rows, must have {rows} like the measured rate")
+    # Rows are looked at one by one only if something is wrong: that costs as much as observing.
+    if not np.isfinite(array).all():
+        row = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
+    return array
+
+
 def spectral_radius(matrix: Matrix) -> float:
     """The largest absolute eigenvalue of a square matrix."""
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.power_series.arithmetic import Coefficients
+from reobserve.power_series.expressions import from_expressions
 from reobserve.power_series.maps import PolynomialMap
 
 
@@ -49,6 +52,26 @@ class PolynomialSystem:
                     f"has the constant term {constant[component]}, must be zero at the origin; "
                     "shift the variables so that the equilibrium is there",
                 )
+
+    @classmethod
+    def from_expressions(
+        cls,
+        dynamics: Sequence[Any],
+        output: Sequence[Any],
+        variables: Sequence[Any],
+        degree: int,
+    ) -> PolynomialSystem:
+        """From expressions of sympy, or text that it reads, expanded up to a degree.
+
+        Raises
+        ------
+        InputError
+            If one of them has no Taylor series at the origin, or is not zero there.
+        """
+        return cls(
+            from_expressions("dynamics", dynamics, variables, degree),
+            from_expressions("output", output, variables, degree),
+        )
 
     @property
     def states(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import Matrix, as_vector
+from reobserve.matrices import Matrix, as_record, as_vector
 from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -162,47 +162,29 @@ class RigidBodyObserver(ABC):
         """
         if state.memory.shape != self._fresh_memory(np.zeros(3)).shape:
             raise InputError("state", "is of an observer of another kind or another delay")
-        right = _samples("rate", rate)
-        known = _samples("control", control, len(right))
+        right = as_record("rate", rate, 3)
+        rows = len(right)
+        known = as_record("control", control, 3, rows)
         record = Record(
             right,
-            right if rate_before is None else _samples("rate_before", rate_before, len(right)),
+            right if rate_before is None else as_record("rate_before", rate_before, 3, rows),
             known,
             known
             if control_before is None
-            else _samples("control_before", control_before, len(right)),
+            else as_record("control_before", control_before, 3, rows),
         )
-        steps = len(right) // 2
-        rows = Rows(*(np.empty((steps + 1, 3)) for _ in Rows._fields))
+        steps = rows // 2
+        out = Rows(*(np.empty((steps + 1, 3)) for _ in Rows._fields))
         working = State(state.rate.copy(), state.memory.copy(), state.count)
-        finite = self._run(working, record, rows)
-        rows.fault_before[0] = rows.fault[0]  # the record has nothing before its first row
+        finite = self._run(working, record, out)
+        out.fault_before[0] = out.fault[0]  # the record has nothing before its first row
         # The loop watches the rate; a fault estimate may overflow one row earlier.
-        if finite > 1 and not np.isfinite([values[finite - 1] for values in rows]).all():
+        if finite > 1 and not np.isfinite([values[finite - 1] for values in out]).all():
             finite -= 1
         if finite == steps + 1:
-            return Run(*rows, State(working.rate, working.memory, state.count + steps), None)
-        kept = Rows(*(values[:finite] for values in rows))
+            return Run(*out, State(working.rate, working.memory, state.count + steps), None)
+        kept = Rows(*(values[:finite] for values in out))
         return Run(*kept, state, (finite - 1) * self.step_size)
-
-
-def _samples(name: str, samples: ArrayLike, rows: int | None = None) -> Matrix:
-    try:
-        array = np.ascontiguousarray(samples, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError(name, "is no array of numbers") from None
-    if array.ndim != 2 or array.shape[1] != 3 or len(array) % 2 == 0 or len(array) < 3:
-        raise InputError(
-            name,
-            f"has shape {array.shape}, must have an odd number of rows, 3 or more, of 3 numbers",
-        )
-    if rows is not None and len(array) != rows:
-        raise InputError(name, f"has {len(array)} rows, must have {rows} like the measured rate")
-    # Rows are looked at one by one only if something is wrong: that costs as much as observing.
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
-    return array
 
 
 def whole_steps(interval: float, step: float) -> int:

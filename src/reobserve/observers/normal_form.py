@@ -1,0 +1,83 @@
+"""A normal-form observer for a system of one's own, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_floats
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.polynomial_system import PolynomialSystem
+from reobserve.power_series.maps import PolynomialMap
+from reobserve.synthesis.normal_form.design import normal_form
+
+FORMS = ("identity", "transformed")
+
+
+def normal_form_observer(
+    dynamics: Sequence[Any],
+    output: Sequence[Any],
+    variables: Sequence[Any],
+    *,
+    order: int,
+    step_size: float,
+    poles: Sequence[complex] | None = None,
+    injection: ArrayLike | None = None,
+    form: str = "identity",
+    gain: str = "series",
+    degree: int = 9,
+) -> NormalFormObserver:
+    """The observer (11), or (9) with (10), of a system given by expressions.
+
+    Parameters
+    ----------
+    dynamics, output
+        f(x) and h(x): expressions of sympy, or text that it reads; zero at the origin.
+    variables
+        The n states: symbols, or their names.
+    order
+        Of the gain; 0 is the constant gain.
+    step_size
+        [s]; records have two samples a step.
+    poles
+        The eigenvalues [1/s] of the error dynamics, n of them.
+    injection
+        Or instead of poles: L0, shape (n, p).
+    form
+        ``identity`` or ``transformed``.
+    gain
+        How an identity observer reads a truncated gain: ``series``, ``jacobian``, ``composed``.
+    degree
+        Up to which f and h are expanded, at least ``order + 1``: what is no polynomial of this
+        degree is cut off, also in the model that the observer runs on.
+
+    Raises
+    ------
+    InputError
+        That says what of the system, the poles or the injection cannot be used, and why.
+    """
+    if form not in FORMS:
+        raise InputError("form", f"{form!r} must be one of {', '.join(FORMS)}")
+    if order < 0:
+        raise InputError("order", f"{order} must not be negative")
+    expanded = PolynomialSystem.from_expressions(
+        dynamics, output, variables, max(degree, order + 1)
+    )
+    matrix = None
+    if injection is not None:
+        values = as_floats("injection", injection)
+        if values.shape != (expanded.states, expanded.outputs):
+            raise InputError(
+                "injection",
+                f"has shape {values.shape}, must be {(expanded.states, expanded.outputs)}",
+            )
+        matrix = PolynomialMap.linear(values)
+    series = normal_form(expanded, order + 1, injection=matrix, poles=poles)
+    if form == "identity":
+        return IdentityObserver(series, order, step_size, gain)
+    return TransformedObserver(series, order, step_size)

@@ -1,0 +1,94 @@
+"""Transformed form of a normal-form observer (Thomas, Kwatny & Chang, (9), (10) and (12)).
+
+    z' = A z - l(y),      x^ = T(z)
+
+The dynamics are linear, so they are not integrated but discretised exactly, for an l(y) that runs
+through its three samples of a step as a parabola; that has order 4, as Simpson's rule has. The
+start is z = S(x^).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.kernel import kernel
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
+from reobserve.power_series.maps import PolynomialMap
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TransformedObserver(NormalFormObserver):
+    """The observer (9), (10) with T up to the degree ``order + 1``."""
+
+    @cached_property
+    def T(self) -> PolynomialMap:
+        """T as it is used here."""
+        return self.normal_form.T.upto(self.order + 1)
+
+    @cached_property
+    def _transition(self) -> tuple[Array, Array]:
+        """e^(A h), and the weights of l(y) at the start, the middle and the end of a step."""
+        from scipy.linalg import expm
+
+        A, h = self.normal_form.problem.A, self.step_size
+        n = len(A)
+        # The exponential of this block matrix holds in its first row e^(A h) and the integrals
+        # of e^(A (h - s)) s^k / k! over a step, k = 0, 1, 2.
+        chain = np.zeros((4 * n, 4 * n))
+        chain[:n, :n] = A
+        for k in range(3):
+            chain[k * n : (k + 1) * n, (k + 1) * n : (k + 2) * n] = np.eye(n)
+        row = expm(chain * h)[:n].reshape(n, 4, n)
+        I0, I1, I2 = row[:, 1], row[:, 2] / h, 2.0 * row[:, 3] / h**2
+        weights = np.array([I0 - 3.0 * I1 + 2.0 * I2, 4.0 * I1 - 4.0 * I2, 2.0 * I2 - I1])
+        return np.ascontiguousarray(row[:, 0]), weights
+
+    def _start(self, estimate: Array) -> Array:
+        start: Array = self.normal_form.S(estimate)
+        return start
+
+    def _run(self, values: Array, output: Array, rows: Array) -> int:
+        transition, weights = self._transition
+        injection = polynomials(self.normal_form.problem.injection)
+        return _run(transition, weights, injection, output, rows)
+
+    def _read(self, rows: Array) -> tuple[Array, Array]:
+        estimate = np.empty_like(rows)
+        _evaluate_rows(polynomials(self.T), rows, estimate)
+        return estimate, rows
+
+
+@kernel
+def _run(
+    transition: Array, weights: Array, injection: Polynomials, output: Array, rows: Array
+) -> int:
+    """Fill ``rows`` from its first one; return the number of finite rows."""
+    n = rows.shape[1]
+    room, fed = np.empty(len(injection.parent)), np.empty((3, n))
+    for k in range(len(rows) - 1):
+        for j in range(3):
+            evaluate(injection, output[2 * k + j], room, fed[j])
+        for i in range(n):
+            after = 0.0
+            for c in range(n):
+                after += transition[i, c] * rows[k, c]
+                for j in range(3):
+                    after -= weights[j, i, c] * fed[j, c]
+            if not np.isfinite(after):
+                return k + 1
+            rows[k + 1, i] = after
+    return len(rows)
+
+
+@kernel
+def _evaluate_rows(source: Polynomials, rows: Array, out: Array) -> None:
+    room = np.empty(len(source.parent))
+    for k in range(len(rows)):
+        evaluate(source, rows[k], room, out[k])

@@ -1,0 +1,74 @@
+"""Autonomous plant with polynomial dynamics and outputs, such as Van der Pol's oscillator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.kernel import kernel
+from reobserve.matrices import as_positive, as_vector
+from reobserve.polynomial_system import PolynomialSystem
+from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialPlant:
+    """The plant x' = f(x), y = h(x)."""
+
+    system: PolynomialSystem
+
+    def simulate(self, initial_state: ArrayLike, step: float, steps: int) -> Array:
+        """States at multiples of ``step`` [s], shape (steps + 1, n), by classical Runge-Kutta.
+
+        Raises
+        ------
+        InputError
+            If ``initial_state`` is not n numbers, ``step`` is not positive or there is none.
+        DivergenceError
+            If the state leaves the range of floating-point numbers.
+        """
+        start = as_vector("initial_state", initial_state, self.system.states)
+        as_positive("step", step)
+        if steps < 1:
+            raise InputError("steps", f"{steps} must be at least 1")
+        states = np.empty((steps + 1, len(start)))
+        states[0] = start
+        finite = _simulate(polynomials(self.system.dynamics), step, states)
+        if finite < steps:
+            raise DivergenceError("plant", finite * step)
+        return states
+
+    def output(self, states: Array) -> Array:
+        """The output y at states of shape (..., n); the result has shape (..., p)."""
+        values: Array = self.system.output(states)
+        return values
+
+
+@kernel
+def _simulate(f: Polynomials, step: float, states: Array) -> int:
+    """Fill ``states`` from its first row; return the last index with a finite state."""
+    n = states.shape[1]
+    room = np.empty(len(f.parent))
+    k1, k2, k3, k4, x = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
+    for k in range(len(states) - 1):
+        evaluate(f, states[k], room, k1)
+        for i in range(n):
+            x[i] = states[k, i] + 0.5 * step * k1[i]
+        evaluate(f, x, room, k2)
+        for i in range(n):
+            x[i] = states[k, i] + 0.5 * step * k2[i]
+        evaluate(f, x, room, k3)
+        for i in range(n):
+            x[i] = states[k, i] + step * k3[i]
+        evaluate(f, x, room, k4)
+        for i in range(n):
+            after = states[k, i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+            if not np.isfinite(after):
+                return k
+            states[k + 1, i] = after
+    return len(states) - 1

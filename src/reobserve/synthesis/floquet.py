@@ -1,0 +1,102 @@
+"""Stable limit cycles of polynomial systems, and how errors grow or decay along them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.polynomial_system import PolynomialSystem
+
+Array = NDArray[np.float64]
+
+_SOLVER = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """A stable periodic orbit: its ``period`` [s] and one of its points ``start``, shape (n,)."""
+
+    system: PolynomialSystem
+    period: float
+    start: Array
+
+    def points(self, count: int) -> Array:
+        """So many points, evenly spaced in time, from the start on; shape (count, n)."""
+        from scipy.integrate import solve_ivp
+
+        time = np.arange(count) * (self.period / count)
+        solution = solve_ivp(
+            _slope(self.system), (0, self.period), self.start, t_eval=time, **_SOLVER
+        )
+        found: Array = solution.y.T
+        return found
+
+
+def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: float) -> LimitCycle:
+    """The limit cycle that a trajectory has come to after ``settle`` seconds.
+
+    Raises
+    ------
+    InputError
+        If the trajectory does not return to where it then is within another ``settle`` seconds.
+    """
+    from scipy.integrate import solve_ivp
+
+    slope = _slope(system)
+    there = solve_ivp(slope, (0, settle), np.asarray(initial_state, dtype=np.float64), **_SOLVER)
+    start: Array = there.y[:, -1]
+    normal = slope(0.0, start)
+
+    def section(_: float, x: Array) -> float:
+        return float(normal @ (x - start))
+
+    section.direction = 1.0  # type: ignore[attr-defined]
+    again = solve_ivp(slope, (0, settle), start, events=section, **_SOLVER)
+    size = float(np.linalg.norm(start))
+    for time, state in zip(again.t_events[0], again.y_events[0], strict=True):
+        if time > 1e-6 and np.linalg.norm(state - start) < 1e-6 * size:
+            return LimitCycle(system, float(time), start)
+    raise InputError(
+        "initial_state", f"leads to no limit cycle within {settle:g} s, nor back within as many"
+    )
+
+
+def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
+    """Real parts [1/s] of the Floquet exponents of e' = J(x(t)) e along a limit cycle.
+
+    Parameters
+    ----------
+    cycle
+        The limit cycle.
+    jacobians
+        J at an even number of `LimitCycle.points`, shape (2 m, n, n). The fundamental matrix is
+        integrated by the classical Runge-Kutta method in m steps.
+
+    The largest exponent comes first; an error shrinks by e^(exponent * period) in each turn.
+    """
+    n = jacobians.shape[1]
+    h = 2.0 * cycle.period / len(jacobians)
+    start, middle = jacobians[0::2], jacobians[1::2]
+    end = np.roll(start, -1, axis=0)
+    k1 = start
+    k2 = middle @ (np.eye(n) + 0.5 * h * k1)
+    k3 = middle @ (np.eye(n) + 0.5 * h * k2)
+    k4 = end @ (np.eye(n) + h * k3)
+    steps = np.eye(n) + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    fundamental = reduce(lambda before, step: step @ before, steps)
+    multipliers = np.linalg.eigvals(fundamental)
+    found: Array = np.sort(np.log(np.abs(multipliers)))[::-1] / cycle.period
+    return found
+
+
+def _slope(system: PolynomialSystem) -> Callable[[float, Array], Array]:
+    def slope(_: float, x: Array) -> Array:
+        found: Array = system.dynamics(x)
+        return found
+
+    return slope

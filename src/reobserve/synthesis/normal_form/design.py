@@ -1,0 +1,76 @@
+"""From a system and the wanted error dynamics to its normal form, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.polynomial_system import PolynomialSystem
+from reobserve.power_series.maps import PolynomialMap
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.placement import injection_for
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.resonance import Resonance, check_nonresonant
+from reobserve.synthesis.normal_form.solver import solver_for
+
+
+@dataclass(frozen=True, eq=False)
+class NormalForm:
+    """The series of a problem.
+
+    ``S`` and ``T`` are z = S(x) and x = T(z) up to the degree of the problem; ``gain`` is L(x),
+    dT/dz at z = S(x), with n n components by rows and one degree less. ``resonance`` is the
+    smallest divisor behind them; None for degree 1, which has none.
+    """
+
+    problem: NormalFormProblem
+    resonance: Resonance | None
+    S: PolynomialMap
+    T: PolynomialMap
+    gain: PolynomialMap
+
+
+def normal_form(
+    system: PolynomialSystem,
+    degree: int,
+    *,
+    injection: PolynomialMap | None = None,
+    poles: Sequence[complex] | None = None,
+) -> NormalForm:
+    """The normal form of a system up to a degree.
+
+    Parameters
+    ----------
+    system
+        x' = f(x), y = h(x) with an equilibrium at the origin.
+    degree
+        The highest degree of S and T; the gain has one less.
+    injection
+        l(y), whose linear part L0 makes A = F + L0 H stable.
+    poles
+        Instead of it: the eigenvalues [1/s] that A is to have.
+
+    Raises
+    ------
+    InputError
+        If both or none of ``injection`` and ``poles`` are given, A is unstable or resonant, the
+        pair (F, H) is not detectable, or the series would not fit into memory.
+    """
+    if (injection is None) == (poles is None):
+        raise InputError("injection, poles", "one of them must be given, and not both")
+    if injection is None:
+        assert poles is not None
+        if system.dynamics.exact:
+            raise InputError("poles", "give no exact injection; give the injection itself")
+        injection = PolynomialMap.linear(np.asarray(injection_for(system, poles)))
+    problem = NormalFormProblem(system, injection, degree)
+    smallest = check_nonresonant(problem)
+    solver = solver_for(problem)
+    S = PolynomialMap(problem.basis, solve_s(problem, solver))
+    T = PolynomialMap(problem.basis, solve_t(problem, solver))
+    return NormalForm(problem, smallest, S, T, gain_series(S))
