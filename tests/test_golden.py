@@ -10,26 +10,27 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from reobserve.config import read_yaml
+from reobserve import golden_tables
 from reobserve.errors import InputError
-from reobserve.evaluation import Evaluator
-from reobserve.golden import compare, folder
+from reobserve.evaluation import Evaluation, Evaluator
+from reobserve.golden import compare, folder, write
 from reobserve.ledger import Ledger, leaves
+from reobserve.series import Channel, Series
 
-from .pipeline.conftest import ROOT, Project, copy_project
+from .pipeline.conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project, copy_project
 
-CONFIG = read_yaml(ROOT / "config" / "config.yaml")
-PAPERS = CONFIG["papers"]
+# Ends of keys, by paper. Of some constants one per cent can only be refused: what must fit the
+# grid, and the levels of a study, after which its metrics are named.
+ONLY_REFUSED = {"ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels")}
+# Others are names in the form of numbers, no constants.
+NO_CONSTANTS = {"ilo": ("metrics.axis",)}
+# K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.
+MADE_LESS = {"ilo": (".K1",)}
 
-
-def default(paper: str) -> Ledger:
-    return Ledger.load(ROOT, paper, seed=CONFIG["seed"])
-
-
-FIGURES = [(paper, figure) for paper in PAPERS for figure in default(paper).tree["figures"]]
-EVALUATORS = {paper: Evaluator(default(paper)) for paper in PAPERS}
+EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 
 
 @pytest.mark.parametrize(("paper", "figure"), FIGURES)
@@ -37,25 +38,34 @@ def test_the_numbers_are_golden(paper: str, figure: str) -> None:
     assert list(map(str, compare(EVALUATORS[paper], figure, folder(ROOT, paper)))) == []
 
 
+def test_the_tables_are_golden() -> None:
+    for paper, table in TABLES:
+        found = golden_tables.compare(EVALUATORS[paper], table, folder(ROOT, paper))
+        assert list(map(str, found)) == []
+
+
 Path_ = tuple[str | int, ...]
 
 
-def twin(path: Path_) -> Path_:
-    """The mirrored place of a matrix entry; any other place is its own."""
-    in_matrix = len(path) == 2 and all(isinstance(step, int) for step in path)
-    return path[::-1] if in_matrix else path
+def twin(path: Path_, value: Any) -> Path_:
+    """The mirrored place of an entry of a symmetric matrix; any other place is its own."""
+    if len(path) != 2 or not all(isinstance(step, int) for step in path):
+        return path
+    square = all(len(row) == len(value) for row in value)
+    symmetric = square and value == list(map(list, zip(*value, strict=True)))
+    return path[::-1] if symmetric else path
 
 
 def constants() -> Iterator[tuple[str, str, Path_]]:
     """Every number of a ledger that is physics, a gain or a rule of the metrics, and not zero."""
     for paper in PAPERS:
-        for key, entry in default(paper).entries():
-            if entry.get("numerical") or key == "metrics.axis":
+        for key, entry in LEDGERS[paper].entries():
+            if entry.get("numerical") or key.endswith(NO_CONSTANTS.get(paper, ())):
                 continue
             for path, value in leaves(entry["value"]):
                 words = isinstance(value, str | bool)
                 if not words and value != 0 and path[-1:] != ("axis",):
-                    if path != min(path, twin(path), key=str):
+                    if path != min(path, twin(path, entry["value"]), key=str):
                         continue  # the other half of a symmetric matrix
                     yield paper, key, path
 
@@ -65,7 +75,7 @@ CONSTANTS = list(constants())
 
 def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger:
     """The ledger with one number off by a per cent (in a symmetric matrix with its twin)."""
-    ledger = default(paper)
+    ledger = LEDGERS[paper]
     tree = copy.deepcopy(ledger.tree)
     entry: Any = tree
     for word in key.split("."):
@@ -73,7 +83,7 @@ def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger
     if not path:
         entry["value"] *= factor
     else:
-        for way in {path, twin(path)}:
+        for way in {path, twin(path, entry["value"])}:
             inner = entry["value"]
             for step in way[:-1]:
                 inner = inner[step]
@@ -83,14 +93,19 @@ def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger
 
 def deviates(ledger: Ledger) -> str:
     """The first deviation from the golden numbers, or the sentence that refuses the ledger."""
-    evaluator, unchanged = Evaluator(ledger), default(ledger.paper)
+    evaluator, unchanged = Evaluator(ledger), LEDGERS[ledger.paper]
+    kept = folder(ROOT, ledger.paper)
     try:
         for figure in ledger.tree["figures"]:
             # A figure that sees nothing of the change cannot deviate; plot sees most.
             if ledger.settings("plot", figure) == unchanged.settings("plot", figure):
                 continue
-            for deviation in compare(evaluator, figure, folder(ROOT, ledger.paper)):
+            for deviation in compare(evaluator, figure, kept):
                 return str(deviation)
+        for table in ledger.tree.get("tables", {}):
+            if ledger.settings("table", table) != unchanged.settings("table", table):
+                for cell in golden_tables.compare(evaluator, table, kept):
+                    return str(cell)
     except InputError as error:
         return f"refused: {error}"
     return ""
@@ -105,14 +120,10 @@ def test_the_list_of_constants_is_long_enough() -> None:
 
 @pytest.mark.parametrize(("paper", "key", "path"), CONSTANTS)
 def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, path: Path_) -> None:
-    # K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.
-    factor = 0.99 if key.endswith(".K1") else 1.01
+    factor = 0.99 if key.endswith(MADE_LESS.get(paper, ())) else 1.01
     said = deviates(perturbed(paper, key, path, factor))
     assert said
-    # Refused instead of off is only what must fit the grid, and the levels of a study, after
-    # which its metrics are named.
-    refused = (".interval", ".noise_period", ".integral_gains", ".noise_levels")
-    assert said.startswith("refused: ") == key.endswith(refused), said
+    assert said.startswith("refused: ") == key.endswith(ONLY_REFUSED.get(paper, ())), said
 
 
 @pytest.mark.parametrize(
@@ -158,10 +169,10 @@ def test_the_golden_test_fails_in_a_copy_with_another_constant(tmp_path: Path) -
     config = project.folder / "config/papers/ilo.yaml"
     config.write_text(config.read_text().replace("[36.0, 1.5, 0.0]", "[36.36, 1.5, 0.0]"))
     done = project.run(
-        "pytest", "tests/test_golden.py", "-k", "numbers_are_golden", check=False
+        "pytest", "tests/test_golden.py", "-k", "numbers_are_golden and ilo-", check=False
     )  # fmt: skip
     assert done.returncode == 1
-    assert f"{len(FIGURES)} failed" in done.stdout
+    assert f"{len(LEDGERS['ilo'].tree['figures'])} failed" in done.stdout
     assert "ilo fig1, plant.rate_" in done.stdout
 
 
@@ -185,7 +196,7 @@ def test_renewing_prints_old_and_new_and_keeps_the_reason(checkout: Project) -> 
     checked = checkout.run("reobserve", "golden", "check", check=False)
     assert checked.returncode == 1
     assert "golden numbers moved" in checked.stderr
-    said = update(checkout, "--reason", "the stuck value is another")
+    said = update(checkout, "ilo", "--reason", "the stuck value is another")
     assert said.returncode == 0, said.stderr
     assert "ilo fig1, plant.fault_1 at 5 s: golden 0.5, found 0.6" in said.stdout
     assert "ilo fig2" not in said.stdout
@@ -195,10 +206,10 @@ def test_renewing_prints_old_and_new_and_keeps_the_reason(checkout: Project) -> 
 
 
 def test_unchanged_numbers_renew_to_the_same_bytes(checkout: Project) -> None:
-    golden = checkout.folder / "tests/golden/ilo"
-    before = {path.name: path.read_bytes() for path in golden.iterdir()}
-    assert update(checkout, "--reason", "nothing has changed").returncode == 0
-    assert {path.name: path.read_bytes() for path in golden.iterdir()} == before
+    kept = [path for paper in PAPERS for path in folder(checkout.folder, paper).iterdir()]
+    before = {path: path.read_bytes() for path in kept}
+    assert update(checkout, *PAPERS, "--reason", "nothing has changed").returncode == 0
+    assert {path: path.read_bytes() for path in kept} == before
 
 
 @pytest.mark.parametrize(
@@ -224,3 +235,22 @@ def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, 
     os.remove(path)
     with pytest.raises(InputError, match="cannot be read"):
         list(compare(EVALUATORS["ilo"], "fig1", tmp_path))
+
+
+class OneSeries(Evaluator):
+    """An evaluator whose figure is one signal in one unit."""
+
+    def __init__(self, unit: str) -> None:
+        super().__init__(LEDGERS["ilo"])
+        self.unit = unit
+
+    def figure(self, figure: str) -> Evaluation:
+        time = np.arange(3) * 0.1
+        return Evaluation(Series(time, {"x": Channel(10 * time, self.unit)}), {}, None, [])
+
+
+def test_a_unit_must_have_a_rounding(tmp_path: Path) -> None:
+    write(OneSeries("1/s"), OneSeries("1/s"), "fig1", tmp_path)
+    assert "plant.x,1/s,2e-09," in (tmp_path / "fig1.tolerances.csv").read_text()
+    with pytest.raises(InputError, match=r"plant\.x: has the unit 'kg', of which .* 1/s"):
+        write(OneSeries("kg"), OneSeries("kg"), "fig1", tmp_path)

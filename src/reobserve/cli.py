@@ -93,19 +93,34 @@ def _add_stages(commands: Any) -> None:
     plant.add_argument("scenario", help="a scenario of the ledger")
     _output(plant, "the record, Parquet")
 
+    design = _command(
+        commands, "design", "stages.design:run", "compute a design: gains that observers share"
+    )
+    _ledger_file(design)
+    design.add_argument("design", help="a design of the ledger")
+    _output(design, "the design, JSON")
+
     observe = _command(
         commands, "observe", "stages.observe:run", "run an observer on a plant's record"
     )
     _ledger_file(observe)
     observe.add_argument("plant_file", type=Path, help="a record made by `reobserve plant`")
     observe.add_argument("observer", help="an observer of the ledger")
+    _design_file(observe)
     _output(observe, "the estimates, Parquet")
 
     study = _command(commands, "study", "stages.study:run", "run a study: many runs, one table")
     _ledger_file(study)
     study.add_argument("plant_file", type=Path, help="a record made by `reobserve plant`")
     study.add_argument("study", help="a study of the ledger")
+    _design_file(study)
     _output(study, "the table, CSV")
+
+    table = _command(commands, "table", "stages.table:run", "fill a table from a design")
+    _ledger_file(table)
+    table.add_argument("table", help="a table of the ledger")
+    _design_file(table, required=True)
+    _output(table, "the table, CSV")
 
     metrics = _command(commands, "metrics", "stages.metrics:run", "the numbers of a figure")
     _figure_inputs(metrics)
@@ -127,11 +142,14 @@ def _add_golden(commands: Any) -> None:
     )
     actions = golden.add_subparsers(metavar="ACTION", required=True)
     check = _command(
-        actions, "check", "golden:check_command", "compare all figures with their golden numbers"
+        actions,
+        "check",
+        "golden_commands:check_command",
+        "compare all figures and tables with their golden numbers",
     )
     _project(check)
     update = _command(
-        actions, "update", "golden:update_command",
+        actions, "update", "golden_commands:update_command",
         "renew the golden numbers; prints old and new, refuses in CI and on a dirty tree",
     )  # fmt: skip
     update.add_argument("--reason", required=True, help="why they moved; kept beside them")
@@ -160,6 +178,11 @@ def _output(command: argparse.ArgumentParser, text: str) -> None:
 
 def _ledger_file(command: argparse.ArgumentParser) -> None:
     command.add_argument("ledger_file", type=Path, help="a ledger made by `reobserve ledger`")
+
+
+def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
+    text = "by `reobserve design`" + ("" if required else ", if the ledger names a design")
+    command.add_argument("--design-file", type=Path, required=required, metavar="FILE", help=text)
 
 
 def _figure_inputs(command: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ from reobserve.errors import located
 from reobserve.ledger import Ledger, digest
 from reobserve.metrics import Metric
 from reobserve.series import Series
-from reobserve.stages.common import paper_module
+from reobserve.stages.common import compute_design, paper_module
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Evaluation:
 
 @dataclass
 class Evaluator:
-    """Evaluates figures of one ledger; what figures share is computed once."""
+    """Evaluates figures and tables of one ledger; what they share is computed once."""
 
     ledger: Ledger
     _done: dict[str, Any] = field(default_factory=dict)
@@ -57,6 +57,36 @@ class Evaluator:
                 plant, estimates, study, module.measure(settings, plant, estimates, study)
             )
 
+    def table(self, table: str) -> list[dict[str, Any]]:
+        """The rows of one table.
+
+        Raises
+        ------
+        InputError
+            If the ledger has no such table or a value in it cannot be used.
+        """
+        settings = self.ledger.settings("table", table)
+        design = self._design(settings["table"])
+        with located(f"{self.ledger.paper}.tables.{table}"):
+            rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "table").rows(
+                settings, *design
+            )
+        return rows
+
+    def refined(self) -> Evaluator:
+        """The same with every numerical step halved; what no step enters is not computed again."""
+        return Evaluator(self.ledger.refined(), self._done)
+
+    def _design(self, body: dict[str, Any]) -> list[dict[str, Any]]:
+        """The design that an observer, a study or a table names; empty without one."""
+        if "design" not in body:
+            return []
+        name = body["design"]
+        key = digest(["design", name, self.ledger.settings("design", name)])
+        if key not in self._done:
+            self._done[key] = compute_design(self.ledger, name)
+        return [self._done[key]]
+
     def _plant(self, scenario: str) -> Series:
         settings = self.ledger.settings("plant", scenario)
         key = digest(["plant", settings])
@@ -70,9 +100,11 @@ class Evaluator:
         settings = self.ledger.settings("observe", scenario, observer)
         key = digest(["observe", settings, self.ledger.settings("plant", scenario)])
         if key not in self._done:
+            design = self._design(settings["observer"])
+            plant = self._plant(scenario)
             with located(f"{self.ledger.paper}.observers.{observer}"):
                 self._done[key] = paper_module(self.ledger.paper, "observe").estimate(
-                    settings, self._plant(scenario)
+                    settings, plant, *design
                 )
         series: Series = self._done[key]
         return series
@@ -81,9 +113,11 @@ class Evaluator:
         settings = self.ledger.settings("study", study)
         key = digest(["study", settings])
         if key not in self._done:
+            design = self._design(settings["study"])
+            plant = self._plant(settings["study"]["scenario"])
             with located(self.ledger.paper):
                 self._done[key] = paper_module(self.ledger.paper, "study").run(
-                    settings, self._plant(settings["study"]["scenario"])
+                    settings, plant, *design
                 )
         rows: list[dict[str, Any]] = self._done[key]
         return rows

@@ -56,13 +56,16 @@ def write_table(path: str | Path, rows: Iterable[Mapping[str, Any]], header: Seq
             writer = csv.DictWriter(stream, header, lineterminator="\n")
             writer.writeheader()
             for row in rows:
-                writer.writerow({key: _plain(value) for key, value in row.items()})
+                writer.writerow({key: cell(value) for key, value in row.items()})
 
     write_whole(path, write)
 
 
-def _plain(value: Any) -> Any:
-    return repr(float(value)) if isinstance(value, float) else value
+def cell(value: Any) -> str:
+    """A value as it stands in a table; nothing for None."""
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 def read_table(path: str | Path, header: Sequence[str]) -> list[dict[str, str]]:

@@ -1,4 +1,4 @@
-"""Golden numbers: what stands behind each figure, kept with tolerances, checked and renewed.
+"""Golden numbers: what stands behind each figure, kept with tolerances and compared.
 
 For each figure ``tests/golden/<paper>`` holds the series, one row every `PERIOD` seconds, and the
 metrics, each with the tolerance found by halving every numerical step when it was written.
@@ -6,7 +6,7 @@ metrics, each with the tolerance found by halving every numerical step when it w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.config import known_papers, read_yaml
-from reobserve.errors import InputError, ReobserveError
+from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.files import read_table, write_table
-from reobserve.ledger import Ledger
 from reobserve.series import Channel, Series
 
 Array = NDArray[np.float64]
@@ -27,7 +25,7 @@ PERIOD = 0.1  # [s] between the rows kept of each series
 
 # What another processor may round differently: kernels of BLAS, sines of the C library. A rate is
 # good to some units in its last place; gains of some thousands turn that into torque.
-_ROUNDING = {"N m": 1e-9, "rad/s": 1e-12, "1": 1e-9, "s": 1e-9}
+_ROUNDING = {"N m": 1e-9, "rad/s": 1e-12, "1": 1e-9, "s": 1e-9, "1/s": 1e-9}
 
 _METRIC_HEADER = ("observer", "metric", "value", "unit", "tolerance", "reason")
 _TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")
@@ -93,10 +91,16 @@ def compare(evaluator: Evaluator, figure: str, golden: Path) -> Iterator[Deviati
             yield Deviation(name, metric, value, found, tolerance)
 
 
-def write(ledger: Ledger, figure: str, golden: Path) -> None:
-    """Write the golden numbers of a figure, with tolerances from halving every step."""
-    series, metrics = _numbers(Evaluator(ledger).figure(figure))
-    fine_series, fine_metrics = _numbers(Evaluator(ledger.refined()).figure(figure))
+def write(evaluator: Evaluator, refined: Evaluator, figure: str, golden: Path) -> None:
+    """Write the golden numbers of a figure, with tolerances from every step halved.
+
+    Raises
+    ------
+    InputError
+        If a unit is none of those of which it is known how well their numbers are.
+    """
+    series, metrics = _numbers(evaluator.figure(figure))
+    fine_series, fine_metrics = _numbers(refined.figure(figure))
     time = np.arange(len(next(iter(series.values())).values)) * PERIOD
     rows = (
         {"time": f"{t:.6g}"} | {name: f"{n.values[i]:.14g}" for name, n in series.items()}
@@ -106,7 +110,7 @@ def write(ledger: Ledger, figure: str, golden: Path) -> None:
     write_table(
         golden / f"{figure}.tolerances.csv",
         (
-            {"column": name, "unit": number.unit} | _tolerance(number, fine_series[name])
+            {"column": name, "unit": number.unit} | _tolerance(name, number, fine_series[name])
             for name, number in series.items()
         ),
         _TOLERANCE_HEADER,
@@ -116,54 +120,11 @@ def write(ledger: Ledger, figure: str, golden: Path) -> None:
         (
             dict(zip(("observer", "metric"), name.split(":"), strict=True))
             | {"value": f"{float(number.values):.14g}", "unit": number.unit}
-            | _tolerance(number, fine_metrics[name])
+            | _tolerance(name, number, fine_metrics[name])
             for name, number in metrics.items()
         ),
         _METRIC_HEADER,
     )
-
-
-def check_command(project: Path) -> None:
-    """Compare all figures of all papers that are built; print and fail on deviations."""
-    found: list[Deviation] = []
-    for paper in read_yaml(project / "config" / "config.yaml")["papers"]:
-        evaluator = Evaluator(_default_ledger(project, paper))
-        for figure in evaluator.ledger.tree["figures"]:
-            found += compare(evaluator, figure, folder(project, paper))
-            print(f"{paper} {figure}: compared")
-    for deviation in found:
-        print(deviation)
-    if found:
-        raise ReobserveError(f"{len(found)} golden numbers moved beyond their tolerances")
-
-
-def update_command(project: Path, paper: Sequence[str], reason: str) -> None:
-    """Renew golden numbers: refuses without a reason, in CI and on a dirty tree."""
-    from reobserve.golden_guard import check_may_renew, keep_reason
-
-    check_may_renew(project, reason)
-    moved: list[str] = []
-    for name in paper or known_papers(project):
-        ledger = _default_ledger(project, name)
-        for figure in ledger.tree["figures"]:
-            moved += _renew(ledger, figure, folder(project, name))
-    print("\n".join(moved) if moved else "nothing moved beyond its tolerance")
-    keep_reason(project, reason, len(moved))
-
-
-def _renew(ledger: Ledger, figure: str, golden: Path) -> list[str]:
-    """Write one figure; what is said of it: old and new of each number that moved."""
-    try:
-        said = [str(deviation) for deviation in compare(Evaluator(ledger), figure, golden)]
-    except InputError as error:
-        said = [f"{ledger.paper} {figure}: written anew ({error})"]
-    write(ledger, figure, golden)
-    return said
-
-
-def _default_ledger(project: Path, paper: str) -> Ledger:
-    seed = read_yaml(project / "config" / "config.yaml")["seed"]
-    return Ledger.load(project, paper, seed=seed)
 
 
 def _numbers(evaluation: Evaluation) -> tuple[dict[str, Channel], dict[str, Channel]]:
@@ -187,8 +148,14 @@ def _columns(owner: str, series: Series) -> Iterator[tuple[str, Channel]]:
             yield f"{owner}.{column}", Channel(values[::every], units[name])
 
 
-def _tolerance(number: Channel, fine: Channel) -> dict[str, Any]:
+def _tolerance(name: str, number: Channel, fine: Channel) -> dict[str, Any]:
     """Twice the change on halving the steps, and not below what processors round differently."""
+    if number.unit not in _ROUNDING:
+        known = ", ".join(_ROUNDING)
+        raise InputError(
+            name,
+            f"has the unit {number.unit!r}, of which golden.py knows no rounding; only {known}",
+        )
     rows = min(number.values.size, fine.values.size)
     change = np.abs(number.values.ravel()[:rows] - fine.values.ravel()[:rows])
     halving = 2 * float(np.max(np.nan_to_num(change)))

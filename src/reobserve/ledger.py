@@ -19,6 +19,20 @@ from reobserve.config import Tree, check_schema, known_papers, nearest, read_yam
 from reobserve.errors import InputError
 from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
 
+# What bodies of a section may name, by key: one name or a list of them, and where they stand.
+_NAMED = {
+    "scenario": "scenarios",
+    "observers": "observers",
+    "study": "studies",
+    "design": "designs",
+}
+_NAMING = {
+    "observers": ("design",),
+    "studies": ("scenario", "observers", "design"),
+    "tables": ("design",),
+    "figures": ("scenario", "observers", "study"),
+}
+
 
 @dataclass(frozen=True)
 class Ledger:
@@ -100,12 +114,13 @@ class Ledger:
     def settings(self, stage: str, name: str, observer: str = "") -> Tree:
         """What one job of a stage depends on, as plain values.
 
-        ``name`` is the scenario (plant, observe), the study or the figure (metrics, plot).
+        ``name`` is the scenario (plant, observe), the design, the study, the table or the figure
+        (metrics, plot).
 
         Raises
         ------
         InputError
-            If the ledger has no such scenario, observer, study or figure.
+            If the ledger has nothing of that name, or no such observer.
         """
         settings = self._branches(stage, name, observer)
         if stage == "plot":
@@ -121,8 +136,14 @@ class Ledger:
                 "scenario": self.section("scenarios", name),
                 "seed": self.seed,
             }
+        if stage == "design":
+            return {"plant": plant, "design": self.section("designs", name)}
         if stage == "observe":
-            return {"plant": plant, "observer": self.section("observers", observer)}
+            body = self.section("observers", observer)
+            return {"plant": plant, "observer": body, **self._design(body)}
+        if stage == "table":
+            body = self.section("tables", name)
+            return {"plant": plant, "table": body, **self._design(body)}
         kind = "study" if stage == "study" else "figure"
         body = self.section("studies" if kind == "study" else "figures", name)
         branches: Tree = {
@@ -136,7 +157,21 @@ class Ledger:
             branches["seed"] = self.seed
         elif "study" in body:
             branches["study"] = self.section("studies", body["study"])
+        designs = self._designs(branches)
+        if designs:
+            branches["designs"] = designs
         return branches
+
+    def _design(self, body: Tree) -> Tree:
+        return {"design": self.section("designs", body["design"])} if "design" in body else {}
+
+    def _designs(self, branches: Tree) -> Tree:
+        """The designs behind a study or a figure: of its observers, its study and the study's."""
+        study = branches.get("study", {})
+        users = [*branches["observers"].values(), study]
+        users += [self.section("observers", name) for name in study.get("observers", ())]
+        names = dict.fromkeys(user["design"] for user in users if "design" in user)
+        return {name: self.section("designs", name) for name in names}
 
     def refined(self) -> Ledger:
         """The same ledger with every numerical step [s] halved."""
@@ -153,20 +188,17 @@ class Ledger:
             _check_range(f"{self.paper}.{path}", entry["value"], entry["range"])
 
     def _check_references(self) -> None:
-        """Every scenario, observer and study that is named must exist."""
-        for section in ("studies", "figures"):
+        """Every scenario, observer, study and design that is named must exist."""
+        for section, keys in _NAMING.items():
             for name, body in self.tree.get(section, {}).items():
-                for kind, wanted in (
-                    ("scenarios", [body["scenario"]]),
-                    ("observers", body["observers"]),
-                    ("studies", [body["study"]] if "study" in body else []),
-                ):
+                for key in filter(body.__contains__, keys):
+                    kind, named = _NAMED[key], body[key]
                     have = self.tree.get(kind, {})
-                    for key in wanted:
-                        if key not in have:
+                    for wanted in named if isinstance(named, list) else [named]:
+                        if wanted not in have:
                             raise InputError(
                                 f"{self.paper}.{section}.{name}",
-                                f"there is no {key!r} in {kind}{nearest(key, have)}",
+                                f"there is no {wanted!r} in {kind}{nearest(wanted, have)}",
                             )
 
 

@@ -13,13 +13,14 @@ from reobserve.ledger import Ledger
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:
-    """Print papers with their figures, scenarios, observers and what is built."""
+    """Print papers with their figures, tables, scenarios, observers and what is built."""
     formats = read_yaml(project / "config" / "config.yaml")["formats"]
     for name in paper or known_papers(project):
         tree = Ledger.load(project, name).tree
         about = tree["about"]
         names = [author.split()[-1] for author in about["authors"]]
-        print(f"{name}  {' & '.join(names)} ({about['year']}), {about['title']}")
+        year = f" ({about['year']})" if "year" in about else ""
+        print(f"{name}  {' & '.join(names)}{year}, {about['title']}")
         folder = project / "results" / name
         rows = []
         for figure, body in tree["figures"].items():
@@ -28,10 +29,20 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
             rows.append((figure, body["title"], state))
         _print_rows("figures", rows, f"make one: snakemake --cores 2 results/{name}/FIGURE.pdf")
         rows = [
+            (table, body["title"], _state(folder / f"{table}.csv"))
+            for table, body in tree.get("tables", {}).items()
+        ]
+        _print_rows("tables", rows)
+        rows = [
             (scenario, body["title"], _state(folder / scenario / "plant.parquet"))
             for scenario, body in tree["scenarios"].items()
         ]
         _print_rows("scenarios", rows)
+        rows = [
+            (design, body["title"], _state(folder / f"{design}.design.json"))
+            for design, body in tree.get("designs", {}).items()
+        ]
+        _print_rows("designs", rows)
         rows = []
         for observer, body in tree["observers"].items():
             runs = sorted(path.parent.name for path in folder.glob(f"*/{observer}.parquet"))

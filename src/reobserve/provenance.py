@@ -16,7 +16,7 @@ from pathlib import Path
 _PACKAGE = "reobserve"
 
 # Packages whose version can move a number or a picture.
-_PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel")
+_PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
 
 
 def stage_modules(stage: str, paper: str) -> list[str]:

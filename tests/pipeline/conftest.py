@@ -7,12 +7,23 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from reobserve.config import read_yaml
+from reobserve.ledger import Ledger
+
 ROOT = Path(__file__).parents[2]
+
+# What a plain build makes: the papers of the config, their figures and tables.
+CONFIG = read_yaml(ROOT / "config" / "config.yaml")
+PAPERS = CONFIG["papers"]
+LEDGERS = {paper: Ledger.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
+FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree["figures"]]
+TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]
 
 
 @dataclass(frozen=True)
@@ -43,9 +54,10 @@ class Project:
         """Run Snakemake in the copy."""
         return self.run("snakemake", "--cores", "2", *arguments, check=check)
 
-    def stale(self, *arguments: str) -> dict[str, int]:
-        """How many jobs of each rule a build would run now."""
-        output = self.snakemake("--dry-run", *arguments).stdout
+    def stale(self, *arguments: str, config: Sequence[str] = ()) -> dict[str, int]:
+        """How many jobs of each rule a build would run now, with these pairs of ``--config``."""
+        pairs = ("--config", *config) if config else ()
+        output = self.snakemake("--dry-run", *arguments, *pairs).stdout
         table = re.search(r"Job stats:\n(.*?)\ntotal", output, re.DOTALL)
         rows = table[1].splitlines()[2:] if table else []
         return {row.split()[0]: int(row.split()[1]) for row in rows if not row.startswith("all ")}

@@ -197,6 +197,18 @@ def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) ->
     assert said == f"{missing}: there is no such file"
 
 
+def test_a_design_for_an_observer_without_one(
+    ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    output = tmp_path / "out.parquet"
+    said = refused(
+        capsys, "observe", ledger_file, record, "sampled",
+        "--design-file", tmp_path / "some.json", "--output", output,
+    )  # fmt: skip
+    assert said == "--design-file: is given, but the ledger names no design here"
+    assert not output.exists()
+
+
 def test_too_few_estimates_and_an_unknown_format(
     ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:

@@ -5,34 +5,35 @@ from __future__ import annotations
 import csv
 import math
 import re
+from html import escape
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from reobserve.config import known_papers
 from reobserve.evaluation import Evaluator
-from reobserve.ledger import Ledger
+from reobserve.files import write_table
 from reobserve.metrics import read_metrics
 from reobserve.series import Series
+from reobserve.stages.common import paper_module
 
-from .conftest import ROOT, Project
-
-FIGURES = ("fig1", "fig2", "fig3", "fig4", "fig4_matched", "fig5")
-SEED = 20070501
+from .conftest import FIGURES, LEDGERS, ROOT, TABLES, Project
 
 
 @pytest.fixture(scope="module")
-def evaluator() -> Evaluator:
-    return Evaluator(Ledger.load(ROOT, "ilo", seed=SEED))
+def evaluators() -> dict[str, Evaluator]:
+    return {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 
 
-@pytest.mark.parametrize("figure", FIGURES)
+@pytest.mark.parametrize(("paper", "figure"), FIGURES)
 def test_the_pipeline_computes_what_the_library_does(
-    built: Project, evaluator: Evaluator, figure: str
+    built: Project, evaluators: dict[str, Evaluator], paper: str, figure: str
 ) -> None:
     """One call in this process and a chain of jobs and files: the same to the last bit."""
+    evaluator = evaluators[paper]
     evaluation = evaluator.figure(figure)
-    folder = built.folder / "results" / "ilo"
+    folder = built.folder / "results" / paper
     for mine, theirs in zip(
         evaluation.metrics, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
     ):
@@ -50,6 +51,16 @@ def test_the_pipeline_computes_what_the_library_does(
             assert found.channels[channel].unit == expected.channels[channel].unit
 
 
+def test_the_pipeline_fills_tables_as_the_library_does(
+    built: Project, evaluators: dict[str, Evaluator], tmp_path: Path
+) -> None:
+    for paper, table in TABLES:
+        rows = evaluators[paper].table(table)
+        write_table(tmp_path / "table.csv", rows, paper_module(paper, "table").HEADER)
+        found = built.folder / "results" / paper / f"{table}.csv"
+        assert found.read_bytes() == (tmp_path / "table.csv").read_bytes(), (paper, table)
+
+
 def test_provenance_says_what_made_a_series(built: Project) -> None:
     series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
     about = series.provenance
@@ -63,7 +74,7 @@ def test_provenance_says_what_made_a_series(built: Project) -> None:
 def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
     fresh.snakemake("results/ilo/fig3.pdf")
     chain = {
-        "ilo/ledger.json",
+        *(f"{paper}/ledger.json" for paper in known_papers(ROOT)),
         "ilo/aperiodic/plant.parquet",
         *(f"ilo/aperiodic/{name}.parquet" for name in ("sampled", "continuous", "forgetting")),
         "ilo/fig3.metrics.csv",
@@ -134,19 +145,21 @@ def test_noise_in_the_record(fresh: Project) -> None:
 def test_the_snakemake_report_is_complete(built: Project) -> None:
     built.snakemake("--report", "report.html")
     html = (built.folder / "report.html").read_text()
-    for figure in FIGURES:
-        assert f"{figure}.svg" in html
-        assert f"{figure}.metrics.csv" in html
-        caption = (built.folder / f"results/ilo/{figure}.caption.rst").read_text()
+    for paper, figure in FIGURES:
+        assert f"results/{paper}/{figure}.svg" in html
+        assert f"results/{paper}/{figure}.metrics.csv" in html
+        caption = (built.folder / f"results/{paper}/{figure}.caption.rst").read_text()
         title = re.match(r"\*\*(.*?)\*\*", caption)
         assert title
-        assert title[1] in html, "the caption stands in the report"
+        assert escape(title[1], quote=False) in html, "the caption stands in the report"
+    for paper, table in TABLES:
+        assert f"results/{paper}/{table}.csv" in html
     (built.folder / "report.html").unlink()
 
 
 def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
-    for figure in FIGURES:
-        caption = (built.folder / f"results/ilo/{figure}.caption.rst").read_text()
+    for paper, figure in FIGURES:
+        caption = (built.folder / f"results/{paper}/{figure}.caption.rst").read_text()
         assert "Left open by the paper" in caption
         assert "Chosen" in caption
     fig4 = (built.folder / "results/ilo/fig4.caption.rst").read_text()
@@ -161,19 +174,25 @@ def test_captions_say_what_was_open_and_chosen(built: Project) -> None:
 
 def test_what_a_person_can_look_up(built: Project) -> None:
     listing = built.run("reobserve", "list").stdout
-    for word in ("ilo", *FIGURES, "constant", "combined", "sampled", "matching", "built: pdf"):
+    for word in ("ilo", "constant", "combined", "sampled", "matching", "built: pdf"):
         assert word in listing
-    params = built.run("reobserve", "params", "ilo").stdout
-    ledger = Ledger.load(ROOT, "ilo")
-    keys = [path for path, _ in ledger.entries()]
-    squeezed = re.sub(r"\s+", "", params)
-    assert len(keys) > 40
-    for key in keys:
-        assert key[:30] in squeezed
+    for paper, ledger in LEDGERS.items():
+        listing = built.run("reobserve", "list", paper).stdout
+        assert listing.startswith(f"{paper}  ")
+        for section in ("figures", "tables", "scenarios", "designs", "observers", "studies"):
+            for name in ledger.tree.get(section, {}):
+                assert re.search(rf"^    {name}  ", listing, re.MULTILINE), name
+        params = built.run("reobserve", "params", paper).stdout
+        keys = [path for path, _ in ledger.entries()]
+        squeezed = re.sub(r"\s+", "", params)
+        assert len(keys) > (40 if paper == "ilo" else 0)
+        for key in keys:
+            assert key[:30] in squeezed
     why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
     assert "chosen so that the contrast" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
-    for command in ("list", "params", "ledger", "plant", "observe", "study", "metrics", "plot"):
+    stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot")
+    for command in ("list", "params", *stages):
         assert command in usage
         assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")
     helped = built.run("make", "help").stdout

@@ -12,9 +12,10 @@ import pytest
 
 from reobserve.provenance import import_closure, stage_modules
 
-from .conftest import Project
+from .conftest import LEDGERS, PAPERS, Project
 
-STAGES = ("plant", "observe", "study", "metrics", "plot")
+# Stages that a paper has if its ledger has the section.
+OPTIONAL = {"design": "designs", "study": "studies", "table": "tables"}
 ALL = {"plant": 4, "observe": 14, "study": 1, "metrics": 6, "plot": 6}
 FROM_OBSERVE = {"observe": 14, "study": 1, "metrics": 6, "plot": 6}
 
@@ -33,7 +34,7 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
         os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-# The module, and the jobs that its edit makes stale: its stage's and those that follow.
+# The module, and the jobs of `ilo` that its edit makes stale: its stage's and those that follow.
 EDITS = {
     "plants/satellite.py": ALL,
     "papers/ilo/plant.py": ALL,
@@ -54,8 +55,10 @@ EDITS = {
 
 @pytest.mark.parametrize("module", EDITS)
 def test_an_edit_makes_its_stage_and_what_follows_stale(built: Project, module: str) -> None:
+    # Other papers have their share in what is common, and none in what is of `ilo`.
+    shared = "ilo" not in module
     with edited(built.folder / "src" / "reobserve" / module):
-        assert built.stale() == EDITS[module]
+        assert built.stale(config=["papers=[ilo]"] if shared else []) == EDITS[module]
 
 
 def test_a_touch_makes_nothing_stale(built: Project) -> None:
@@ -70,8 +73,8 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
     """One observer's gain: its runs, the study and their figures, no plant and not Fig. 4."""
     gain = "ilo={observers: {forgetting: {K2: 1900}}}"
     label = "ilo={observers: {forgetting: {label: another name}}}"
-    assert built.stale("--config", gain) == {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
-    assert built.stale("--config", label) == {"plot": 5}
+    assert built.stale(config=[gain]) == {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
+    assert built.stale(config=[label]) == {"plot": 5}
 
 
 @pytest.mark.parametrize(
@@ -79,7 +82,7 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
 )
 def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name: str) -> None:
     title = f"ilo={{{section}: {{{name}: {{title: another title}}}}}}"
-    assert built.stale("--config", title) == {"plot": 1}
+    assert built.stale(config=[title]) == {"plot": 1}
 
 
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
@@ -132,18 +135,28 @@ print(json.dumps(sorted(name for name in sys.modules if name.split(".")[0] == "r
 """
 
 
-def test_the_closure_holds_every_module_that_a_stage_loads(built: Project) -> None:
-    """The closure is read from source text; here each stage runs and says what it imported."""
-    jobs: dict[str, str] = {}
-    output = built.snakemake("--dry-run", "--forceall", "--printshellcmds").stdout
+@pytest.mark.parametrize("paper", PAPERS)
+def test_the_closure_holds_every_module_that_a_stage_loads(built: Project, paper: str) -> None:
+    """The closure is read from source text; here each stage runs and says what it imported.
+
+    One job of each kind runs: with and without a design, with and without a study. Who reads a
+    study's table asks the study's module for its columns; an edit there comes by way of the table.
+    """
+    jobs: dict[tuple[str, bool, bool], str] = {}
+    output = built.snakemake(
+        "--dry-run", "--forceall", "--printshellcmds", "--config", f"papers=[{paper}]"
+    ).stdout
     for line in output.splitlines():
         words = line.replace("Shell command:", "").split()
         if words[:1] == ["reobserve"] and "figdiff" not in words:
-            jobs.setdefault(words[1], " ".join(words[1:]).partition(" > ")[0])
-    assert set(jobs) == set(STAGES)
-    for stage, job in jobs.items():
+            kind = (words[1], "--design-file" in words, "--study-file" in words)
+            jobs.setdefault(kind, " ".join(words[1:]).partition(" > ")[0])
+    optional = {stage for stage, section in OPTIONAL.items() if section in LEDGERS[paper].tree}
+    assert {stage for stage, *_ in jobs} == {"plant", "observe", "metrics", "plot"} | optional
+    for (stage, _, studied), job in jobs.items():
         loaded = set(json.loads(built.run("python", "-c", LOADED, *job.split()).stdout))
-        closure = set(import_closure(stage_modules(stage, "ilo")))
+        closure = set(import_closure(stage_modules(stage, paper)))
+        read = import_closure([f"reobserve.papers.{paper}.study"]) if studied else []
+        assert loaded <= closure | set(read), stage
         # __main__ is the module of `python -m reobserve`, which this test does not go through.
-        assert loaded <= closure, stage
         assert closure - loaded <= {"reobserve.__main__"}, stage

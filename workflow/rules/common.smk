@@ -37,14 +37,20 @@ LEDGERS = load_ledgers()
 REPORTED = next(kind for kind in ("svg", "png", "pdf") if kind in config["formats"])
 
 
-def all_figures():
-    """The files that a plain `snakemake` builds."""
-    return [
+def products():
+    """The files that a plain `snakemake` builds: figures with their numbers, and tables."""
+    figures = [
         f"results/{paper}/{figure}.{suffix}"
         for paper in config["papers"]
         for figure in LEDGERS[paper].tree["figures"]
         for suffix in (*config["formats"], "metrics.csv")
     ]
+    tables = [
+        f"results/{paper}/{table}.csv"
+        for paper in config["papers"]
+        for table in LEDGERS[paper].tree.get("tables", {})
+    ]
+    return figures + tables
 
 
 def names(section):
@@ -102,6 +108,22 @@ def study_record(wildcards):
     return f"results/{wildcards.paper}/{scenario}/plant.parquet"
 
 
+def named_design(section, wildcard):
+    """An input function: the design that an observer, a study or a table names, if it does."""
+
+    def inner(wildcards):
+        body = LEDGERS[wildcards.paper].section(section, wildcards[wildcard])
+        if "design" not in body:
+            return []
+        return f"results/{wildcards.paper}/{body['design']}.design.json"
+
+    return inner
+
+
+def design_option(wildcards, input):
+    return f"--design-file {input.design}" if input.design else ""
+
+
 def figure_record(wildcards):
     """The plant record behind a figure."""
     scenario = LEDGERS[wildcards.paper].tree["figures"][wildcards.figure]["scenario"]
@@ -130,6 +152,12 @@ def caption_template(wildcards):
     own = PROJECT / "workflow" / "report" / wildcards.paper / f"{wildcards.figure}.rst"
     name = f"{wildcards.paper}/{wildcards.figure}" if own.exists() else "figure"
     return f"workflow/report/{name}.rst"
+
+
+def table_caption(wildcards):
+    """The table's own caption in the report, or the general one."""
+    own = f"workflow/report/{wildcards.paper}/{wildcards.table}.rst"
+    return own if (PROJECT / own).exists() else "workflow/report/table.rst"
 
 
 def caption_partials(wildcards):

@@ -1,14 +1,16 @@
-# The road of every figure. A job is stale if what it reads from the ledger, the source of a module
-# that it imports or a package version differs from when its output was made: `params` records
-# their digests. The ledger itself is no input: its time stamp changes with any entry, a job only
-# with those that it sees.
+# The road of every figure and table. A job is stale if what it reads from the ledger, the source of
+# a module that it imports or a package version differs from when its output was made: `params`
+# records their digests. The ledger itself is no input: its time stamp changes with any entry, a job
+# only with those that it sees.
 
 
 wildcard_constraints:
     paper="|".join(LEDGERS),
     scenario=names("scenarios"),
+    design=names("designs"),
     observer=names("observers"),
     study=names("studies"),
+    table=names("tables"),
     figure=names("figures"),
 
 
@@ -34,9 +36,30 @@ rule plant:
         "reobserve plant {params.ledger} {wildcards.scenario} --output {output} > {log} 2>&1"
 
 
+rule design:
+    output:
+        "results/{paper}/{design}.design.json",
+    log:
+        "logs/{paper}/{design}.design.log",
+    benchmark:
+        "logs/{paper}/{design}.design.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        ledger=ledger_file,
+        settings=settings("design", "design"),
+        code=code("design"),
+        packages=packages,
+    message:
+        "{wildcards.paper}: compute the design {wildcards.design}"
+    shell:
+        "reobserve design {params.ledger} {wildcards.design} --output {output} > {log} 2>&1"
+
+
 rule observe:
     input:
         plant="results/{paper}/{scenario}/plant.parquet",
+        design=named_design("observers", "observer"),
     output:
         "results/{paper}/{scenario}/{observer}.parquet",
     log:
@@ -48,18 +71,20 @@ rule observe:
     params:
         ledger=ledger_file,
         settings=settings("observe", "scenario", "observer"),
+        design=design_option,
         code=code("observe"),
         packages=packages,
     message:
         "{wildcards.paper}: run the observer {wildcards.observer}, scenario {wildcards.scenario}"
     shell:
         "reobserve observe {params.ledger} {input.plant} {wildcards.observer}"
-        " --output {output} > {log} 2>&1"
+        " {params.design} --output {output} > {log} 2>&1"
 
 
 rule study:
     input:
         plant=study_record,
+        design=named_design("studies", "study"),
     output:
         "results/{paper}/{study}.study.csv",
     log:
@@ -73,12 +98,43 @@ rule study:
     params:
         ledger=ledger_file,
         settings=settings("study", "study"),
+        design=design_option,
         code=code("study"),
         packages=packages,
     message:
         "{wildcards.paper}: run the study {wildcards.study}"
     shell:
         "reobserve study {params.ledger} {input.plant} {wildcards.study}"
+        " {params.design} --output {output} > {log} 2>&1"
+
+
+rule table:
+    input:
+        design=named_design("tables", "table"),
+    output:
+        report(
+            "results/{paper}/{table}.csv",
+            caption="../report/table_caption.rst",
+            category="{paper}",
+            subcategory="tables",
+            labels={"figure": "{table}", "what": "table"},
+        ),
+    log:
+        "logs/{paper}/{table}.table.log",
+    benchmark:
+        "logs/{paper}/{table}.table.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        ledger=ledger_file,
+        settings=settings("table", "table"),
+        caption=table_caption,
+        code=code("table"),
+        packages=packages,
+    message:
+        "{wildcards.paper}: fill {wildcards.table}"
+    shell:
+        "reobserve table {params.ledger} {wildcards.table} --design-file {input.design}"
         " --output {output} > {log} 2>&1"
 
 

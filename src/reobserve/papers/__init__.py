@@ -4,11 +4,16 @@ A paper is a package with one module a stage, so that a change in one stage leav
 of the others fresh:
 
     plant.simulate(settings) -> Series
+    design.compute(settings) -> dict                  (only papers that have designs)
     observe.estimate(settings, plant) -> Series
-    study.run(settings, plant) -> list of rows        (only papers that have studies)
+    study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
+    table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
     ledger.check(ledger) -> None                      (builds everything once, runs nothing)
+
+A design is plain JSON data: gains and series that are computed once. Observers and studies that
+name one in the ledger get it as a third argument.
 
 ``settings`` are what `reobserve.ledger.Ledger.settings` returns for the stage.
 """

@@ -7,14 +7,17 @@ from pathlib import Path
 from reobserve.errors import located
 from reobserve.ledger import Ledger
 from reobserve.series import Series
-from reobserve.stages.common import paper_module, signed
+from reobserve.stages.common import named_design, paper_module, signed
 
 
-def run(ledger_file: Path, plant_file: Path, observer: str, output: Path) -> None:
+def run(
+    ledger_file: Path, plant_file: Path, observer: str, design_file: Path | None, output: Path
+) -> None:
     """Observe and write; nothing is written if the observer cannot run or diverges."""
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("observe", "", observer)
+    design = named_design(ledger, settings["observer"], design_file)
     plant = Series.read(plant_file)
     with located(f"{ledger.paper}.observers.{observer}"):
-        series = paper_module(ledger.paper, "observe").estimate(settings, plant)
+        series = paper_module(ledger.paper, "observe").estimate(settings, plant, *design)
     signed(series, ledger, "observe", observer, settings).write(output)

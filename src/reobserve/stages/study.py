@@ -8,13 +8,17 @@ from reobserve.errors import located
 from reobserve.files import write_table
 from reobserve.ledger import Ledger
 from reobserve.series import Series
-from reobserve.stages.common import paper_module
+from reobserve.stages.common import named_design, paper_module
 
 
-def run(ledger_file: Path, plant_file: Path, study: str, output: Path) -> None:
+def run(
+    ledger_file: Path, plant_file: Path, study: str, design_file: Path | None, output: Path
+) -> None:
     """Run and write; nothing is written if one of the runs cannot be made."""
     ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("study", study)
+    design = named_design(ledger, settings["study"], design_file)
     module = paper_module(ledger.paper, "study")
     with located(ledger.paper):
-        rows = module.run(ledger.settings("study", study), Series.read(plant_file))
+        rows = module.run(settings, Series.read(plant_file), *design)
     write_table(output, rows, module.HEADER)

@@ -1,0 +1,81 @@
+"""Golden tables: each table of a paper as it was, compared cell by cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from reobserve.evaluation import Evaluator
+from reobserve.files import cell, read_table, write_table
+from reobserve.golden import Deviation
+from reobserve.stages.common import paper_module
+
+# A number may move by this part of itself, or of one if it is smaller: what processors round
+# differently. A design is computed without steps, so there is none to halve.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class OtherCell:
+    """A cell that is not what the golden table holds."""
+
+    table: str
+    what: str
+    golden: str
+    found: str
+
+    def __str__(self) -> str:
+        """One line: where, what it was, what it is."""
+        return f"{self.table}, {self.what}: golden {self.golden!r}, found {self.found!r}"
+
+
+def compare(evaluator: Evaluator, table: str, golden: Path) -> Iterator[Deviation | OtherCell]:
+    """The deviations of a table from the golden one in the folder ``golden``.
+
+    Raises
+    ------
+    InputError
+        If the golden table is missing, damaged or has other columns.
+    """
+    name = f"{evaluator.ledger.paper} {table}"
+    header = paper_module(evaluator.ledger.paper, "table").HEADER
+    kept = read_table(golden / f"{table}.csv", header)
+    rows = evaluator.table(table)
+    if len(rows) != len(kept):
+        yield Deviation(name, "rows", len(kept), len(rows), 0)
+        return
+    for column in header:
+        before = [row[column] for row in kept]
+        now = [cell(row.get(column)) for row in rows]
+        numeric = all(_number(text) is not None for text in before if text)
+        for line, (old, new) in enumerate(zip(before, now, strict=True), start=1):
+            if old != new:
+                yield from _difference(name, f"{column} in row {line}", old, new, numeric)
+
+
+def write(evaluator: Evaluator, table: str, golden: Path) -> None:
+    """Write the golden table, the same file that the stage writes."""
+    header = paper_module(evaluator.ledger.paper, "table").HEADER
+    write_table(golden / f"{table}.csv", evaluator.table(table), header)
+
+
+def _difference(
+    name: str, what: str, old: str, new: str, numeric: bool
+) -> Iterator[Deviation | OtherCell]:
+    golden, found = _number(old), _number(new)
+    if not numeric or golden is None or found is None:
+        yield OtherCell(name, what, old, new)
+        return
+    tolerance = _ROUNDING * max(1.0, abs(golden))
+    # Not so for nan; and what is infinite must be equal as text.
+    if not (abs(found - golden) <= tolerance < math.inf):
+        yield Deviation(name, what, golden, found, tolerance)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,229 @@
+"""What adding a paper takes: `toy`, with every stage, built, edited and kept as golden numbers.
+
+Design: l1 = 2 pole - rate = 7.5 and l2 = pole^2 = 16, where the table of the paper prints 15.9.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.series import Series
+from reobserve.stages.common import read_design
+
+from .conftest import Project, copy_project
+from .test_staleness import edited
+
+TOY = Path(__file__).parent / "toy"
+ALL = {"design": 1, "plant": 1, "observe": 2, "study": 1, "table": 1, "metrics": 1, "plot": 1}
+FROM_DESIGN = {"design": 1, "observe": 1, "study": 1, "table": 1, "metrics": 1, "plot": 1}
+LEDGER = "results/toy/ledger.json"
+PLANT = "results/toy/push/plant.parquet"
+DESIGN = "results/toy/gains.design.json"
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A copy of the project in which `toy` is the one paper to build, built and committed."""
+    project = copy_project(tmp_path_factory.mktemp("toy"))
+    folder = project.folder
+    shutil.copytree(TOY / "toy", folder / "src/reobserve/papers/toy")
+    shutil.copy(TOY / "toy.yaml", folder / "config/papers")
+    (folder / "workflow/report/toy").mkdir()
+    shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
+    (folder / "config/config.yaml").write_text("papers: [toy]\nformats: [svg]\nseed: 1\n")
+    git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
+    project.run("git", "init", "--quiet")
+    project.run("git", "add", "--all")
+    project.run(*git, "commit", "--quiet", "--message", "all")
+    project.snakemake()
+    return project
+
+
+def refused(project: Project, *command: str) -> str:
+    """Run a sub-command that must fail; the one sentence it prints."""
+    done = project.run("reobserve", *command, "--output", "no/file", check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert not (project.folder / "no").exists()
+    return done.stderr.strip()
+
+
+def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -> None:
+    built = {name for name in toy.results() if name.startswith("toy/")}
+    assert built == {
+        "toy/ledger.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
+        *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
+        *(f"toy/fig1.{suffix}" for suffix in ("svg", "caption.rst", "metrics.csv")),
+    }  # fmt: skip
+    table = (toy.folder / "results/toy/table1.csv").read_text()
+    assert table == "gain,printed,computed\nl1,7.5,7.5\nl2,15.9,16.0\n"
+    caption = (toy.folder / "results/toy/fig1.caption.rst").read_text()
+    assert "both poles at 4.0 1/s" in caption
+    assert toy.stale() == {}
+
+
+def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
+    path = toy.folder / DESIGN
+    assert read_design(path) == {"gains": [7.5, 16.0], "names": ["l1", "l2"]}
+    made = json.loads(path.read_text())["provenance"]
+    assert (made["paper"], made["stage"], made["job"]) == ("toy", "design", "gains")
+    assert made["settings"]["design"] == {"pole": 4.0}
+    placed = Series.read(toy.folder / "results/toy/push/placed.parquet")
+    assert placed.provenance["settings"]["design"] == {"pole": 4.0}
+    assert placed["d"][-1] == pytest.approx(2.0, abs=1e-3)
+
+
+IN_PROCESS = """
+from pathlib import Path
+from reobserve.evaluation import Evaluator
+from reobserve.ledger import Ledger
+from reobserve.metrics import write_metrics
+from reobserve.files import write_table
+
+evaluator = Evaluator(Ledger.load(Path(), "toy", seed=1))
+figure = evaluator.figure("fig1")
+write_metrics("mine/metrics.csv", figure.metrics)
+write_table("mine/study.csv", figure.study, list(figure.study[0]))
+rows = evaluator.table("table1")
+write_table("mine/table.csv", rows, list(rows[0]))
+"""
+
+
+def test_one_process_computes_what_the_pipeline_does(toy: Project) -> None:
+    toy.run("python", "-c", IN_PROCESS)
+    results, mine = toy.folder / "results/toy", toy.folder / "mine"
+    for name, other in (
+        ("metrics.csv", "fig1.metrics.csv"),
+        ("study.csv", "faster.study.csv"),
+        ("table.csv", "table1.csv"),
+    ):
+        assert (mine / name).read_text() == (results / other).read_text()
+    shutil.rmtree(mine)
+
+
+@pytest.mark.parametrize(
+    ("module", "stale"),
+    [
+        ("papers/toy/design.py", FROM_DESIGN),
+        ("stages/design.py", FROM_DESIGN),
+        ("papers/toy/table.py", {"table": 1}),
+        ("stages/table.py", {"table": 1}),
+        ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in ("design", "table")}),
+        ("stages/common.py", ALL),
+    ],
+)
+def test_an_edit_makes_stale_what_reads_the_design(
+    toy: Project, module: str, stale: dict[str, int]
+) -> None:
+    with edited(toy.folder / "src/reobserve" / module):
+        assert toy.stale() == stale
+
+
+@pytest.mark.parametrize(
+    ("config", "stale"),
+    [
+        ("{designs: {gains: {pole: 5}}}", FROM_DESIGN),
+        ("{designs: {gains: {title: other words}}}", {"plot": 1}),
+        ("{tables: {table1: {printed: [7.5, 16]}}}", {"table": 1}),
+        ("{tables: {table1: {title: other words}}}", {}),
+        # Another design of one observer leaves the first to the study and the table.
+        (
+            "{designs: {new: {like: gains, pole: 3}}, observers: {placed: {design: new}}}",
+            {"design": 1, "observe": 1, "metrics": 1, "plot": 1},
+        ),
+    ],
+)  # fmt: skip
+def test_a_value_makes_stale_what_sees_it(toy: Project, config: str, stale: dict[str, int]) -> None:
+    assert toy.stale(config=[f"toy={config}"]) == stale
+
+
+def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> None:
+    for command in (("observe", LEDGER, PLANT, "placed"), ("study", LEDGER, PLANT, "faster")):
+        assert refused(toy, *command) == (
+            "reobserve: --design-file: must be given: the ledger names the design 'gains'"
+        )
+    assert refused(toy, "observe", LEDGER, PLANT, "slow", "--design-file", DESIGN) == (
+        "reobserve: --design-file: is given, but the ledger names no design here"
+    )
+    other = toy.folder / "other.json"
+    text = (toy.folder / DESIGN).read_text()
+    other.write_text(text.replace('"job": "gains"', '"job": "others"'))
+    assert refused(toy, "table", LEDGER, "table1", "--design-file", "other.json") == (
+        "reobserve: other.json: is 'others' of toy, must be 'gains' of toy"
+    )
+    other.unlink()
+
+
+def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
+    overrides = ("--overrides", '{"designs": {"gains": {"pole": -1}}}')
+    said = refused(toy, "ledger", "toy", *overrides)
+    assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
+    overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
+    said = refused(toy, "ledger", "toy", *overrides)
+    assert said == "reobserve: toy.designs.gains: gives a number that is not finite"
+    said = refused(toy, "design", LEDGER, "gain")
+    assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"
+    said = refused(toy, "table", LEDGER, "table2", "--design-file", DESIGN)
+    assert said == "reobserve: toy.tables: there is no 'table2'; did you mean 'table1'?"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ('{"design": {}, "prov', "is no design; build it anew"),
+        ('{"paper": "toy", "ledger": {}}', "is no design; build it anew"),
+        ('{"design": 1, "provenance": {"paper": "a", "job": "b"}}', "is no design; build it anew"),
+        ('{"design": {}, "provenance": []}', "is no design; build it anew"),
+        ("[]", "is no design; build it anew"),
+        (b"\xff\xfe", "is no design; build it anew"),
+    ],
+)
+def test_a_file_that_is_no_design_is_named(
+    tmp_path: Path, content: str | bytes | None, said: str
+) -> None:
+    path = tmp_path / "gains.design.json"
+    if content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError) as caught:
+        read_design(path)
+    assert str(caught.value) == f"{path}: {said}"
+
+
+def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
+    listing = toy.run("reobserve", "list", "toy").stdout
+    assert "table1  Gains  built" in listing
+    assert "gains  gains that put both poles in one place  built" in listing
+    assert "designs.gains.pole" in toy.run("reobserve", "params", "toy").stdout
+    report = toy.folder / "report.html"
+    toy.snakemake("--report", "report.html")
+    assert "A table of the paper, computed anew" in report.read_text()
+    own = toy.folder / "workflow/report/toy/table1.rst"
+    own.write_text("The gains of *toy*, printed and computed.\n")
+    toy.snakemake("results/toy/table1.csv")
+    toy.snakemake("--report", "report.html")
+    assert "The gains of <em>toy</em>, printed and computed" in report.read_text()
+    own.unlink()
+    report.unlink()
+
+
+def test_golden_numbers_hold_the_table(toy: Project) -> None:
+    """Kept, found again, and noticed when the design moves one gain by a billionth and more."""
+    update = ("env", "CI=", "reobserve", "golden", "update", "toy")
+    said = toy.run(*update, "--reason", "a paper is added").stdout
+    assert "toy fig1: written anew" in said
+    assert "toy table1: written anew" in said
+    kept = toy.folder / "tests/golden/toy/table1.csv"
+    assert kept.read_text() == (toy.folder / "results/toy/table1.csv").read_text()
+    said = toy.run("reobserve", "golden", "check").stdout
+    assert said.splitlines() == ["toy fig1: compared", "toy table1: compared"]
+    kept.write_text(kept.read_text().replace("16.0", "16.1"))
+    done = toy.run("reobserve", "golden", "check", check=False)
+    assert done.returncode == 1
+    assert "toy table1, computed in row 2: golden 16.1, found 16, off by 0.1" in done.stdout
+    assert done.stderr == "reobserve: 1 golden numbers moved beyond their tolerances\n"

@@ -1,0 +1,1 @@
+"""A lag with a disturbance: what adding a paper takes, every stage included."""
