@@ -20,6 +20,7 @@ from reobserve.errors import InputError
 from reobserve.kernel import kernel
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
+from reobserve.power_series.maps import stacked
 from reobserve.small_systems import solve_in_place
 from reobserve.synthesis.normal_form.gain import GAINS
 
@@ -29,25 +30,22 @@ Array = NDArray[np.float64]
 class Law(NamedTuple):
     """The polynomials of the right-hand side.
 
-    ``gain`` is L, dS/dx or S by the ``kind`` 0, 1 or 2 of the gain; ``outer`` is dT/dz.
+    ``inner`` holds, row by row, f(x), l(h(x)) and, by the ``kind`` 0, 1 or 2 of the gain, L,
+    dS/dx or S; ``outer`` is dT/dz, which kind 2 alone needs.
     """
 
-    f: Polynomials
-    h: Polynomials
-    injection: Polynomials
-    gain: Polynomials
+    inner: Polynomials
     outer: Polynomials
+    injection: Polynomials
     kind: int
 
 
 class Work(NamedTuple):
-    """Room for monomials, the output, its injection and the gain matrix, so that no step asks."""
+    """Room for monomials, the values of ``inner`` and a matrix, so that no step asks for any."""
 
     monomials: Array
-    output: Array
-    injected: Array
+    values: Array
     matrix: Array
-    coordinates: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,82 +65,72 @@ class IdentityObserver(NormalFormObserver):
     @cached_property
     def _law(self) -> Law:
         form, degree = self.normal_form, self.order + 1
-        problem = form.problem
-        unused = polynomials(problem.injection)
-        if self.gain == "series":
-            matrix, outer = polynomials(form.gain.upto(max(1, self.order))), unused
-            if self.order == 0:
-                matrix = polynomials(form.S.upto(1).jacobian())
-        elif self.gain == "jacobian":
-            matrix, outer = polynomials(form.S.upto(degree).jacobian()), unused
+        problem, outer = form.problem, form.problem.injection
+        if self.gain == "jacobian" or self.order == 0:
+            gain = form.S.upto(degree).jacobian()
+        elif self.gain == "series":
+            gain = form.gain.upto(self.order)
         else:
-            matrix = polynomials(form.S.upto(degree))
-            outer = polynomials(form.T.upto(degree).jacobian())
-        f, h = polynomials(problem.system.dynamics), polynomials(problem.system.output)
-        return Law(f, h, polynomials(problem.injection), matrix, outer, GAINS.index(self.gain))
+            gain, outer = form.S.upto(degree), form.T.upto(degree).jacobian()
+        system, injection = problem.system, problem.injection
+        fed = injection.after(system.output, injection.degree * system.output.degree)
+        kind = GAINS.index(self.gain) if self.order else 0
+        inner = polynomials(stacked([system.dynamics, fed, gain]))
+        return Law(inner, polynomials(outer), polynomials(injection), kind)
 
     def _start(self, estimate: Array) -> Array:
         return estimate
 
     def _run(self, values: Array, output: Array, rows: Array) -> int:
-        law = self._law
+        law, n = self._law, len(values)
         room = max(len(part.parent) for part in law[:-1])
-        n, p = len(values), output.shape[1]
-        work = Work(np.empty(room), np.empty(p), np.empty(n), np.empty(n * n), np.empty(n))
-        return _run(law, work, self.step_size, output, rows)
+        inner = np.empty(len(law.inner.start) - 1)
+        return _run(law, Work(np.empty(room), inner, np.empty(n * n)), self.step_size, output, rows)
 
     def _read(self, rows: Array) -> tuple[Array, None]:
         return rows, None
 
 
 @kernel
-def _slope(law: Law, work: Work, x: Array, measured: Array, out: Array) -> None:
-    """The right-hand side of (11); ``measured`` is l(y)."""
-    n = len(x)
-    evaluate(law.h, x, work.monomials, work.output)
-    evaluate(law.injection, work.output, work.monomials, work.injected)
-    for i in range(n):
-        work.injected[i] -= measured[i]
-    evaluate(law.f, x, work.monomials, out)
-    matrix = work.matrix
-    if law.kind == 2:
-        evaluate(law.gain, x, work.monomials, work.coordinates)
-        evaluate(law.outer, work.coordinates, work.monomials, matrix)
-    else:
-        evaluate(law.gain, x, work.monomials, matrix)
-    if law.kind == 1:
-        solve_in_place(matrix.reshape((n, n)), work.injected)
-        for i in range(n):
-            out[i] += work.injected[i]
-    else:
-        for i in range(n):
-            for j in range(n):
-                out[i] += matrix[i * n + j] * work.injected[j]
+def _run(  # noqa: PLR0912, see below
+    law: Law, work: Work, step: float, output: Array, rows: Array
+) -> int:
+    """Fill ``rows`` from its first one; return the number of finite rows.
 
-
-@kernel
-def _run(law: Law, work: Work, step: float, output: Array, rows: Array) -> int:
-    """Fill ``rows`` from its first one; return the number of finite rows."""
+    The slope stands inside the loop over the four stages of a step: a function of its own would
+    be handed all polynomials by value at each of its calls, which takes longer than to evaluate
+    them.
+    """
     n = rows.shape[1]
-    start, middle, end = np.empty(n), np.empty(n), np.empty(n)
-    k1, k2, k3, k4, x = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    half = 0.5 * step
+    measured, slopes, x = np.empty((3, n)), np.empty((4, n)), np.empty(n)
+    values = work.values
     for k in range(len(rows) - 1):
-        evaluate(law.injection, output[2 * k], work.monomials, start)
-        evaluate(law.injection, output[2 * k + 1], work.monomials, middle)
-        evaluate(law.injection, output[2 * k + 2], work.monomials, end)
-        _slope(law, work, rows[k], start, k1)
+        for j in range(3):
+            evaluate(law.injection, output[2 * k + j], work.monomials, measured[j])
+        for stage in range(4):
+            for i in range(n):
+                x[i] = rows[k, i]
+                if stage > 0:
+                    x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
+            evaluate(law.inner, x, work.monomials, values)
+            for i in range(n):
+                values[n + i] -= measured[(stage + 1) // 2, i]
+            if law.kind == 1:
+                solve_in_place(values[2 * n :].reshape((n, n)), values[n : 2 * n])
+                for i in range(n):
+                    slopes[stage, i] = values[i] + values[n + i]
+                continue
+            matrix = values[2 * n :]
+            if law.kind == 2:
+                evaluate(law.outer, matrix, work.monomials, work.matrix)
+                matrix = work.matrix
+            for i in range(n):
+                slopes[stage, i] = values[i]
+                for j in range(n):
+                    slopes[stage, i] += matrix[i * n + j] * values[n + j]
         for i in range(n):
-            x[i] = rows[k, i] + half * k1[i]
-        _slope(law, work, x, middle, k2)
-        for i in range(n):
-            x[i] = rows[k, i] + half * k2[i]
-        _slope(law, work, x, middle, k3)
-        for i in range(n):
-            x[i] = rows[k, i] + step * k3[i]
-        _slope(law, work, x, end, k4)
-        for i in range(n):
-            after = rows[k, i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+            mean = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
+            after = rows[k, i] + step / 6.0 * mean
             if not np.isfinite(after):
                 return k + 1
             rows[k + 1, i] = after

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -10,9 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError
 from reobserve.matrices import as_positive, as_record, as_vector
+from reobserve.synthesis.normal_form.convergence import convergence, warning
 from reobserve.synthesis.normal_form.design import NormalForm
 
 Array = NDArray[np.float64]
+
+
+class ConvergenceWarning(UserWarning):
+    """A trajectory leaves the domain in which the series of its observer converges."""
 
 
 @dataclass(frozen=True)
@@ -152,3 +158,24 @@ class NormalFormObserver(ABC):
             after = State(rows[-1].copy(), state.count + steps)
             return Run(estimate, coordinates, after, None)
         return Run(estimate, coordinates, state, max(finite - 1, 0) * self.step_size)
+
+    def check_domain(self, run: Run) -> str | None:
+        """Warn if the estimates of a run leave the domain in which S converges.
+
+        The radius is estimated from the parts of S, for which the normal form must be of a
+        degree well above the order.
+
+        Returns
+        -------
+        str or None
+            The sentence of the `ConvergenceWarning` that was given.
+
+        Raises
+        ------
+        InputError
+            If the series is too short for an estimate.
+        """
+        sentence = warning(convergence(self.normal_form.S), run.estimate, self.step_size)
+        if sentence is not None:
+            warnings.warn(sentence, ConvergenceWarning, stacklevel=2)
+        return sentence

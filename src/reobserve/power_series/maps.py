@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -127,22 +126,27 @@ class PolynomialMap:
 
     def __call__(self, points: ArrayLike) -> NDArray[Any]:
         """The values at points, shape (..., n); the result has shape (..., m)."""
-        x = np.asarray(points)
-        values = np.empty((len(self.basis.exponents), *x.shape[:-1]), np.result_type(x, self._kind))
-        values[0] = 1
-        for m in range(1, len(values)):
-            values[m] = values[self.basis.parent[m]] * x[..., self.basis.variable[m]]
-        return np.moveaxis(np.tensordot(self.coefficients, values, axes=1), 0, -1)
+        return np.moveaxis(np.tensordot(self.coefficients, self._monomials(points), axes=1), 0, -1)
 
     def parts(self, points: ArrayLike) -> NDArray[Any]:
         """The values of each homogeneous part: shape (degree + 1, ..., m)."""
-        basis = self.basis
-        found = []
-        for d in range(self.degree + 1):
-            alone = np.zeros_like(self.coefficients)
-            alone[:, basis.part(d)] = self.coefficients[:, basis.part(d)]
-            found.append(PolynomialMap(basis, alone)(points))
-        return np.array(found)
+        values = self._monomials(points)
+        return np.array(
+            [
+                np.moveaxis(np.tensordot(self.coefficients[:, part], values[part], axes=1), 0, -1)
+                for part in map(self.basis.part, range(self.degree + 1))
+            ]
+        )
+
+    def _monomials(self, points: ArrayLike) -> NDArray[Any]:
+        """All monomials at points, shape (N, ...)."""
+        x = np.asarray(points)
+        kind = np.result_type(x, self.coefficients)
+        values = np.empty((len(self.basis.exponents), *x.shape[:-1]), kind)
+        values[0] = 1
+        for m in range(1, len(values)):
+            values[m] = values[self.basis.parent[m]] * x[..., self.basis.variable[m]]
+        return values
 
     def jacobian(self) -> PolynomialMap:
         """The derivatives: component n c + i is that of component c by x_i; one degree less."""
@@ -198,9 +202,12 @@ class PolynomialMap:
             found[:, self.basis.part(d)] = -powers.part(higher, d)
         return PolynomialMap(self.basis, found)
 
-    @cached_property
-    def _kind(self) -> np.dtype[Any]:
-        return self.coefficients.dtype
+
+def stacked(maps: Sequence[PolynomialMap]) -> PolynomialMap:
+    """The components of several maps of the same variables, one after the other."""
+    degree = max(part.degree for part in maps)
+    tables = [part.upto(degree).coefficients for part in maps]
+    return PolynomialMap(monomials(maps[0].variables, degree), np.concatenate(tables))
 
 
 def _term(

@@ -24,6 +24,7 @@ from reobserve.power_series.maps import PolynomialMap
 
 Array = NDArray[np.float64]
 
+MARGIN = 0.05  # the estimate itself errs by some per cent
 LEAST_PARTS = 4  # for a fit of three numbers
 _NOTHING = 1e-12  # a part this small beside the largest coefficient is rounding
 
@@ -47,19 +48,19 @@ class Convergence:
 
         Below 1 the series converges there, above it does not; shape (k,).
         """
-        x = np.asarray(points, dtype=np.float64)
-        found = np.zeros(len(x))
+        parts = self.series.parts(np.asarray(points, dtype=np.float64))
+        found = np.zeros(parts.shape[1])
         for d in self.degrees:
-            part = self.series.basis.part(d)
-            alone = np.zeros_like(self.series.coefficients)
-            alone[:, part] = self.series.coefficients[:, part]
-            size = np.linalg.norm(PolynomialMap(self.series.basis, alone)(x), axis=-1)
+            size = np.linalg.norm(parts[d], axis=-1)
             np.maximum(found, (size / (self.scale * d**self.power)) ** (1.0 / d), out=found)
         return found
 
-    def outside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which points of a trajectory, shape (k, n), lie where the series does not converge."""
-        return self.growth(points) >= 1.0
+    def outside(self, points: ArrayLike, margin: float = MARGIN) -> NDArray[np.bool_]:
+        """Which points of a trajectory, shape (k, n), lie outside or within ``margin`` of the edge.
+
+        There the series does not converge, or so slowly that it is of no use.
+        """
+        return self.growth(points) >= 1.0 - margin
 
 
 def convergence(series: PolynomialMap) -> Convergence:
@@ -99,3 +100,16 @@ def part_norms(series: PolynomialMap) -> Array:
         weights = [np.prod([float(factorial(power)) for power in m]) for m in exponents.tolist()]
         norms.append(np.sqrt(np.sum(table[:, basis.part(d)] * weights) / factorial(d)))
     return np.array(norms)
+
+
+def warning(domain: Convergence, states: ArrayLike, step: float) -> str | None:
+    """A sentence if a trajectory sampled every ``step`` seconds leaves the domain; None if not."""
+    outside = domain.outside(states)
+    if not outside.any():
+        return None
+    first = int(np.argmax(outside)) * step
+    return (
+        f"the series converges up to a radius of {domain.radius:.3g} or little beyond; the "
+        f"trajectory is outside or at the edge for {100 * float(np.mean(outside)):.3g} % of its "
+        f"samples, first at t = {first:g} s, where a higher order need not be better"
+    )

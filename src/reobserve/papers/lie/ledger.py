@@ -1,0 +1,32 @@
+"""Build everything the ledger states, once, and run nothing: errors show before a long build."""
+
+from __future__ import annotations
+
+from reobserve.errors import InputError, located
+from reobserve.ledger import Ledger
+from reobserve.papers.lie import plant
+from reobserve.papers.lie.setup import build_observer, build_problem, stride
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+
+
+def check(ledger: Ledger) -> None:
+    """Raise the `InputError` that a stage would raise, with the config key of the ledger."""
+    settings = ledger.section("plant")
+    for name in ledger.section("scenarios"):
+        try:
+            with located(ledger.paper):
+                plant.build(ledger.settings("plant", name))
+        except InputError as error:
+            here = f"{ledger.paper}.scenarios.{name}"
+            key = error.parameter.replace(f"{ledger.paper}.scenario", here)
+            raise InputError(key, error.problem) from None
+    forms: dict[str, NormalForm] = {}
+    for name, design in ledger.section("designs").items():
+        with located(f"{ledger.paper}.designs.{name}"):
+            problem = build_problem(settings, design)
+            forms[name] = normal_form(problem.system, problem.degree, injection=problem.injection)
+    for name, observer in ledger.section("observers").items():
+        with located(f"{ledger.paper}.observers.{name}"):
+            if "design" not in observer:
+                raise InputError("design", f"is missing, must be one of {', '.join(forms)}")
+            stride(settings, build_observer(observer, forms[observer["design"]]).step_size)

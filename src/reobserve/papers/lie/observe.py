@@ -1,0 +1,41 @@
+"""Stage observe: one observer on the record of one scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.errors import DivergenceError
+from reobserve.observers.normal_form_observer import NormalFormObserver, Run
+from reobserve.papers.lie.setup import build_observer, stored_form, stride
+from reobserve.series import Channel, Series
+
+
+def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> Series:
+    """Estimated state x^ at the ends of the observer's steps, and z of the transformed form.
+
+    Raises
+    ------
+    InputError
+        If a parameter of the observer cannot be used.
+    DivergenceError
+        If the estimate leaves the range of floating-point numbers.
+    """
+    mine = settings["observer"]
+    form = stored_form(settings["plant"], settings["design"], design)
+    observer = build_observer(mine, form)
+    run, every = observe(observer, mine["initial_estimate"], settings["plant"], plant)
+    if run.diverged_at is not None:
+        raise DivergenceError(mine["algorithm"], run.diverged_at)
+    channels = {"state": Channel(run.estimate, "1")}
+    if run.coordinates is not None:
+        channels["coordinates"] = Channel(run.coordinates, "1")
+    return Series(plant.time[:: 2 * every], channels)
+
+
+def observe(
+    observer: NormalFormObserver, initial: Any, plant_settings: dict[str, Any], plant: Series
+) -> tuple[Run, int]:
+    """Run an observer on a record; also the plant samples in half of its steps."""
+    every = stride(plant_settings, observer.step_size)
+    return observer.run(plant["output"][::every], observer.init(initial)), every

@@ -1,0 +1,81 @@
+"""The limit cycle in the plane beside the domain in which the series of S converges."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from reobserve.figures import STYLES, TRUTH, WIDTH, add_note, decades
+from reobserve.metrics import Metric, lookup
+from reobserve.papers.lie.study_rows import table
+from reobserve.series import Series
+
+
+def draw(
+    settings: dict[str, Any],
+    plant: Series,
+    _: Mapping[str, Series],
+    study: Sequence[Mapping[str, Any]],
+    metrics: Sequence[Metric],
+) -> Figure:
+    """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
+    numbers, values = lookup(metrics), table(study)
+    degree = int(settings["study"]["degree"])
+    figure = Figure(figsize=(WIDTH, 4.7))
+    axes = figure.subplot_mosaic([["plane", "errors"], ["plane", "radii"]], width_ratios=(1.1, 1.0))
+    plane, errors, radii = axes["plane"], axes["errors"], axes["radii"]
+    cycle, edge = _points(study, "point"), _points(study, "boundary")
+    plane.plot(*_closed(cycle), **TRUTH.line(), label="limit cycle")
+    plane.plot(
+        plant["state"][:, 0], plant["state"][:, 1], **STYLES[0].line(), label="the run of Fig. 1"
+    )
+    plane.fill(*_closed(edge), color="0.9", zorder=0)
+    plane.plot(*_closed(edge), **STYLES[1].line(), label="S converges inside (estimate)")
+    plane.plot(0, 0, color="0.3", marker="+")
+    plane.set_aspect("equal")
+    plane.set_xlabel("x₁")
+    plane.set_ylabel("x₂")
+    plane.set_title("(a) plane of states")
+    plane.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13))
+
+    for style, (name, label) in zip(
+        STYLES, (("S", "S(x), cut off"), ("T", "T(z), cut off")), strict=False
+    ):
+        by_degree = values[name, "largest_error"]
+        degrees = sorted(by_degree)
+        errors.semilogy(degrees, [by_degree[d][0] for d in degrees], **style.points(), label=label)
+    decades(errors.yaxis)
+    errors.set_xlabel("degree")
+    errors.set_ylabel("largest error")
+    errors.set_title("(b) error of the series on the cycle")
+    errors.legend(loc="upper right")
+    by_degree = values["S", "radius"]
+    degrees = sorted(by_degree)
+    radii.plot(degrees, [by_degree[d][0] for d in degrees], **STYLES[0].points())
+    distance = numbers["cycle", "distance"]
+    radii.axhline(distance, color="0.4", linewidth=0.8, linestyle=":")
+    radii.annotate(
+        "distance of the cycle from the origin", (0.98, distance), (0, 3), ha="right", fontsize=7,
+        xycoords=("axes fraction", "data"), textcoords="offset points", color="0.3",
+    )  # fmt: skip
+    radii.set_xlabel("degree")
+    radii.set_ylabel("radius")
+    radii.set_title("(c) estimated radius of convergence of S")
+    add_note(
+        figure,
+        f"Series of S up to degree {degree}; radius and boundary from its parts in the upper half "
+        "of the degrees.\nThe true S on the cycle is the periodic solution of ż = A z − L₀ x₁(t).",
+    )
+    return figure
+
+
+def _points(study: Sequence[Mapping[str, Any]], quantity: str) -> Any:
+    return np.array([(float(r["x1"]), float(r["x2"])) for r in study if r["quantity"] == quantity])
+
+
+def _closed(points: Any) -> Any:
+    """The columns of a closed curve through the points."""
+    return np.append(points, points[:1], axis=0).T

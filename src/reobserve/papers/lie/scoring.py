@@ -1,0 +1,34 @@
+"""How large an estimation error is, and how it goes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def integral_of_squares(error: Array, step: float) -> Array:
+    """The integral of each component's square over time, shape (n,), by the trapezoidal rule."""
+    squares = error * error
+    total: Array = step * (squares.sum(axis=0) - 0.5 * (squares[0] + squares[-1]))
+    return total
+
+
+def settling_time(error: Array, step: float, band: float) -> float:
+    """When |e| comes within ``band`` times its first value for good [s]; nan if it does not."""
+    size = np.linalg.norm(error, axis=1)
+    outside = np.flatnonzero(size > band * size[0])
+    last = int(outside[-1]) if outside.size else -1
+    return (last + 1) * step if last + 1 < len(size) else float("nan")
+
+
+def decay_rate(error: Array, step: float, start: float, end: float) -> float:
+    """The mean slope of log |e| between two times [1/s]; nan beyond the record or at zero."""
+    first, last = round(start / step), round(end / step)
+    if last >= len(error):
+        return float("nan")
+    before, after = (float(np.linalg.norm(error[k])) for k in (first, last))
+    if before == 0.0 or after == 0.0:
+        return float("nan")
+    return float(np.log(after / before)) / ((last - first) * step)

@@ -1,0 +1,150 @@
+"""From the ledger's values to system, normal form and observers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError, located
+from reobserve.matrices import as_positive, as_vector
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.polynomial_system import PolynomialSystem
+from reobserve.power_series.maps import PolynomialMap
+from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+
+Settings = dict[str, Any]
+
+ALGORITHMS = ("identity", "transformed")
+
+MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
+
+
+def build_system(plant: Settings, *, exact: bool = False) -> PolynomialSystem:
+    """The plant's system; its size is that of the first list of powers.
+
+    Raises
+    ------
+    InputError
+        If a term cannot be read or the origin is no equilibrium.
+    """
+    with located("plant"):
+        states = _variables("dynamics", plant["dynamics"])
+        outputs = _components("output", plant["output"])
+        return PolynomialSystem(
+            PolynomialMap.from_terms("dynamics", plant["dynamics"], states, states, exact=exact),
+            PolynomialMap.from_terms("output", plant["output"], outputs, states, exact=exact),
+        )
+
+
+def build_problem(
+    plant: Settings, design: Settings, *, degree: int | None = None, exact: bool = False
+) -> NormalFormProblem:
+    """The normal-form problem of a ``designs`` branch, of its own degree or another.
+
+    Raises
+    ------
+    InputError
+        If a term cannot be read, the degree is no whole number, or the problem has no solution.
+    """
+    system = build_system(plant, exact=exact)
+    terms = design["injection"]
+    injection = PolynomialMap.from_terms(
+        "injection", terms, system.states, system.outputs, exact=exact
+    )
+    return NormalFormProblem(system, injection, degree or whole("degree", design["degree"], 1))
+
+
+def stored_form(plant: Settings, design: Settings, series: Mapping[str, Any]) -> NormalForm:
+    """The normal form whose series the stage design has computed."""
+    problem = build_problem(plant, design)
+    basis = problem.basis
+    S, T = (PolynomialMap(basis, np.array(series[name], dtype=np.float64)) for name in ("S", "T"))
+    gain = PolynomialMap(S.jacobian().basis, np.array(series["gain"], dtype=np.float64))
+    return NormalForm(problem, None, S, T, gain)
+
+
+def build_observer(settings: Settings, form: NormalForm) -> NormalFormObserver:
+    """The observer that an ``observers`` branch of the ledger states.
+
+    Raises
+    ------
+    InputError
+        If the algorithm is unknown, a parameter is missing, unknown or out of bounds.
+    """
+    algorithm = settings["algorithm"]
+    if algorithm not in ALGORITHMS:
+        raise InputError("algorithm", f"{algorithm!r} must be one of {', '.join(ALGORITHMS)}")
+    wanted = {"algorithm", "label", "design", "order", "initial_estimate", "step_size"}
+    if algorithm == "identity":
+        wanted.add("gain")
+    for name in sorted(wanted - {"label"}):
+        if name not in settings:
+            raise InputError(name, f"is missing; the algorithm {algorithm} needs it")
+    for name in settings:
+        if name not in wanted:
+            raise InputError(name, f"unknown key; {algorithm} takes {', '.join(sorted(wanted))}")
+    order, step = whole("order", settings["order"], 0), settings["step_size"]
+    as_vector("initial_estimate", settings["initial_estimate"], form.problem.system.states)
+    if algorithm == "identity":
+        return IdentityObserver(form, order, as_positive("step_size", step), settings["gain"])
+    return TransformedObserver(form, order, as_positive("step_size", step))
+
+
+def grid(plant: Settings) -> tuple[int, float]:
+    """The number of plant steps and the step [s].
+
+    Raises
+    ------
+    InputError
+        If horizon or step are not positive or do not fit.
+    """
+    with located("plant"):
+        step = as_positive("step", plant["step"])
+        horizon = as_positive("horizon", plant["horizon"])
+        if horizon > MOST_STEPS * step:
+            raise InputError(
+                "horizon",
+                f"{horizon:g} s is {horizon / step:.3g} steps, must be {MOST_STEPS:g} at most",
+            )
+        return multiple("horizon", horizon, step, "the step"), step
+
+
+def stride(plant: Settings, step_size: float) -> int:
+    """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
+    step = as_positive("plant.step", plant["step"])
+    return multiple("step_size", 0.5 * step_size, step, "plant.step, two in a step")
+
+
+def multiple(name: str, interval: float, step: float, what: str) -> int:
+    """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
+    count = round(interval / step)
+    if count < 1 or abs(count * step - interval) > 1e-9 * interval:
+        raise InputError(name, f"{interval:g} s must be a whole multiple of {what}, {step:g} s")
+    return count
+
+
+def whole(name: str, value: Any, least: int) -> int:
+    """A whole number of at least ``least``; `InputError` names ``name`` otherwise."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise InputError(name, f"{value!r} must be a whole number, {least} or more")
+    return value
+
+
+def _variables(name: str, terms: Any) -> int:
+    if not isinstance(terms, list) or not terms or not isinstance(terms[0], dict):
+        raise InputError(name, "must be a list of terms with component, powers and coefficient")
+    powers = terms[0].get("powers")
+    if not isinstance(powers, list) or not powers:
+        raise InputError(f"{name}[0].powers", f"{powers!r} must list the power of each variable")
+    return len(powers)
+
+
+def _components(name: str, terms: Any) -> int:
+    _variables(name, terms)
+    found = [term.get("component") for term in terms if isinstance(term, dict)]
+    return max((c for c in found if isinstance(c, int)), default=1)

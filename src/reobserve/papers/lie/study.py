@@ -1,0 +1,41 @@
+"""Stage study: many runs and series over one plant, as one long table.
+
+The ``method`` of a study in the ledger is one of
+
+    orders      errors of the identity form over order and gain, and its Floquet exponents
+    ensemble    every order against the constant gain over a grid of initial states
+    domain      where the series converge, and what they are worth on the limit cycle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.errors import InputError
+from reobserve.papers.lie import study_domain, study_ensemble, study_orders
+from reobserve.papers.lie.study_rows import HEADER, Row
+from reobserve.series import Series
+
+__all__ = ["HEADER", "run"]
+
+METHODS = {
+    "orders": study_orders.run,
+    "ensemble": study_ensemble.run,
+    "domain": study_domain.run,
+}
+
+
+def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The rows of the study's method, with the columns of `HEADER`.
+
+    Raises
+    ------
+    InputError
+        If there is no such method or a setting cannot be used.
+    """
+    method = settings["study"].get("method", "")
+    if method not in METHODS:
+        raise InputError("studies.method", f"{method!r} must be one of {', '.join(METHODS)}")
+    rows: list[Row] = METHODS[method](settings, plant, design)
+    return [row._asdict() for row in rows]

@@ -1,0 +1,85 @@
+"""Every order against the constant gain, over a grid of initial states and from the same estimate.
+
+All runs are compiled: a plant and its observers over twenty seconds take some milliseconds each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import DivergenceError, located
+from reobserve.matrices import as_positive
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.papers.lie.scoring import integral_of_squares, settling_time
+from reobserve.papers.lie.setup import build_observer, build_system, multiple, whole
+from reobserve.papers.lie.study_rows import Row, forms
+from reobserve.plants.polynomial import PolynomialPlant
+from reobserve.series import Series
+
+
+def run(settings: dict[str, Any], _: Series, design: Mapping[str, Any]) -> list[Row]:
+    """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
+
+    The identity form of order k with the series gain is called ``series``; observers of the
+    study go by their names. The plant's own record is not used.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    study = settings["study"]
+    with located("studies.ensemble"):
+        step = as_positive("step_size", study["step_size"])
+        steps = multiple("step_size", settings["plant"]["horizon"], step, "the step")
+        axis = np.linspace(-1.0, 1.0, whole("points", study["points"], 2))
+        axis *= as_positive("half_width", study["half_width"])
+    plant = PolynomialPlant(build_system(settings["plant"]))
+    built = _observers(settings, design, step)
+    estimates = [np.array(body["initial_estimate"]) for body in settings["observers"].values()]
+    band = settings["metrics"]["settling_band"]
+    rows = []
+    for point in product(axis, repeat=plant.system.states):
+        start = np.array(point)
+        if np.array_equal(start, estimates[0]):
+            continue  # no error to begin with
+        try:
+            states = plant.simulate(start, 0.5 * step, 2 * steps)
+        except DivergenceError as problem:
+            raise DivergenceError(f"plant from {point}", problem.time) from None
+        output = plant.output(states)
+        for name, order, observer in built:
+            result = observer.run(output, observer.init(estimates[0]))
+            error = result.estimate - states[::2][: len(result.estimate)]
+            diverged = result.diverged_at is not None
+            settled = not diverged and np.isfinite(settling_time(error, step, band))
+            squares = np.nan if diverged else float(integral_of_squares(error, step).sum())
+            place = (name, order, float(point[0]), float(point[1]))
+            rows += [
+                Row(*place, "ise", squares, "s"),
+                Row(*place, "settled", float(settled), "1"),
+                Row(*place, "diverged", float(diverged), "1"),
+            ]
+    return rows
+
+
+def _observers(
+    settings: dict[str, Any], design: Mapping[str, Any], step: float
+) -> list[tuple[str, int, NormalFormObserver]]:
+    study = settings["study"]
+    known = forms(settings, design)
+    found: list[tuple[str, int, NormalFormObserver]] = []
+    for name, body in settings["observers"].items():
+        with located(f"observers.{name}"):
+            built = build_observer({**body, "step_size": step}, known[body["design"]])
+        found.append((name, built.order, built))
+    for order in study["orders"]:
+        with located("studies.ensemble.orders"):
+            observer = IdentityObserver(known[study["design"]], whole("order", order, 0), step)
+        found.append(("series", order, observer))
+    return found

@@ -1,0 +1,89 @@
+"""The identity form over the order and the reading of its gain, and why its errors decay.
+
+Along the limit cycle a small error obeys e' = (f'(x) + L(x) (l(h))'(x)) e. Its Floquet exponents
+say how fast it decays there, which is where every trajectory of the example ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import located
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.papers.lie.observe import observe
+from reobserve.papers.lie.scoring import integral_of_squares, settling_time
+from reobserve.papers.lie.setup import build_observer, whole
+from reobserve.papers.lie.study_rows import Row, forms, summary
+from reobserve.series import Series
+from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
+from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.gain import GAINS, gain_at
+
+NAN = float("nan")
+
+
+def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> list[Row]:
+    """Rows by gain and order, those of the study's observers, and those of the limit cycle."""
+    study, observers = settings["study"], settings["observers"]
+    known = forms(settings, design)
+    form = known[study["design"]]
+    with located("studies.orders"):
+        orders = [whole("orders", order, 0) for order in study["orders"]]
+        points = whole("cycle_points", study["cycle_points"], 100)
+        cycle = limit_cycle(form.problem.system, plant["state"][0], study["settle"])
+    where = cycle.points(2 * (points // 2))
+    rows = [
+        summary("cycle", 0, "period", cycle.period, "s"),
+        summary("cycle", 0, "mean_square_output", _mean_square(form, where), "1"),
+    ]
+    model = next(iter(observers.values()))
+    for gain in GAINS:
+        for order in orders:
+            with located("studies.orders"):
+                observer = IdentityObserver(form, order, model["step_size"], gain)
+            rows += _errors(settings, plant, gain, order, observer, model["initial_estimate"])
+            rows.append(_exponent(cycle, where, form, gain, order, gain))
+    for name, body in observers.items():
+        with located(f"observers.{name}"):
+            other = known[body["design"]]
+            built = build_observer(body, other)
+        rows += _errors(settings, plant, name, built.order, built, body["initial_estimate"])
+        rows.append(_exponent(cycle, where, other, "jacobian", built.order, name))
+    return rows
+
+
+def _errors(
+    settings: dict[str, Any], plant: Series, name: str, order: int, observer: Any, initial: Any
+) -> Iterator[Row]:
+    run, every = observe(observer, initial, settings["plant"], plant)
+    error = run.estimate - plant["state"][:: 2 * every][: len(run.estimate)]
+    step, diverged = observer.step_size, run.diverged_at is not None
+    squares = integral_of_squares(error, step)
+    for i, value in enumerate(squares):
+        yield summary(name, order, f"ise_{i + 1}", NAN if diverged else value, "s")
+    yield summary(name, order, "ise", NAN if diverged else float(squares.sum()), "s")
+    settled = NAN if diverged else settling_time(error, step, settings["metrics"]["settling_band"])
+    yield summary(name, order, "settling_time", settled, "s")
+    yield summary(
+        name, order, "diverged_at", NAN if run.diverged_at is None else run.diverged_at, "s"
+    )
+
+
+def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int, name: str) -> Row:
+    """The largest Floquet exponent; -0.5 is what the normal form is designed for."""
+    problem, n = form.problem, form.problem.system.states
+    injected = problem.injection.after(
+        problem.system.output, problem.injection.degree * problem.system.output.degree
+    )
+    slopes = problem.system.dynamics.jacobian()(x).reshape(-1, n, n)
+    corrected = gain_at(gain, order, form.S, form.T, form.gain, x)
+    jacobians = slopes + corrected @ injected.jacobian()(x).reshape(-1, n, n)
+    return summary(name, order, "floquet_exponent", floquet_exponents(cycle, jacobians)[0], "1/s")
+
+
+def _mean_square(form: NormalForm, x: Any) -> float:
+    outputs = form.problem.system.output(x)
+    return float(np.mean(np.sum(outputs * outputs, axis=1)))

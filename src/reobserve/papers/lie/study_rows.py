@@ -1,0 +1,53 @@
+"""What the studies share: the columns of their table, and the normal forms they run on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from reobserve.errors import located
+from reobserve.papers.lie.setup import build_problem, stored_form
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+
+
+class Row(NamedTuple):
+    """One number: of which form (or observer, or series), order or degree, and state."""
+
+    form: str
+    order: int
+    x1: float | str
+    x2: float | str
+    quantity: str
+    value: float
+    unit: str
+
+
+HEADER = Row._fields
+
+
+def summary(form: str, order: int, quantity: str, value: float, unit: str) -> Row:
+    """A number that belongs to no single state."""
+    return Row(form, order, "", "", quantity, float(value), unit)
+
+
+def table(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], dict[int, list[float]]]:
+    """The values of the rows by (form, quantity) and order, in the order of the rows."""
+    found: dict[tuple[str, str], dict[int, list[float]]] = {}
+    for row in rows:
+        by_order = found.setdefault((row["form"], row["quantity"]), {})
+        by_order.setdefault(int(row["order"]), []).append(float(row["value"]))
+    return found
+
+
+def forms(settings: dict[str, Any], design: Mapping[str, Any]) -> dict[str, NormalForm]:
+    """The normal forms of a study by design: its own as stored, those of its observers anew."""
+    own = settings["study"]["design"]
+    found = {own: stored_form(settings["plant"], settings["designs"][own], design)}
+    for name, body in settings["designs"].items():
+        if name != own:
+            with located(f"designs.{name}"):
+                problem = build_problem(settings["plant"], body)
+                found[name] = normal_form(
+                    problem.system, problem.degree, injection=problem.injection
+                )
+    return found
