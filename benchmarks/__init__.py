@@ -1,1 +1,1 @@
-"""Speed as ratios against peers measured in the same run: C, numpy, scipy and bare imports."""
+"""Speed as ratios against peers measured in the same run: C, numpy, scipy, sympy, DACE, imports."""

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "build")
+NAMES = ("kernels", "normal_forms", "build")
 
 
 def main() -> int:
@@ -17,8 +17,9 @@ def main() -> int:
         prog="python -m benchmarks",
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
-            "against C, numpy and scipy, the cold build against its bare imports. Slow is no "
-            "failure; the exit code is 1 only if a peer computes other numbers."
+            "against C, numpy and scipy, normal forms against sympy and DACE, the cold build "
+            "against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
+            "computes other numbers."
         ),
     )
     parser.add_argument(
@@ -31,10 +32,10 @@ def main() -> int:
     # As the command line does it, before numpy is imported.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from benchmarks import build, kernels
+    from benchmarks import build, kernels, normal_forms
     from benchmarks.report import write
 
-    runs = {"kernels": kernels.run, "build": build.run}
+    runs = {"kernels": kernels.run, "normal_forms": normal_forms.run, "build": build.run}
     sections = {}
     for name in [options.only] if options.only else NAMES:
         sections[name] = runs[name](options.quick)

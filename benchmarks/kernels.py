@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks import compiled, peers, problem
 from benchmarks.problem import DELAY, Array, Observer
 from benchmarks.report import Check, Row, Section, seconds
-from benchmarks.timing import interleaved
+from benchmarks.timing import first_call, interleaved
 from reobserve.observers.rigid_body_observer import State
 
 Pair = tuple[Array, Array]
@@ -175,22 +171,12 @@ def _against_scipy(section: Section, intervals: int, repeats: int) -> None:
 
 def _first_call(section: Section, c_compile: float | None) -> None:
     with tempfile.TemporaryDirectory() as cache:
-        compiling, loading = (_fresh_process(cache) for _ in range(2))
+        compiling, loading = (first_call("benchmarks.first_call", cache) for _ in range(2))
     if c_compile is not None:
         section.rows.append(Row("continuous: first run, compiled", compiling, "cc", c_compile))
     section.rows.append(
         Row("continuous: first run, from cache", loading, "compiled", compiling, cost=True)
     )
-
-
-def _fresh_process(cache: str) -> float:
-    command = [sys.executable, "-m", "benchmarks.first_call"]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    project = Path(__file__).parents[1]
-    done = subprocess.run(
-        command, cwd=project, env=environment, check=True, capture_output=True, text=True
-    )
-    return float(done.stdout)
 
 
 def _outputs(steps: int) -> list[Array]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 
 def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
@@ -20,3 +24,16 @@ def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[
             job()
             best[name] = min(best[name], time.perf_counter() - start)
     return best
+
+
+def first_call(module: str, cache: str) -> float:
+    """The time [s] that a module prints in a fresh process whose numba cache is a folder."""
+    done = subprocess.run(
+        [sys.executable, "-m", module],
+        cwd=Path(__file__).parents[1],
+        env={**os.environ, "NUMBA_CACHE_DIR": cache},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return float(done.stdout)

@@ -24,9 +24,13 @@ from .pipeline.conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project, 
 
 # Ends of keys, by paper. Of some constants one per cent can only be refused: what must fit the
 # grid, and the levels of a study, after which its metrics are named.
-ONLY_REFUSED = {"ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels")}
-# Others are names in the form of numbers, no constants.
+ONLY_REFUSED = {
+    "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
+    "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
+}
+# Others are names in the form of numbers, no constants: whole keys, and places inside a value.
 NO_CONSTANTS = {"ilo": ("metrics.axis",)}
+NAMES = {"axis", "component", "powers"}
 # K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.
 MADE_LESS = {"ilo": (".K1",)}
 
@@ -64,7 +68,7 @@ def constants() -> Iterator[tuple[str, str, Path_]]:
                 continue
             for path, value in leaves(entry["value"]):
                 words = isinstance(value, str | bool)
-                if not words and value != 0 and path[-1:] != ("axis",):
+                if not words and value != 0 and not NAMES & set(path):
                     if path != min(path, twin(path, entry["value"]), key=str):
                         continue  # the other half of a symmetric matrix
                     yield paper, key, path

@@ -140,6 +140,9 @@ def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monke
     assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
     for block in blocks[2:]:
         exec(compile(block, "README.md", "exec"), names)
+    # The record is no exact motion of the pendulum, but near one.
+    rate = names["motion"].estimate[1000:, 1]  # type: ignore[attr-defined]
+    assert np.max(np.abs(rate - np.gradient(names["angle"], time)[::2][1000:])) < 0.01  # type: ignore[index, arg-type]
 
 
 def test_the_example_of_the_readme_is_accepted(tmp_path: Path) -> None:
@@ -174,6 +177,19 @@ def test_the_numbers_of_the_readme_are_those_of_the_build() -> None:
     fig4 = golden("fig4")
     assert f"errs by {percent(fig4['adaptive', 'relative_rms_error'], 3)}, but" in README
     assert f"matched gains by {percent(fig4['matched', 'relative_rms_error'])}:" in README
+
+
+def test_the_numbers_of_the_readme_on_normal_forms_are_those_of_the_build() -> None:
+    fig1 = golden("fig1", "lie")
+    for observer in ("constant", "order4", "injection"):
+        numbers = [
+            f"{fig1[observer, name]:.3g}" for name in ("ise", "settling_time", "floquet_exponent")
+        ]
+        assert f"| `{observer}` | {' | '.join(numbers)} |" in README
+    share = golden("fig1_ensemble", "lie")["series", "share_better_4"]
+    assert f"Order 4 is better from {percent(share)} of the initial states" in README
+    with (ROOT / "tests/golden/lie/table_coefficients.csv").open() as stream:
+        assert [row["agrees"] for row in csv.DictReader(stream) if row["printed"]] == ["yes"] * 10
 
 
 @pytest.mark.parametrize("paper", PAPERS)

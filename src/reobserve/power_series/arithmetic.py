@@ -7,6 +7,7 @@ Python `Fraction`. The source of a kernel stands once: floats run it compiled, f
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -34,37 +35,40 @@ def any_numbers(function: Function) -> Function:
 
 @any_numbers
 @kernel
-def add_derivative_along(
+def add_derivatives_along(
     basis: Monomials,
     p: Coefficients,
     v: Coefficients,
-    degree_p: int,
-    degree_v: int,
+    lowest: int,
+    highest: int,
+    degree: int,
     scale: Any,
     out: Coefficients,
 ) -> None:
-    """Add ``scale`` times p'(x) v(x), with the parts of one degree of each: of p, of v.
+    """Add ``scale`` times the part of ``degree`` of p'(x) v(x), p from degree lowest to highest.
 
-    The result has degree ``degree_p + degree_v - 1``. ``p`` and ``out`` have shape (c, N), ``v``
-    has shape (n, N). This is L_v p, the derivative of p along v.
+    The part of degree r of p meets the part of degree ``degree + 1 - r`` of v. ``p`` and ``out``
+    have shape (c, N), ``v`` has shape (n, N). This is L_v p, the derivative of p along v.
     """
     first, products, block = basis.first, basis.products, basis.block
     lowered, exponents = basis.lowered, basis.exponents
-    width = first[degree_v + 1] - first[degree_v]
-    for i in range(len(v)):
-        nonzero = [k for k in range(width) if v[i, first[degree_v] + k] != 0]
-        if len(nonzero) == 0:
-            continue
-        for m in range(first[degree_p], first[degree_p + 1]):
-            power = exponents[m, i]
-            if power == 0:
+    for r in range(lowest, highest + 1):
+        s = degree + 1 - r
+        width = first[s + 1] - first[s]
+        for i in range(len(v)):
+            nonzero = [k for k in range(width) if v[i, first[s] + k] != 0]
+            if len(nonzero) == 0:
                 continue
-            row = block[degree_p - 1, degree_v] + (lowered[m, i] - first[degree_p - 1]) * width
-            for c in range(len(p)):
-                if p[c, m] != 0:
-                    factor = scale * power * p[c, m]
-                    for k in nonzero:
-                        out[c, products[row + k]] += factor * v[i, first[degree_v] + k]
+            for m in range(first[r], first[r + 1]):
+                power = exponents[m, i]
+                if power == 0:
+                    continue
+                row = block[r - 1, s] + (lowered[m, i] - first[r - 1]) * width
+                for c in range(len(p)):
+                    if p[c, m] != 0:
+                        factor = scale * power * p[c, m]
+                        for k in nonzero:
+                            out[c, products[row + k]] += factor * v[i, first[s] + k]
 
 
 @any_numbers
@@ -108,4 +112,7 @@ def jacobian_part(basis: Monomials, p: Coefficients, degree: int, out: Coefficie
 
 def zeros(shape: tuple[int, ...], like: Coefficients) -> Coefficients:
     """An array of zeros of the same kind of numbers as ``like``."""
-    return np.zeros(shape, dtype=like.dtype)
+    found = np.zeros(shape, dtype=like.dtype)
+    if found.dtype == object:
+        found += Fraction(0)  # the integer 0 that stands there divides as a float does
+    return found

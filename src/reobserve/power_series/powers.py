@@ -38,27 +38,33 @@ class Powers:
     def __init__(
         self, basis: Monomials, series: Coefficients, inner: Monomials, wanted: NDArray[Any]
     ) -> None:
-        kept = np.zeros(len(inner.exponents), dtype=bool)
-        kept[wanted] = True
-        for m in range(len(kept) - 1, 0, -1):
-            kept[inner.parent[m]] |= kept[m]
+        asked = [False] * len(inner.exponents)
+        for m in wanted.tolist():
+            asked[m] = True
+        parents = inner.parent.tolist()
+        for m in range(len(asked) - 1, 0, -1):
+            if asked[m]:
+                asked[parents[m]] = True
+        kept = np.array(asked)
         kept[: len(series) + 1] = True  # 1 and the components themselves, in this order
-        size = int(kept.sum()) * series.shape[1]
-        check_size(basis.variables, basis.degree, size, "powers of the series", series.itemsize)
         self.basis, self.series = basis, series
         self.places = np.flatnonzero(kept)
+        size = len(self.places) * series.shape[1]
+        check_size(basis.variables, basis.degree, size, "powers of the series", series.itemsize)
         row = np.cumsum(kept, dtype=np.int32) - 1
-        self._parent = row[inner.parent[self.places]].astype(np.int32)
-        self._factor = (inner.variable[self.places] + 1).astype(np.int32)
-        self._order = inner.exponents[self.places].sum(axis=1).astype(np.int32)
+        self._parent = row[inner.parent[self.places]]
+        self._factor = inner.variable[self.places] + 1
+        self._order = inner.exponents[self.places].sum(axis=1, dtype=np.int32)
         self.table = zeros((len(self.places), series.shape[1]), series)
         self.table[0, 0] = 1
 
     def extend(self, degree: int) -> None:
         """Compute the parts of ``degree`` of the products of two or more components."""
-        known = self.basis.part(degree - 1)
-        self.table[1 : len(self.series) + 1, known] = self.series[:, known]
-        _extend(self.basis, self.table, self._parent, self._factor, self._order, degree)
+        single = len(self.series) + 1
+        if len(self.table) > single:
+            known = self.basis.part(degree - 1)
+            self.table[1:single, known] = self.series[:, known]
+            _extend(self.basis, self.table, self._parent, self._factor, self._order, degree)
 
     def close(self) -> None:
         """Take in the highest part of s itself, once it is known."""
@@ -66,7 +72,10 @@ class Powers:
 
     def part(self, outer: Coefficients, degree: int) -> Coefficients:
         """The part of ``degree`` of the map with the coefficients ``outer``, taken at s."""
-        found: Coefficients = outer[:, self.places] @ self.table[:, self.basis.part(degree)]
+        # Products of more components than that begin at a higher degree.
+        rows = np.searchsorted(self._order, degree, side="right")
+        part = self.basis.part(degree)
+        found: Coefficients = outer[:, self.places[:rows]] @ self.table[:rows, part]
         return found
 
 

@@ -50,10 +50,10 @@ def draw(
     medians = [numbers["series", f"median_ise_ratio_{order}"] for order in orders]
     ratio.plot(orders, medians, **STYLES[0].points())
     ratio.axhline(1.0, color="0.4", linewidth=0.8)
-    ratio.set_ylabel("median ISE / ISE of constant gain")
+    ratio.set_ylabel("median ratio of the ISE")
     ratio.set_xlabel("order of the gain")
     ratio.set_xticks(orders)
-    ratio.set_title("(b) a gap: most runs diverge")
+    ratio.set_title("(b) to that of the constant gain; gap: most diverge")
 
     states, better = _compare(study, MAPPED)
     for chosen, color, marker, label in (

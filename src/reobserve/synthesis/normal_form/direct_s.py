@@ -7,7 +7,7 @@ The equation is linear in S, so the right-hand side of degree d is known at once
 
 from __future__ import annotations
 
-from reobserve.power_series.arithmetic import Coefficients, add_derivative_along, zeros
+from reobserve.power_series.arithmetic import Coefficients, add_derivatives_along
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity
 
@@ -16,11 +16,9 @@ def solve_s(problem: NormalFormProblem, solver: Solver) -> Coefficients:
     """The coefficients of S up to the degree of the problem, shape (n, N)."""
     basis, f = problem.basis, problem.dynamics
     S = identity(problem)
-    right = zeros(S.shape, S)
+    right = -problem.injected
     for d in range(2, problem.degree + 1):
         part = basis.part(d)
-        right[:, part] -= problem.injected[:, part]
-        for r in range(2, d + 1):
-            add_derivative_along(basis, S, f, d + 1 - r, r, -1, right)
+        add_derivatives_along(basis, S, f, 1, d - 1, d, -1, right)
         S[:, part] = solver(basis, right[:, part], d)
     return S

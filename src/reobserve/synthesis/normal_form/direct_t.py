@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.power_series.arithmetic import Coefficients, add_derivative_along, zeros
+from reobserve.power_series.arithmetic import Coefficients, add_derivatives_along, zeros
 from reobserve.power_series.powers import Powers
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity
@@ -20,23 +20,21 @@ from reobserve.synthesis.normal_form.solver import Solver, identity
 
 def solve_t(problem: NormalFormProblem, solver: Solver) -> Coefficients:
     """The coefficients of T up to the degree of the problem, shape (n, N)."""
-    basis, linear = problem.basis, problem.system.states + 1
+    basis, n = problem.basis, problem.system.states
     T = identity(problem)
-    f, w = problem.dynamics.copy(), problem.injected.copy()
-    f[:, :linear] = 0
-    w[:, :linear] = 0
-    wanted = np.flatnonzero(np.any(f != 0, axis=0) | np.any(w != 0, axis=0))
-    powers = Powers(basis, T, basis, wanted)
+    higher = np.concatenate([problem.dynamics, problem.injected])  # f, then w
+    higher[:, : n + 1] = 0
+    powers = Powers(basis, T, basis, np.flatnonzero(np.any(higher != 0, axis=0)))
+    outer = higher[:, powers.places]
     injection = problem.A - problem.F  # L0 H
     g = zeros(T.shape, T)
     right = zeros(T.shape, T)
     for d in range(2, problem.degree + 1):
         part = basis.part(d)
         powers.extend(d)
-        fed = powers.part(w, d)
-        right[:, part] += powers.part(f, d) + fed
-        for k in range(2, d):
-            add_derivative_along(basis, T, g, k, d + 1 - k, -1, right)
+        values = outer @ powers.table[:, part]
+        right[:, part] = values[:n] + values[n:]
+        add_derivatives_along(basis, T, g, 2, d - 1, d, -1, right)
         T[:, part] = solver(basis, right[:, part], d)
-        g[:, part] = -fed - injection @ T[:, part]
+        g[:, part] = -values[n:] - injection @ T[:, part]
     return T

@@ -14,6 +14,7 @@ only monomials that agree in the others, so no matrix of the size of a homogeneo
 
 from __future__ import annotations
 
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -26,15 +27,18 @@ Complex = NDArray[np.complex128]
 Array = NDArray[np.float64]
 
 
-class Rotations(NamedTuple):
-    """A unitary matrix as rotations G1 G2 ... Gk of two coordinates each.
+class SchurForms(NamedTuple):
+    """U and V, upper triangular, and the unitary W and Q, the latter as rotations of two variables.
 
-    ``first`` and ``second`` name the coordinates, ``entries`` has shape (k, 2, 2).
+    ``pairs``, of shape (2 k, 2), names the variables that each of the ``rotations``, of shape
+    (2 k, 2, 2), mixes: those of Q, and from the middle on their inverses in reversed order.
     """
 
-    first: NDArray[np.int64]
-    second: NDArray[np.int64]
-    entries: Complex
+    U: Complex
+    V: Complex
+    W: Complex
+    pairs: NDArray[np.int64]
+    rotations: Complex
 
 
 class SchurSolver:
@@ -46,95 +50,136 @@ class SchurSolver:
     """
 
     def __init__(self, F: Array, A: Array) -> None:
-        from scipy.linalg import schur
-
-        U, Q = schur(F.astype(np.complex128), output="complex", check_finite=False)
-        self._V, self._W = schur(A.astype(np.complex128), output="complex", check_finite=False)
-        self._there, phases = _rotations(Q)
+        U, Q = _schur(F)
+        V, W = _schur(A)
+        pairs, rotations, phases = _rotations(Q)
         # Q = G1 ... Gk D: the phases D go into U, what is left is a product of rotations.
-        self._U = phases[:, None] * U * phases.conj()
-        self._back = Rotations(
-            self._there.first[::-1].copy(),
-            self._there.second[::-1].copy(),
-            np.ascontiguousarray(self._there.entries[::-1].conj().transpose(0, 2, 1)),
-        )
-        self.alpha: Complex = np.diag(self._U).copy()
-        self.lambdas: Complex = np.diag(self._V).copy()
+        U = phases[:, None] * U * phases.conj()
+        self._forms = SchurForms(U, V, W, pairs, rotations)
+        self.alpha: Complex = np.diag(U).copy()
+        self.lambdas: Complex = np.diag(V).copy()
         self.imaginary = 0.0
 
     def __call__(self, basis: Monomials, right: Array, degree: int) -> Array:
         """P for a homogeneous R of ``degree``; both of shape (n, monomials of that degree)."""
-        p = self._W.conj().T @ right
-        _substitute(basis, p, degree, self._there)
-        _solve(basis, p, degree, self._U, self._V)
-        _substitute(basis, p, degree, self._back)
-        p = self._W @ p
-        size = float(np.max(np.abs(p)))
+        found, size, imaginary = _solve(basis, right, degree, self._forms)
         if size > 0:
-            self.imaginary = max(self.imaginary, float(np.max(np.abs(p.imag))) / size)
-        return np.ascontiguousarray(p.real)
+            self.imaginary = max(self.imaginary, imaginary / size)
+        return found
 
 
-def _rotations(Q: Complex) -> tuple[Rotations, Complex]:
-    """Rotations G and phases D with Q = G1 ... Gk diag(D), Q unitary."""
-    n = len(Q)
-    rest = Q.copy()
-    first, second, entries = [], [], []
+def _schur(matrix: Array) -> tuple[Complex, Complex]:
+    """The triangular and the unitary factor; for small matrices LAPACK is faster called directly.
+
+    Raises
+    ------
+    LinAlgError
+        If the eigenvalues are not found.
+    """
+    from scipy.linalg.lapack import zgees
+
+    triangular, _, _, unitary, _, info = zgees(lambda _: None, matrix)
+    if info != 0:
+        raise np.linalg.LinAlgError("the Schur form of the linear part was not found")
+    return triangular, unitary
+
+
+def _rotations(Q: Complex) -> tuple[NDArray[np.int64], Complex, Complex]:
+    """Rotations and their inverses, as in `SchurForms`, and phases D: Q = G1 ... Gk diag(D)."""
+    rest = Q.tolist()
+    n = len(rest)
+    pairs, there, back = [], [], []
     for j in range(n - 1):
         for i in range(n - 1, j, -1):
-            a, b = rest[j, j], rest[i, j]
-            length = np.hypot(abs(a), abs(b))
-            if b == 0 or length == 0:
+            a, b = rest[j][j], rest[i][j]
+            if b == 0:
                 continue
-            G = np.array([[a, -b.conjugate()], [b, a.conjugate()]]) / length
-            rest[[j, i]] = G.conj().T @ rest[[j, i]]
-            first.append(j)
-            second.append(i)
-            entries.append(G)
-    shaped = np.array(entries, dtype=np.complex128).reshape(-1, 2, 2)
-    places = (np.array(first, dtype=np.int64), np.array(second, dtype=np.int64))
-    return Rotations(*places, shaped), np.diag(rest).copy()
+            length = hypot(abs(a), abs(b))
+            c, s = a / length, b / length
+            c_, s_ = c.conjugate(), s.conjugate()
+            upper, lower = rest[j], rest[i]
+            rest[j] = [c_ * x + s_ * y for x, y in zip(upper, lower, strict=True)]
+            rest[i] = [c * y - s * x for x, y in zip(upper, lower, strict=True)]
+            pairs.append((j, i))
+            there.append(((c, -s_), (s, c_)))
+            back.append(((c_, s_), (-s, c)))
+    return (
+        np.array(pairs + pairs[::-1], dtype=np.int64).reshape(-1, 2),
+        np.array(there + back[::-1], dtype=np.complex128).reshape(-1, 2, 2),
+        np.array([rest[k][k] for k in range(n)]),
+    )
 
 
 @kernel
-def _substitute(basis: Monomials, p: Complex, degree: int, rotations: Rotations) -> None:
-    """Replace p(x) by p(G1 G2 ... w) in place; p has shape (c, monomials of the degree)."""
+def _solve(
+    basis: Monomials, right: Array, degree: int, forms: SchurForms
+) -> tuple[Array, float, float]:
+    """P for R, and the largest real and imaginary parts that were found."""
+    n, width = right.shape
+    W, pairs, rotations = forms.W, forms.pairs, forms.rotations
+    p = np.zeros((n, width), dtype=np.complex128)
+    for c in range(n):
+        for k in range(n):
+            for m in range(width):
+                p[c, m] += W[k, c].conjugate() * right[k, m]
+    # There by the rotations, and after the solution in their middle back by their inverses.
+    half = len(rotations) // 2
+    for g in range(len(rotations) + 1):
+        if g == half:
+            _solve_triangular(basis, p, degree, forms.U, forms.V)
+        if g < len(rotations):
+            _substitute(basis, p, degree, pairs[g], rotations[g])
+    found = np.empty((n, width))
+    size = imaginary = 0.0
+    for c in range(n):
+        for m in range(width):
+            total = 0j
+            for k in range(n):
+                total += W[c, k] * p[k, m]
+            found[c, m] = total.real
+            size = max(size, abs(total.real))
+            imaginary = max(imaginary, abs(total.imag))
+    return found, size, imaginary
+
+
+@kernel
+def _substitute(
+    basis: Monomials, p: Complex, degree: int, pair: NDArray[np.int64], G: Complex
+) -> None:
+    """Replace p(x) by p(G w) in place, p of shape (c, monomials of the degree)."""
     start = basis.first[degree]
+    i, j = pair
+    # forms[k, t]: the coefficients of (G00 u + G01 v)^(k - t) (G10 u + G11 v)^t.
     forms = np.zeros((degree + 1, degree + 1, degree + 1), dtype=np.complex128)
+    forms[0, 0, 0] = 1
+    for k in range(1, degree + 1):
+        for t in range(k + 1):
+            row, shorter = t // k, min(t, k - 1)
+            for s in range(k):
+                forms[k, t, s] += forms[k - 1, shorter, s] * G[row, 0]
+                forms[k, t, s + 1] += forms[k - 1, shorter, s] * G[row, 1]
     group = np.empty(degree + 1, dtype=np.int64)
     before = np.empty(degree + 1, dtype=np.complex128)
-    for g in range(len(rotations.first)):
-        i, j = rotations.first[g], rotations.second[g]
-        G = rotations.entries[g]
-        # forms[k, t]: the coefficients of (G00 u + G01 v)^(k - t) (G10 u + G11 v)^t.
-        forms[:] = 0
-        forms[0, 0, 0] = 1
-        for k in range(1, degree + 1):
+    for m in range(start, basis.first[degree + 1]):
+        k = basis.exponents[m, i]
+        if k == 0 or basis.exponents[m, j] != 0:
+            continue
+        # The monomials that share the other powers: x_i^k, x_i^(k-1) x_j, ..., x_j^k.
+        group[0] = m
+        for t in range(1, k + 1):
+            group[t] = basis.raised[basis.lowered[group[t - 1], i], j]
+        for c in range(len(p)):
             for t in range(k + 1):
-                shorter, row = (forms[k - 1, t], G[0]) if t < k else (forms[k - 1, t - 1], G[1])
-                for s in range(k):
-                    forms[k, t, s] += shorter[s] * row[0]
-                    forms[k, t, s + 1] += shorter[s] * row[1]
-        for m in range(start, basis.first[degree + 1]):
-            k = basis.exponents[m, i]
-            if k == 0 or basis.exponents[m, j] != 0:
-                continue
-            # The monomials that share the other powers: x_i^k, x_i^(k-1) x_j, ..., x_j^k.
-            group[0] = m
-            for t in range(1, k + 1):
-                group[t] = basis.raised[basis.lowered[group[t - 1], i], j]
-            for c in range(len(p)):
+                before[t] = p[c, group[t] - start]
+            for s in range(k + 1):
+                total = 0j
                 for t in range(k + 1):
-                    before[t] = p[c, group[t] - start]
-                for s in range(k + 1):
-                    total = 0j
-                    for t in range(k + 1):
-                        total += before[t] * forms[k, t, s]
-                    p[c, group[s] - start] = total
+                    total += before[t] * forms[k, t, s]
+                p[c, group[s] - start] = total
 
 
 @kernel
-def _solve(basis: Monomials, p: Complex, degree: int, U: Complex, V: Complex) -> None:
+def _solve_triangular(basis: Monomials, p: Complex, degree: int, U: Complex, V: Complex) -> None:
     """Solve p'(w) U w - V p(w) = r(w), U and V upper triangular, in place of r."""
     n = len(U)
     start = basis.first[degree]

@@ -19,11 +19,14 @@ terms known before. Then (20), whose ad_{Ax} U = U' A x - A U holds A = F + L0 H
 with the known terms R_k = k! (F_(k+1) + w_(k+1) + ... + L_(k-1) w_2) - sum C ad_{f} U of (20):
 the equation of all roads. The bracket is ad_f U = U' f - f' U, and in (22) L_p U must be read as
 p' U, the derivative of p along U.
+
+The code divides that by (k - 1)! and keeps f_k / k!, U_i / i! and p_i^(m) / i!, so that no
+binomials are left and a sum over indices is one product of series.
 """
 
 from __future__ import annotations
 
-from math import comb, factorial
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +34,7 @@ import numpy as np
 from reobserve.power_series.arithmetic import (
     Coefficients,
     add_applied,
-    add_derivative_along,
+    add_derivatives_along,
     jacobian_part,
     zeros,
 )
@@ -63,10 +66,11 @@ def lie_transform(problem: NormalFormProblem, solver: Solver) -> LieTransform:
     T_jacobian = zeros(gain.shape, T)
     T_jacobian[:: n + 1, 0] = 1
     higher = zeros(T.shape, T)  # T without its linear part
-    # Part k + 1 of f is f_k; part i + m + 2 of p[m] is p_i^(m) of (22), p[0] is U.
+    # Part k + 1 of f is f_k / k!; part i + m + 2 of p[m] is p_i^(m) / i! of (22).
     f = zeros(T.shape, T)
     f[:, basis.part(1)] = problem.A
     p = [zeros(T.shape, T) for _ in range(problem.degree)]
+    U = p[0]
     powers = Powers(basis, S, basis, np.arange(len(basis.exponents)))
     for k in range(1, problem.degree):
         part = basis.part(k + 1)
@@ -82,50 +86,29 @@ def lie_transform(problem: NormalFormProblem, solver: Solver) -> LieTransform:
         for j in range(1, k):
             add_applied(basis, gain, w, j, k + 1 - j, fed)
         add_applied(basis, known_gain, w, k, 1, fed)
-        _triangle(problem, p, k)
-        q = p[k - 1].copy()
-        right = zeros(T.shape, T)
-        right[:, part] = factorial(k) * fed[:, part]
-        for j in range(k - 1):
-            _subtract_bracket(problem, f, k - 1 - j, p[0], j, comb(k - 1, j), right)
-        add_derivative_along(basis, q, w, k + 1, 1, 1, right)
+        # the triangle (22) for U_(k-1) = 0: i + m = k - 1
+        for m in range(1, k):
+            p[m][:, part] += (k - m) * p[m - 1][:, part]  # p_(i+1)^(m-1)
+            add_derivatives_along(basis, p[m - 1], U, m + 1, k, k + 1, 1, p[m])
+        q = p[k - 1] / factorial(k - 1)
+        right = k * fed
+        add_derivatives_along(basis, U, f, 2, k, k + 1, -1, right)
+        add_derivatives_along(basis, f, U, 2, k, k + 1, 1, right)
+        add_derivatives_along(basis, q, w, k + 1, k + 1, k + 1, 1, right)
 
         generator = solver(basis, right[:, part], k + 1)
         for m in range(k):
-            p[m][:, part] += generator
-        T[:, part] = p[k - 1][:, part] / factorial(k)
+            p[m][:, part] += factorial(k - 1) // factorial(k - 1 - m) * generator
+        T[:, part] = (generator + q[:, part]) / k
         higher[:, part] = T[:, part]
         jacobian_part(basis, T, k + 1, T_jacobian)
         gain[:, basis.part(k)] = T_jacobian[:, basis.part(k)] + known_gain[:, basis.part(k)]
-        add_derivative_along(basis, T, w, k + 1, 1, 1, fed)
-        f[:, part] = factorial(k) * fed[:, part]
+        add_derivatives_along(basis, T, w, k + 1, k + 1, k + 1, 1, fed)
+        f[:, part] = fed[:, part]
     last = problem.degree
     if last > 1:
         powers.extend(last)
         S[:, basis.part(last)] = -powers.part(higher, last)
-    return LieTransform(p[0], T, S, gain)
-
-
-def _triangle(problem: NormalFormProblem, p: list[Coefficients], k: int) -> None:
-    """The entries p_i^(m) of (22) with i + m = k - 1, for U_(k-1) = 0."""
-    basis = problem.basis
-    part = basis.part(k + 1)
-    for m in range(1, k):
-        i = k - 1 - m
-        p[m][:, part] += p[m - 1][:, part]  # p_(i+1)^(m-1)
-        for j in range(i + 1):
-            add_derivative_along(basis, p[m - 1], p[0], k - j, j + 2, comb(i, j), p[m])
-
-
-def _subtract_bracket(
-    problem: NormalFormProblem,
-    f: Coefficients,
-    k: int,
-    U: Coefficients,
-    j: int,
-    scale: int,
-    out: Coefficients,
-) -> None:
-    """Subtract ``scale`` times ad_{f_k} U_j = U_j' f_k - f_k' U_j."""
-    add_derivative_along(problem.basis, U, f, j + 2, k + 1, -scale, out)
-    add_derivative_along(problem.basis, f, U, k + 1, j + 2, scale, out)
+    for i in range(last - 1):
+        U[:, basis.part(i + 2)] *= factorial(i)
+    return LieTransform(U, T, S, gain)
