@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, located
 from reobserve.power_series.arithmetic import Coefficients, jacobian_part, zeros
 from reobserve.power_series.monomials import Monomials, monomials
 from reobserve.power_series.powers import Powers
@@ -30,13 +30,18 @@ class PolynomialMap:
     Raises
     ------
     InputError
-        If the shape does not fit the basis.
+        If the shape does not fit the basis, or the type is none of these.
     """
 
     basis: Monomials
     coefficients: Coefficients
 
     def __post_init__(self) -> None:
+        if self.coefficients.dtype.kind not in "fcO":
+            raise InputError(
+                "coefficients",
+                f"are of type {self.coefficients.dtype}, must be floats, complex or fractions",
+            )
         wanted = len(self.basis.exponents)
         if self.coefficients.ndim != 2 or self.coefficients.shape[1] != wanted:
             raise InputError(
@@ -66,7 +71,9 @@ class PolynomialMap:
             That names the term of ``name``, its key, the value and what is allowed.
         """
         read = [_term(f"{name}[{k}]", term, components, variables) for k, term in enumerate(terms)]
-        basis = monomials(variables, max((sum(powers) for _, powers, _ in read), default=1) or 1)
+        with located(name):
+            highest = max((sum(powers) for _, powers, _ in read), default=1)
+            basis = monomials(variables, max(1, highest))
         table = np.zeros((components, len(basis.exponents)), dtype=object if exact else np.float64)
         if exact:
             table += Fraction(0)
@@ -76,8 +83,10 @@ class PolynomialMap:
 
     @classmethod
     def linear(cls, matrix: ArrayLike) -> PolynomialMap:
-        """The map x -> M x, M of shape (m, n)."""
-        rows = np.asarray(matrix)
+        """The map x -> M x, M of shape (m, n), of floats or (dtype object) of fractions."""
+        given = np.asarray(matrix)
+        # Integers would cut off what is added to them, and overflow when multiplied.
+        rows = given + Fraction(0) if given.dtype == object else given.astype(np.float64)
         basis = monomials(rows.shape[1], 1)
         return cls(basis, np.concatenate([zeros((len(rows), 1), rows), rows], axis=1))
 
@@ -214,7 +223,7 @@ def _term(
     place: str, term: Mapping[str, Any], components: int, variables: int
 ) -> tuple[int, tuple[int, ...], Fraction]:
     keys = ("component", "powers", "coefficient")
-    if not isinstance(term, Mapping) or sorted(term) != sorted(keys):
+    if not isinstance(term, Mapping) or set(term) != set(keys):
         raise InputError(place, f"{term!r} must have the keys {', '.join(keys)} and no others")
     component, powers = term["component"], term["powers"]
     if not _is_count(component) or not 1 <= component <= components:
@@ -223,13 +232,16 @@ def _term(
         raise InputError(
             f"{place}.powers", f"{powers!r} must be {variables} whole numbers, none negative"
         )
+    given = term["coefficient"]
     try:
-        given = term["coefficient"]
+        if isinstance(given, bool):
+            raise TypeError
         value = Fraction(str(given) if isinstance(given, float) else given)
+        float(value)
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise InputError(
             f"{place}.coefficient",
-            f"{term['coefficient']!r} must be a finite number or a fraction such as 1/3",
+            f"{given!r} must be a finite number or a fraction such as 1/3",
         ) from None
     return component - 1, tuple(powers), value
 

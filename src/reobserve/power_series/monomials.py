@@ -86,7 +86,7 @@ def check_size(variables: int, degree: int, entries: int, what: str, size: int =
     Raises
     ------
     InputError
-        With the size, and the highest degree that does fit.
+        With the size that is needed and the most that is allowed.
     """
     if entries * size <= MOST_BYTES:
         return

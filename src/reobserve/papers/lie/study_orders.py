@@ -59,17 +59,19 @@ def _errors(
     settings: dict[str, Any], plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
     run, every = observe(observer, initial, settings["plant"], plant)
-    error = run.estimate - plant["state"][:: 2 * every][: len(run.estimate)]
-    step, diverged = observer.step_size, run.diverged_at is not None
-    squares = integral_of_squares(error, step)
+    step = observer.step_size
+    squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
+    if run.diverged_at is not None:
+        lost = run.diverged_at
+    else:
+        error = run.estimate - plant["state"][:: 2 * every]
+        squares = integral_of_squares(error, step)
+        settled = settling_time(error, step, settings["metrics"]["settling_band"])
     for i, value in enumerate(squares):
-        yield summary(name, order, f"ise_{i + 1}", NAN if diverged else value, "s")
-    yield summary(name, order, "ise", NAN if diverged else float(squares.sum()), "s")
-    settled = NAN if diverged else settling_time(error, step, settings["metrics"]["settling_band"])
+        yield summary(name, order, f"ise_{i + 1}", value, "s")
+    yield summary(name, order, "ise", float(squares.sum()), "s")
     yield summary(name, order, "settling_time", settled, "s")
-    yield summary(
-        name, order, "diverged_at", NAN if run.diverged_at is None else run.diverged_at, "s"
-    )
+    yield summary(name, order, "diverged_at", lost, "s")
 
 
 def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int, name: str) -> Row:
