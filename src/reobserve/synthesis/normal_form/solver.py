@@ -8,6 +8,8 @@ import numpy as np
 
 from reobserve.power_series.arithmetic import Coefficients, zeros
 from reobserve.power_series.monomials import Monomials
+from reobserve.synthesis.normal_form.homological import SchurSolver
+from reobserve.synthesis.normal_form.homological_exact import RationalSolver
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 # (basis, right-hand side, degree) -> the solution of that degree
@@ -17,11 +19,7 @@ Solver = Callable[[Monomials, Coefficients, int], Coefficients]
 def solver_for(problem: NormalFormProblem) -> Solver:
     """The solver for the numbers of the problem: exact for fractions, by Schur forms for floats."""
     if problem.system.dynamics.exact:
-        from reobserve.synthesis.normal_form.homological_exact import RationalSolver
-
         return RationalSolver(problem.F, problem.A)
-    from reobserve.synthesis.normal_form.homological import SchurSolver
-
     return SchurSolver(problem.F, problem.A)
 
 
