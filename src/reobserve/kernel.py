@@ -21,14 +21,24 @@ def kernel(function: Function) -> Function:
     products never fused (no ``fastmath``), so that stepping and batch runs agree to
     the last bit.
     """
+    compiler = numba.njit(cache=True, error_model="numpy", fastmath=False)
+    return cast(Function, _compiled(compiler, function))
+
+
+def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any:
+    """Compile a function that kernels can be handed: with one signature, called by its address."""
+    return _compiled(numba.cfunc(signature, cache=True, error_model="numpy"), function)
+
+
+def _compiled(compiler: Any, function: Any) -> Any:
+    """The compiled function, its machine code in the folder for the sources as they are."""
     config: Any = numba.config
     before = config.CACHE_DIR
     config.CACHE_DIR = _cache_folder()
     try:
-        compiled = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
+        return compiler(function)
     finally:
         config.CACHE_DIR = before
-    return cast(Function, compiled)
 
 
 @cache
