@@ -93,13 +93,19 @@ def as_rows(name: str, value: ArrayLike, like: Matrix | None = None) -> Matrix:
     return array
 
 
-def as_record(name: str, samples: ArrayLike, columns: int, rows: int | None = None) -> Matrix:
+def as_record(
+    name: str,
+    samples: ArrayLike,
+    columns: int,
+    rows: int | None = None,
+    like: str = "the measured rate",
+) -> Matrix:
     """What an observer reads: two samples a step, and one at the end; finite, contiguous.
 
     Raises
     ------
     InputError
-        If there is no odd number of rows (``rows`` if given), 3 or more, of ``columns`` finite
+        If there is no odd number of rows (``rows`` if given, as ``like`` has), 3 or more, of ``columns`` finite
         numbers.
     """
     try:
@@ -113,7 +119,7 @@ def as_record(name: str, samples: ArrayLike, columns: int, rows: int | None = No
             f"number{'s' if columns > 1 else ''}",
         )
     if rows is not None and len(array) != rows:
-        raise InputError(name, f"has {len(array)} rows, must have {rows} like the measured rate")
+        raise InputError(name, f"has {len(array)} rows, must have {rows} like {like}")
     # Rows are looked at one by one only if something is wrong: that costs as much as observing.
     if not np.isfinite(array).all():
         row = int(np.argmin(np.isfinite(array).all(axis=1)))
