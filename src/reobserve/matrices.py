@@ -105,8 +105,8 @@ def as_record(
     Raises
     ------
     InputError
-        If there is no odd number of rows (``rows`` if given, as ``like`` has), 3 or more, of ``columns`` finite
-        numbers.
+        If there is no odd number of rows (``rows`` if given, as ``like`` has), 3 or more, of
+        ``columns`` finite numbers.
     """
     try:
         array = np.ascontiguousarray(samples, dtype=np.float64)
