@@ -91,6 +91,72 @@ def test_check_grid() -> None:
     with pytest.raises(InputError, match=r"jumps at 2.1 s.* 2 and 2.25 s\)$"):
         ending.check_grid("fault", 0.25, 5.0)
     ending.check_grid("fault", 0.25, 2.0)
+    # Jumps alone: what starts after the end is no matter then.
+    signal.check_jumps("fault", 0.25, 1.0)
+    with pytest.raises(InputError, match=r"^fault: jumps at 0.5 s"):
+        signal.check_jumps("fault", 0.3, 1.0)
+
+
+# --- Before t = 0 -------------------------------------------------------------------------------
+
+
+def test_a_term_from_a_negative_time_on_acts_there() -> None:
+    early = {"kind": "ramp", "axis": 1, "from": -1.5, "slope": 0.5}
+    ended = {"kind": "constant", "axis": 2, "from": -2.0, "until": -0.5, "size": 3.0}
+    late = {"kind": "sine", "axis": 3, "amplitude": 1.0, "frequency": 2.0, "phase": 1.0}
+    signal = parse(early, ended, late)
+    times = np.array([-3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 1.0])
+    assert signal(times)[:, 0].tolist() == [0, 0, 0, 0.25, 0.5, 0.75, 1.25]
+    assert signal(times)[:, 1].tolist() == [0, 3, 3, 3, 0, 0, 0]
+    assert signal(times, before=True)[:, 1].tolist() == [0, 0, 3, 3, 3, 0, 0]
+    # Without ``from`` a term starts with the run.
+    assert signal(times)[:, 2] == pytest.approx([0, 0, 0, 0, 0, np.sin(1), np.sin(3)], abs=1e-15)
+
+
+def test_what_starts_before_the_run_is_no_onset_and_no_jump_of_the_run() -> None:
+    ended = {**CONSTANT, "from": -2.03, "until": -0.51}
+    signal = parse({**SINE, "from": -1.57}, ended, RAMP, {**CONSTANT, "from": 0})
+    assert signal.onsets == (0.5,)
+    assert signal.jumps == (0.5, 2.0)
+    assert signal.breaks == (-2.03, -1.57, -0.51, 0.0, 0.5, 2.0)
+    signal.check_grid("fault", 0.25, 5.0)
+
+
+# --- Derivatives --------------------------------------------------------------------------------
+
+
+def test_each_kind_has_its_derivative() -> None:
+    derivative = parse(CONSTANT, SINE, RAMP).derivative("fault")
+    expected = np.zeros((len(GRID), 3))
+    expected[:, 1] = np.where(GRID > 2.499, 6 * np.cos(3 * GRID + 0.4), 0)
+    expected[:, 2] = np.where((GRID > 0.499) & (GRID < 1.999), -0.1, 0)
+    assert derivative(GRID) == pytest.approx(expected, abs=1e-14)
+    assert derivative.axes == 3
+    # The limits at jumps are those of the terms, and a constant that jumps keeps its slope.
+    end = np.array([2.0])
+    assert derivative(end, before=True)[0, 2] == -0.1
+    assert derivative(end)[0, 2] == 0
+    assert derivative.breaks == (0.5, 2.0, 2.5)
+
+
+def test_derivatives_of_higher_order() -> None:
+    signal = parse(SINE, RAMP, {**CONSTANT, "axis": 2})
+    times = np.linspace(2.6, 9, 50)
+    for order in range(1, 9):
+        signal = signal.derivative("fault")
+        turned = 2.0 * 3.0**order * np.sin(3 * times + 0.4 + order * np.pi / 2)
+        assert signal(times)[:, 1] == pytest.approx(turned, abs=1e-13 * 3.0**order)
+    assert len(signal.terms) == 1  # a ramp has a slope, and then nothing
+    assert not parse(RAMP).derivative("fault").derivative("fault").terms
+
+
+def test_the_derivative_is_the_limit_of_differences() -> None:
+    signal = parse({**SINE, "from": -9}, {**RAMP, "axis": 2, "from": -9, "until": 9}, CONSTANT)
+    times, h = np.linspace(-0.9, 0.9, 37), 1e-3
+    # These differences err by h^4/30 times the fifth derivative, 2 * 3^5 at most, and by rounding.
+    near, far = (signal(times + k * h) - signal(times - k * h) for k in (1, 2))
+    differences = (8 * near - far) / (12 * h)
+    assert signal.derivative("u")(times) == pytest.approx(differences, abs=2e-11)
 
 
 # --- Samples ------------------------------------------------------------------------------------
@@ -142,6 +208,16 @@ def test_samples_within_a_span(record: Path) -> None:
     assert signal.jumps == (0.75, 1.0, 2.0, 2.5)
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "hold"])
+def test_samples_have_no_derivative(record: Path, interpolation: str) -> None:
+    signal = parse(CONSTANT, samples(record, interpolation=interpolation))
+    with pytest.raises(
+        InputError,
+        match=r"^u\[1\]: has no derivative in closed form; state it by constants, sines and ramps$",
+    ):
+        signal.derivative("u")
+
+
 def test_sample_files_are_listed(record: Path) -> None:
     assert sample_files([CONSTANT, samples(record)]) == [str(record)]
     assert sample_files("nonsense") == []
@@ -171,9 +247,11 @@ BAD_TERMS: list[tuple[Any, str]] = [
     ({**CONSTANT, "axis": 0}, r"^fault\[0\].axis: 0 must be a whole number from 1 to 3$"),
     ({**CONSTANT, "axis": 1.0}, r"^fault\[0\].axis: 1.0 must be a whole number from 1 to 3$"),
     (without(CONSTANT, "axis"), r"^fault\[0\].axis: None must be a whole number from 1 to 3$"),
-    ({**CONSTANT, "from": -1.0}, r"^fault\[0\].from: -1 s must not be negative"),
-    ({**RAMP, "until": 0.5}, r"^fault\[0\].from: 0.5 s must not be negative and before 0.5 s$"),
-    ({**RAMP, "until": 0.1}, r"^fault\[0\].from: 0.5 s must not be negative and before 0.1 s$"),
+    ({**CONSTANT, "from": "early"}, r"^fault\[0\].from: 'early' is not a number"),
+    ({**RAMP, "until": 0.5}, r"^fault\[0\].from: 0.5 s must be before 0.5 s, its end$"),
+    ({**RAMP, "until": 0.1}, r"^fault\[0\].from: 0.5 s must be before 0.1 s, its end$"),
+    ({**RAMP, "from": -1, "until": -2}, r"^fault\[0\].from: -1 s must be before -2 s, its end$"),
+    ({"kind": "sine", "axis": 1, "until": -1, "amplitude": 1, "frequency": 1}, r"0 s must be bef"),
 ]
 
 

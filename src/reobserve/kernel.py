@@ -21,7 +21,8 @@ def kernel(function: Function) -> Function:
     products never fused (no ``fastmath``), so that stepping and batch runs agree to
     the last bit.
     """
-    compiler = numba.njit(cache=True, error_model="numpy", fastmath=False)
+    # nogil: a kernel touches arrays only, so two of them can run in two threads of one process.
+    compiler = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
     return cast(Function, _compiled(compiler, function))
 
 

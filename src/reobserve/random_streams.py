@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 
@@ -23,3 +24,16 @@ def random_stream(seed: int, *names: str) -> np.random.Generator:
     spelled = hashlib.sha256("/".join(names).encode()).digest()
     words = np.frombuffer(spelled[:16], dtype="<u4")
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words.tolist()])))
+
+
+def held_normal(
+    stream: np.random.Generator, samples: int, hold: int, columns: int | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normal noise, drawn anew every ``hold`` samples: values and their limits from the left.
+
+    Both have shape (samples,), or (samples, columns).
+    """
+    count = samples // hold + 1
+    drawn = stream.standard_normal(count if columns is None else (count, columns))
+    index = np.arange(samples)
+    return drawn[index // hold], drawn[np.maximum(index - 1, 0) // hold]

@@ -12,26 +12,25 @@ A constant that starts at its onset is a step. A sine is ``amplitude * sin(frequ
 phase)`` with the frequency in rad/s and t the time of the run, not the time since the onset; a
 ramp is ``slope * (t - from)``. Samples come from a CSV or Parquet file with a column ``time``
 [s]; the last one holds until the term ends.
+
+``from`` is 0 if it is not given, and may be negative: what a delayed input was before the run is
+the part of its terms before t = 0. Where no term acts, a signal is zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.matrices import as_positive, as_scalar
+from reobserve.signal_shapes import SAME_INSTANT, Array, Constant, Held, Linear, Ramp, Shape, Sine
 
-Array = NDArray[np.float64]
-
-# Two instants closer than this are one: grid times are products and carry rounding.
-SAME_INSTANT = 1e-9
+__all__ = ["SAME_INSTANT", "Array", "Signal", "Term", "sample_files"]
 
 # The keys of each kind beside axis, from and until, and whether a term must have them.
 _KEYS = {
@@ -52,7 +51,7 @@ class Term:
     axis: int
     onset: float
     end: float
-    shape: Callable[[Array, bool], Array]
+    shape: Shape
     jumps: tuple[float, ...] = ()
 
 
@@ -96,21 +95,49 @@ class Signal:
             values[first:last, term.axis] += term.shape(time[first:last], before)
         return values
 
+    def derivative(self, name: str) -> Signal:
+        """The signal of exact time derivatives between the jumps; ``name`` is used in errors.
+
+        Raises
+        ------
+        InputError
+            If a term consists of samples.
+        """
+        terms = []
+        for i, term in enumerate(self.terms):
+            shape = term.shape.derivative()
+            if shape is None:
+                raise InputError(
+                    f"{name}[{i}]",
+                    "has no derivative in closed form; state it by constants, sines and ramps",
+                )
+            if not isinstance(term.shape, Constant):
+                terms.append(Term(term.axis, term.onset, term.end, shape))
+        return Signal(self.axes, tuple(terms))
+
     @property
     def onsets(self) -> tuple[float, ...]:
         """The distinct times [s], in order, at which a term starts after t = 0."""
         return tuple(sorted({term.onset for term in self.terms if term.onset > 0}))
 
     @property
-    def jumps(self) -> tuple[float, ...]:
-        """The distinct times [s] at which the signal or a derivative may be discontinuous."""
+    def breaks(self) -> tuple[float, ...]:
+        """The distinct times [s] at which the signal or a derivative may be discontinuous.
+
+        The kinks of samples with straight lines in between are not among them.
+        """
         times = {
             instant
             for term in self.terms
             for instant in (term.onset, term.end, *term.jumps)
-            if 0 < instant < np.inf
+            if instant < np.inf
         }
         return tuple(sorted(times))
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Those of the ``breaks`` that come after t = 0."""
+        return tuple(instant for instant in self.breaks if instant > 0)
 
     def check_grid(self, name: str, step: float, horizon: float) -> None:
         """Refuse a term that starts after ``horizon`` or jumps between multiples of ``step``."""
@@ -119,6 +146,10 @@ class Signal:
                 raise InputError(
                     name, f"starts at {onset:g} s, must start before the end at {horizon:g} s"
                 )
+        self.check_jumps(name, step, horizon)
+
+    def check_jumps(self, name: str, step: float, horizon: float) -> None:
+        """Refuse a term that jumps between multiples of ``step`` before ``horizon``."""
         for jump in self.jumps:
             lower = np.floor(jump / step + 1e-6) * step
             if jump < horizon and abs(jump - round(jump / step) * step) > SAME_INSTANT:
@@ -154,38 +185,17 @@ def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
         raise InputError(f"{name}.axis", f"{axis!r} must be a whole number from 1 to {axes}")
     onset = as_scalar(f"{name}.from", term.get("from", 0.0))
     end = as_scalar(f"{name}.until", term["until"]) if "until" in term else np.inf
-    if onset < 0 or end <= onset:
-        raise InputError(f"{name}.from", f"{onset:g} s must not be negative and before {end:g} s")
+    if end <= onset:
+        raise InputError(f"{name}.from", f"{onset:g} s must be before {end:g} s, its end")
     if kind == "samples":
         return _samples(name, term, axis - 1, onset, end)
     numbers = {key: as_scalar(f"{name}.{key}", term.get(key, 0.0)) for key in _KEYS[kind]}
-    shapes: dict[str, Callable[..., Array]] = {"constant": _constant, "sine": _sine, "ramp": _ramp}
-    if kind == "sine":
-        as_positive(f"{name}.frequency", numbers["frequency"])
+    if kind == "constant":
+        return Term(axis - 1, onset, end, Constant(**numbers))
     if kind == "ramp":
-        numbers["onset"] = onset
-    return Term(axis - 1, onset, end, partial(shapes[kind], **numbers))
-
-
-def _constant(time: Array, before: bool, *, size: float) -> Array:
-    return np.full(len(time), size)
-
-
-def _sine(time: Array, before: bool, *, amplitude: float, frequency: float, phase: float) -> Array:
-    return amplitude * np.sin(frequency * time + phase)
-
-
-def _ramp(time: Array, before: bool, *, slope: float, onset: float) -> Array:
-    return slope * (time - onset)
-
-
-def _held(time: Array, before: bool, *, instants: Array, values: Array) -> Array:
-    edge = -SAME_INSTANT if before else SAME_INSTANT
-    return values[np.searchsorted(instants, time + edge, side="right") - 1]
-
-
-def _linear(time: Array, before: bool, *, instants: Array, values: Array) -> Array:
-    return np.interp(time, instants, values)
+        return Term(axis - 1, onset, end, Ramp(onset=onset, **numbers))
+    as_positive(f"{name}.frequency", numbers["frequency"])
+    return Term(axis - 1, onset, end, Sine(**numbers))
 
 
 def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: float) -> Term:
@@ -196,12 +206,12 @@ def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: f
     onset = max(onset, float(instants[0]))
     if end <= onset:
         raise InputError(f"{name}.until", f"{end:g} s, but the samples start at {onset:g} s")
-    shape = _held if interpolation == "hold" else _linear
+    shape = (Held if interpolation == "hold" else Linear)(instants, values)
     # A kink of the linear interpolant lies where the user sampled, not where the grid is:
     # it costs accuracy of that record only, while a jump off the grid would be misplaced.
     inside = instants[(instants > onset) & (instants < end)]
     jumps = tuple(inside.tolist()) if interpolation == "hold" else ()
-    return Term(axis, onset, end, partial(shape, instants=instants, values=values), jumps)
+    return Term(axis, onset, end, shape, jumps)
 
 
 def _read_samples(name: str, path: Path, column: str) -> tuple[Array, Array]:

@@ -30,7 +30,8 @@ def normal_form_observer(
     injection: ArrayLike | None = None,
     form: str = "identity",
     gain: str = "series",
-    degree: int = 9,
+    degree: int | None = None,
+    expanded: int = 9,
 ) -> NormalFormObserver:
     """The observer (11), or (9) with (10), of a system given by expressions.
 
@@ -53,8 +54,11 @@ def normal_form_observer(
     gain
         How an identity observer reads a truncated gain: ``series``, ``jacobian``, ``composed``.
     degree
-        Up to which f and h are expanded, at least ``order + 1``: what is no polynomial of this
-        degree is cut off, also in the model that the observer runs on.
+        Of the series; ``order + 1`` if it is left out, which is all that the observer needs. A
+        higher one lets `NormalFormObserver.check_domain` estimate where they converge.
+    expanded
+        The degree up to which f and h are expanded, at least that of the series: what is no
+        polynomial of this degree is cut off, also in the model that the observer runs on.
 
     Raises
     ------
@@ -63,21 +67,21 @@ def normal_form_observer(
     """
     if form not in FORMS:
         raise InputError("form", f"{form!r} must be one of {', '.join(FORMS)}")
-    if order < 0:
-        raise InputError("order", f"{order} must not be negative")
-    expanded = PolynomialSystem.from_expressions(
-        dynamics, output, variables, max(degree, order + 1)
-    )
+    for name, value in (("order", order), ("degree", degree), ("expanded", expanded)):
+        if value is not None and (not isinstance(value, int) or value is True or value < 0):
+            raise InputError(name, f"{value!r} must be a whole number, 0 or more")
+    highest = max(order + 1, degree or 0)
+    system = PolynomialSystem.from_expressions(dynamics, output, variables, max(highest, expanded))
     matrix = None
     if injection is not None:
         values = as_floats("injection", injection)
-        if values.shape != (expanded.states, expanded.outputs):
+        if values.shape != (system.states, system.outputs):
             raise InputError(
                 "injection",
-                f"has shape {values.shape}, must be {(expanded.states, expanded.outputs)}",
+                f"has shape {values.shape}, must be {(system.states, system.outputs)}",
             )
         matrix = PolynomialMap.linear(values)
-    series = normal_form(expanded, order + 1, injection=matrix, poles=poles)
+    series = normal_form(system, highest, injection=matrix, poles=poles)
     if form == "identity":
         return IdentityObserver(series, order, step_size, gain)
     return TransformedObserver(series, order, step_size)

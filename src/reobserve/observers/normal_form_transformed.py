@@ -51,7 +51,7 @@ class TransformedObserver(NormalFormObserver):
         return np.ascontiguousarray(row[:, 0]), weights
 
     def _start(self, estimate: Array) -> Array:
-        start: Array = self.normal_form.S(estimate)
+        start: Array = self.normal_form.S.upto(self.order + 1)(estimate)
         return start
 
     def _run(self, values: Array, output: Array, rows: Array) -> int:

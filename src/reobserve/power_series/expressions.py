@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.power_series.arithmetic import Coefficients, add_applied
+from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import Monomials, monomials
 
@@ -22,7 +22,7 @@ from reobserve.power_series.monomials import Monomials, monomials
 ANALYTIC = (
     *("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "coth", "sech", "csch", "asinh", "acosh", "atanh"),
-    *("erf", "sinc", "gamma", "LambertW"),
+    *("erf", "sinc"),
 )
 
 
@@ -44,15 +44,22 @@ def from_expressions(
     import sympy
 
     symbols = [sympy.Symbol(v) if isinstance(v, str) else v for v in variables]
-    names = {symbol.name: symbol for symbol in symbols}
+    names = {getattr(symbol, "name", str(symbol)): symbol for symbol in symbols}
+    if len(names) < len(symbols) or not all(isinstance(v, sympy.Symbol) for v in symbols):
+        listed = ", ".join(map(str, variables))
+        raise InputError("variables", f"{listed} must be different symbols, or names")
+    if not len(expressions):
+        raise InputError(name, "is empty, must hold at least one expression")
     basis = monomials(len(symbols), degree)
     rows = []
     for k, expression in enumerate(expressions):
         walk = _Walk(f"{name}[{k}]", basis, symbols, exact)
         try:
             read = sympy.sympify(expression, locals=names)
-        except (sympy.SympifyError, SyntaxError, TypeError, AttributeError):
-            raise InputError(walk.place, f"{expression!r} is no expression") from None
+        except Exception:  # sympy evaluates text as Python, which may fail in any way
+            read = None
+        if not isinstance(read, sympy.Expr):
+            raise InputError(walk.place, f"{expression!r} is no expression")
         rows.append(walk.series(read))
     return PolynomialMap(basis, np.array(rows, dtype=object if exact else np.float64))
 
@@ -77,9 +84,9 @@ class _Walk:
             return reduce(self._times, map(self.series, expression.args))
         if isinstance(expression, sympy.Pow):
             return self._power(expression)
-        if expression.is_Function and expression.func.__name__ in ANALYTIC:
-            (argument,) = expression.args
-            return self._composed(expression.func, argument, expression)
+        known = expression.is_Function and expression.func.__name__ in ANALYTIC
+        if known and len(expression.args) == 1:
+            return self._composed(expression.func, expression.args[0], expression)
         raise InputError(
             self.place,
             f"{expression} is not expanded; what can be are sums, products, powers and "
@@ -90,6 +97,9 @@ class _Walk:
         import sympy
 
         base, exponent = expression.args
+        if exponent.is_Float and float(exponent).is_integer():
+            exponent = sympy.Integer(int(exponent))
+            expression = base**exponent
         if exponent.is_Integer and exponent >= 0:
             return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1))
         if not exponent.free_symbols & set(self.symbols):
@@ -100,7 +110,7 @@ class _Walk:
         """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
         import sympy
 
-        t = sympy.Symbol("t")
+        t = sympy.Dummy("t")  # no symbol of the user's
         centre = argument.subs(dict.fromkeys(self.symbols, 0))
         degree = len(self.basis.first) - 2
         try:
@@ -124,7 +134,7 @@ class _Walk:
         return total
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
-        out = np.zeros((1, len(a)), dtype=a.dtype)
+        out = zeros((1, len(a)), a)
         for d in range(self.basis.degree + 1):
             for r in range(d + 1):
                 add_applied(self.basis, a[None], b[None], r, d - r, out)
@@ -151,7 +161,10 @@ class _Walk:
         if not value.is_finite or not value.is_real:
             raise self._no_series(expression)
         if not self.exact:
-            return float(value)
+            number = float(value)
+            if not np.isfinite(number):
+                raise InputError(self.place, f"{expression} has a coefficient of {number:g}")
+            return number
         if value.is_Float:
             return Fraction(str(value))
         if not value.is_Rational:

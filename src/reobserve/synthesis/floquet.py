@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
+from reobserve.matrices import as_vector
 from reobserve.polynomial_system import PolynomialSystem
 
 Array = NDArray[np.float64]
@@ -43,12 +44,14 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
     Raises
     ------
     InputError
-        If the trajectory does not return to where it then is within another ``settle`` seconds.
+        If the trajectory comes to rest, or does not return to where it then is within another
+        ``settle`` seconds.
     """
     from scipy.integrate import solve_ivp
 
     slope = _slope(system)
-    there = solve_ivp(slope, (0, settle), np.asarray(initial_state, dtype=np.float64), **_SOLVER)
+    first = as_vector("initial_state", initial_state, system.states)
+    there = solve_ivp(slope, (0, settle), first, **_SOLVER)
     start: Array = there.y[:, -1]
     normal = slope(0.0, start)
 
@@ -57,9 +60,11 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
 
     section.direction = 1.0  # type: ignore[attr-defined]
     again = solve_ivp(slope, (0, settle), start, events=section, **_SOLVER)
-    size = float(np.linalg.norm(start))
+    # A state that rests has crept nowhere, beside how far it is from the origin.
+    extent = float(np.max(np.ptp(again.y, axis=1)))
+    resting = extent < 1e-6 * float(np.linalg.norm(start)) or extent < 1e-9
     for time, state in zip(again.t_events[0], again.y_events[0], strict=True):
-        if time > 1e-6 and np.linalg.norm(state - start) < 1e-6 * size:
+        if not resting and time > 1e-6 and np.linalg.norm(state - start) < 1e-6 * extent:
             return LimitCycle(system, float(time), start)
     raise InputError(
         "initial_state", f"leads to no limit cycle within {settle:g} s, nor back within as many"

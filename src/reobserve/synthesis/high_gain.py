@@ -63,10 +63,9 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
         that an entry is beyond floating-point numbers.
     """
     size, rho = _as_size(size), as_positive("rho", rho)
-    scale = _powers(size, rho, -1.0)
-    # The two outer factors are rho^-(i+1) and rho^-(j+1), one rho too many.
-    with np.errstate(over="ignore", invalid="ignore"):
-        matrix = _at_one(size) * (scale[:, None] * (scale * rho))
+    index = np.arange(size)
+    with np.errstate(over="ignore"):
+        matrix = _at_one(size) * _powers(2 * size - 1, rho, -1.0)[index[:, None] + index]
     return _in_range(matrix, rho)
 
 

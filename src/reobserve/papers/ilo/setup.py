@@ -12,6 +12,7 @@ from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, whole_steps
+from reobserve.random_streams import held_normal
 from reobserve.rigid_body import RigidBody
 
 Settings = dict[str, Any]
@@ -126,6 +127,4 @@ def held_noise(
         raise InputError(
             "plant.noise_period", f"{period:g} s must be a multiple of {2 * step:g} s (two samples)"
         )
-    drawn = stream.standard_normal((samples // hold + 1, 3))
-    index = np.arange(samples)
-    return drawn[index // hold], drawn[np.maximum(index - 1, 0) // hold]
+    return held_normal(stream, samples, hold, 3)

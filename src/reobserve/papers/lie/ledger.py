@@ -6,6 +6,7 @@ from reobserve.errors import InputError, located
 from reobserve.ledger import Ledger
 from reobserve.papers.lie import plant
 from reobserve.papers.lie.setup import build_observer, build_problem, stride
+from reobserve.papers.lie.study import check_study
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 
 
@@ -30,3 +31,6 @@ def check(ledger: Ledger) -> None:
             if "design" not in observer:
                 raise InputError("design", f"is missing, must be one of {', '.join(forms)}")
             stride(settings, build_observer(observer, forms[observer["design"]]).step_size)
+    for name, study in ledger.section("studies").items():
+        with located(f"{ledger.paper}.studies.{name}"):
+            check_study(study, forms[study["design"]])

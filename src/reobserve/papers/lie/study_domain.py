@@ -25,7 +25,7 @@ from reobserve.synthesis.normal_form.solver import solver_for
 
 Array = NDArray[np.float64]
 
-_LEAST = 13  # the degree from which on a radius is estimated
+LEAST_DEGREE = 13  # the degree from which on a radius is estimated
 _TURNS = 15  # of the cycle, until the start of z is forgotten
 
 
@@ -40,7 +40,7 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
     study = settings["study"]
     form = forms(settings, design)[study["design"]]
     with located("studies.domain"):
-        degree = whole("degree", study["degree"], _LEAST)
+        degree = whole("degree", study["degree"], LEAST_DEGREE)
         count = whole("cycle_points", study["cycle_points"], 10)
         cycle = limit_cycle(form.problem.system, plant["state"][0], study["settle"])
     body = settings["designs"][study["design"]]
@@ -61,7 +61,7 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
     # f is odd, and so are S and T: every other degree adds nothing.
     rows += [
         summary("S", d, "radius", convergence(S.upto(d)).radius, "1")
-        for d in range(_LEAST, degree + 1, 2)
+        for d in range(LEAST_DEGREE, degree + 1, 2)
     ]
     for name, series, at, true in (("S", S, x, z), ("T", form.T, z, x)):
         sums = np.cumsum(series.parts(at), axis=0)

@@ -5,10 +5,11 @@ power d^c by the kind of singularity at R. So a straight line is fitted to
 
     log |P_d| = log C + c log d - d log R
 
-over the upper half of the degrees that have terms. |P_d| is Bombieri's norm, the largest value on
-the complex unit sphere but for a factor between 1 and a power of d: R is the radius of the largest
-complex ball around the origin in which the series converges. In a real direction it may converge
-further; `Convergence.growth` looks along directions.
+over the upper half of the degrees that have terms, and again without the first and without the
+last of them: by how much the estimates of R differ says what they are worth. |P_d| is Bombieri's
+norm, the largest value on the complex unit sphere but for a factor between 1 and a power of d: R
+is the radius of the largest complex ball around the origin in which the series converges. In a
+real direction it may converge further; `Convergence.growth` looks along directions.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from reobserve.power_series.maps import PolynomialMap
 
 Array = NDArray[np.float64]
 
-MARGIN = 0.05  # the estimate itself errs by some per cent
 LEAST_PARTS = 4  # for a fit of three numbers
-_NOTHING = 1e-12  # a part this small beside the largest coefficient is rounding
+_NOTHING = 1e-12  # a part this small beside the others is rounding
+_MOST_SPREAD = 0.05  # estimates that differ by more say that the degree is too low
+_LEAST_ERROR = 0.05  # what an estimate errs by, however well it repeats
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,8 @@ class Convergence:
     """An estimate of where a series converges.
 
     ``radius`` is that of the ball around the origin, inf for a series that ends; ``scale`` and
-    ``power`` are C and c of the fit, over the ``degrees``.
+    ``power`` are C and c of the fit, over the ``degrees``; ``error`` is by what part of itself the
+    radius may be off: some times what the estimates of fewer degrees differ by.
     """
 
     series: PolynomialMap
@@ -42,6 +45,7 @@ class Convergence:
     scale: float
     power: float
     degrees: tuple[int, ...]
+    error: float
 
     def growth(self, points: ArrayLike) -> Array:
         """By which factor the parts at each point, shape (k, n), grow from degree to degree.
@@ -55,12 +59,12 @@ class Convergence:
             np.maximum(found, (size / (self.scale * d**self.power)) ** (1.0 / d), out=found)
         return found
 
-    def outside(self, points: ArrayLike, margin: float = MARGIN) -> NDArray[np.bool_]:
-        """Which points of a trajectory, shape (k, n), lie outside or within ``margin`` of the edge.
+    def outside(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which points of a trajectory, shape (k, n), lie outside or within ``error`` of the edge.
 
         There the series does not converge, or so slowly that it is of no use.
         """
-        return self.growth(points) >= 1.0 - margin
+        return self.growth(points) >= 1.0 - self.error
 
 
 def convergence(series: PolynomialMap) -> Convergence:
@@ -69,25 +73,51 @@ def convergence(series: PolynomialMap) -> Convergence:
     Raises
     ------
     InputError
-        If it goes on, but has too few parts in the upper half of its degrees for an estimate.
+        If it goes on, but has too few parts in the upper half of its degrees for an estimate, or
+        estimates from fewer of them differ.
     """
     sizes = part_norms(series)
-    start = max(2, (series.degree + 1) // 2)
-    degrees = [d for d in range(start, series.degree + 1) if sizes[d] > _NOTHING * sizes.max()]
+    degrees = _degrees(sizes)
     if not degrees:
-        return Convergence(series, np.inf, 1.0, 0.0, ())
+        return Convergence(series, np.inf, 1.0, 0.0, (), 0.0)
     if len(degrees) < LEAST_PARTS:
         raise InputError(
             "degree",
-            f"{series.degree} leaves {len(degrees)} parts with terms from degree {start} on, "
+            f"{series.degree} leaves {len(degrees)} parts with terms from degree {degrees[0]} on, "
             f"must leave {LEAST_PARTS} for an estimate of the radius of convergence",
         )
+    scale, power, radius = _fit(degrees, sizes)
+    others = [_fit(some, sizes)[2] for some in (degrees[1:], degrees[:-1])]
+    spread = abs(others[1] - others[0]) / radius
+    if spread > _MOST_SPREAD:
+        raise InputError(
+            "degree",
+            f"{series.degree} is too low for an estimate of the radius of convergence: "
+            f"{others[0]:.3g} without the lowest part and {others[1]:.3g} without the highest",
+        )
+    error = max(_LEAST_ERROR, 4.0 * spread)
+    return Convergence(series, radius, scale, power, tuple(degrees), error)
+
+
+def _degrees(sizes: Array) -> list[int]:
+    """The upper half of the degrees, those whose parts are more than rounding."""
+    present = [d for d in range(1, len(sizes)) if sizes[d] > 0]
+    if len(present) < 2:
+        return []
+    # In a unit in which the first two parts are of one size, what is much smaller is rounding.
+    first, second = present[:2]
+    unit = (sizes[first] / sizes[second]) ** (1.0 / (second - first))
+    scaled = sizes * unit ** np.arange(len(sizes))
+    start = max(2, len(sizes) // 2)
+    return [d for d in present if d >= start and scaled[d] > _NOTHING * scaled[present].max()]
+
+
+def _fit(degrees: list[int], sizes: Array) -> tuple[float, float, float]:
+    """C, c and R of C d^c / R^d."""
     d = np.array(degrees, dtype=np.float64)
     columns = np.stack([np.ones_like(d), np.log(d), -d], axis=1)
-    fit, *_ = np.linalg.lstsq(columns, np.log(sizes[degrees]), rcond=None)
-    return Convergence(
-        series, float(np.exp(fit[2])), float(np.exp(fit[0])), float(fit[1]), tuple(degrees)
-    )
+    found, *_ = np.linalg.lstsq(columns, np.log(sizes[degrees]), rcond=None)
+    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2]))
 
 
 def part_norms(series: PolynomialMap) -> Array:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from reobserve.errors import InputError
 from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
 from reobserve.power_series.maps import PolynomialMap
 
@@ -49,7 +50,14 @@ def gain_at(
     """The gain L of an order, read in one of the three ways, at points of shape (k, n).
 
     ``series`` is `gain_series` of S; the result has shape (k, n, n).
+
+    Raises
+    ------
+    InputError
+        If there is no such way.
     """
+    if gain not in GAINS:
+        raise InputError("gain", f"{gain!r} must be one of {', '.join(GAINS)}")
     n = S.variables
     if order == 0:
         return np.broadcast_to(np.eye(n), (len(x), n, n))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
+from reobserve.synthesis.normal_form.problem import hidden_modes, refuse_undetectable
 
 _REACHED = 1e-6  # relative distance at which a pole counts as placed
 
@@ -20,12 +21,15 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
     ------
     InputError
         If there are not n poles, closed under conjugation, all stable, none repeated more often
-        than there are outputs; or the pair (F, H) does not let them be placed.
+        than there are outputs; or the pair (F, H) is not detectable or not observable.
     """
     from scipy.signal import place_poles
 
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
-    wanted = np.sort_complex(np.asarray(poles, dtype=np.complex128).ravel())
+    try:
+        wanted = np.sort_complex(np.asarray(poles, dtype=np.complex128).ravel())
+    except (TypeError, ValueError):
+        raise InputError("poles", f"{poles!r} must be numbers") from None
     shown = ", ".join(f"{pole:g}" for pole in wanted)
     if len(wanted) != len(F):
         raise InputError("poles", f"{shown}: {len(wanted)} given, must be {len(F)}")
@@ -33,20 +37,36 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
         raise InputError("poles", f"{shown} must come in conjugate pairs")
     if np.max(wanted.real) >= 0:
         raise InputError("poles", f"{shown} must all have negative real parts")
+    refuse_undetectable(system)
+    remaining = [
+        mode
+        for mode in hidden_modes(F, H)
+        if np.min(np.abs(wanted - mode)) > _REACHED * max(1.0, abs(mode))
+    ]
+    if remaining:
+        raise InputError(
+            "poles",
+            f"{shown} cannot be placed, {', '.join(f'{mode:.4g}' for mode in remaining)} remain: "
+            "the pair (F, H) is not observable; keep the modes that the output does not show "
+            "among the poles, or give the injection itself",
+        )
+    # Outputs that say the same twice are taken together: scipy wants H of full rank.
+    U, sizes, V = np.linalg.svd(H)
+    rank = int(np.sum(sizes > _REACHED * sizes[0]))
+    reduced = sizes[:rank, None] * V[:rank]
     try:
-        gain = -place_poles(F.T, H.T, wanted).gain_matrix.T
-        reached = np.sort_complex(np.linalg.eigvals(F + gain @ H))
+        gain = -place_poles(F.T, reduced.T, wanted).gain_matrix.T @ U[:, :rank].T
     except (ValueError, np.linalg.LinAlgError) as error:
-        reason = " ".join(str(error).split()).rstrip(".")
+        reason = " ".join(str(error).split()).rstrip(".").split(". ")[0]
         raise InputError("poles", f"{shown} cannot be placed: {reason}") from None
+    reached = np.linalg.eigvals(F + gain @ H)
     # Compared by the characteristic polynomial: the order of near poles is not defined.
     off = np.abs(np.poly(reached) - np.poly(wanted))
     if np.any(off > _REACHED * np.maximum(1.0, np.abs(np.poly(wanted)))):
         raise InputError(
             "poles",
-            f"{shown} cannot be placed, eigenvalues {', '.join(f'{v:.4g}' for v in reached)} "
-            "remain: the pair (F, H) is not observable; keep the modes that the output does not "
-            "show among the poles, or give the injection itself",
+            f"{shown} cannot be placed, only {', '.join(f'{v:.4g}' for v in reached)}: the pair "
+            "(F, H) is hardly observable; give the injection itself",
         )
     found: NDArray[np.float64] = np.ascontiguousarray(gain.real)
     return found

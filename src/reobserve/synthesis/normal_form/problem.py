@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
@@ -94,7 +95,7 @@ class NormalFormProblem:
         return self.injection.after(self.system.output, self.degree).coefficients
 
 
-def check_stable(system: PolynomialSystem, A: Coefficients) -> None:
+def check_stable(system: PolynomialSystem, A: NDArray[np.float64]) -> None:
     """Refuse an A that is not stable, and say so if no gain could make it so.
 
     Raises
@@ -105,13 +106,7 @@ def check_stable(system: PolynomialSystem, A: Coefficients) -> None:
     eigenvalues = np.linalg.eigvals(A)
     if np.max(eigenvalues.real) < 0:
         return
-    hidden = undetectable(system)
-    if hidden is not None:
-        raise InputError(
-            "output",
-            f"does not show the mode {hidden:.6g} of the linear part, which does not decay: "
-            "the pair (F, H) is not detectable, and no injection makes the error decay",
-        )
+    refuse_undetectable(system)
     listed = ", ".join(f"{value:.6g}" for value in eigenvalues)
     raise InputError(
         "injection",
@@ -119,16 +114,30 @@ def check_stable(system: PolynomialSystem, A: Coefficients) -> None:
     )
 
 
-def undetectable(system: PolynomialSystem) -> complex | None:
-    """An eigenvalue of F with a real part of zero or above that the output does not show.
+def refuse_undetectable(system: PolynomialSystem) -> None:
+    """Refuse a system with a mode that does not decay and that the output does not show.
 
-    By the test of Popov, Belevitch and Hautus; None if the pair (F, H) is detectable.
+    Raises
+    ------
+    InputError
+        With the mode.
     """
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
+    rounding = 1e-12 * max(1.0, float(np.linalg.norm(F)))
+    for mode in hidden_modes(F, H):
+        if mode.real >= -rounding:
+            raise InputError(
+                "output",
+                f"does not show the mode {mode:.6g} of the linear part, which does not decay: "
+                "the pair (F, H) is not detectable, and no injection makes the error decay",
+            )
+
+
+def hidden_modes(F: NDArray[np.float64], H: NDArray[np.float64]) -> list[complex]:
+    """The eigenvalues of F that the output does not show: of Popov, Belevitch and Hautus."""
     n = len(F)
-    for value in np.linalg.eigvals(F):
-        if value.real >= -1e-12 * max(1.0, float(np.linalg.norm(F))):
-            pencil = np.concatenate([F - value * np.eye(n), H])
-            if np.linalg.matrix_rank(pencil) < n:
-                return complex(value)
-    return None
+    return [
+        complex(value)
+        for value in np.linalg.eigvals(F)
+        if np.linalg.matrix_rank(np.concatenate([F - value * np.eye(n), H])) < n
+    ]

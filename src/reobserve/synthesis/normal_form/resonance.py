@@ -79,7 +79,7 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
 
 def in_poincare_domain(eigenvalues: NDArray[Any]) -> bool:
     """Whether zero lies outside the convex hull of the eigenvalues (Definition 3.4)."""
-    if np.any(eigenvalues == 0):
+    if np.any(np.abs(eigenvalues) <= 1e-12 * np.max(np.abs(eigenvalues))):
         return False
     angles = np.sort(np.angle(eigenvalues))
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
