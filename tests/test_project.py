@@ -192,6 +192,21 @@ def test_the_numbers_of_the_readme_on_normal_forms_are_those_of_the_build() -> N
         assert [row["agrees"] for row in csv.DictReader(stream) if row["printed"]] == ["yes"] * 10
 
 
+def test_the_numbers_of_the_readme_on_delays_are_those_of_the_build() -> None:
+    names = ("rms_delay_error", "rms_error_1", "rms_error_2")
+    for figure, observers in (
+        ("1", ("order2", "standard")),
+        ("2", ("order2_noise", "standard_noise")),
+    ):
+        found = golden(f"fig{figure}", "delay")
+        for observer in observers:
+            numbers = [
+                f" {found[observer, name]:.2g} " if (observer, name) in found else " "
+                for name in names
+            ]
+            assert f"| `{observer}`, Fig. {figure} |{'|'.join(numbers)}|" in README
+
+
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_metrics_of_the_table_are_those_that_are_explained(paper: str) -> None:
     """All of them, and no others; in the table ``<word>`` stands for what differs."""

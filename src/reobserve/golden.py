@@ -25,7 +25,11 @@ PERIOD = 0.1  # [s] between the rows kept of each series
 
 # What another processor may round differently: kernels of BLAS, sines of the C library. A rate is
 # good to some units in its last place; gains of some thousands turn that into torque.
-_ROUNDING = {"N m": 1e-9, "rad/s": 1e-12, "1": 1e-9, "s": 1e-9, "1/s": 1e-9}
+_ROUNDING = {
+    **dict.fromkeys(("N m", "N m/s, N m/s^2", "rad", "rad, rad/s", "1", "s"), 1e-9),
+    **dict.fromkeys(("1/s", "1/s, 1/s^2"), 1e-9),
+    "rad/s": 1e-12,
+}
 
 _METRIC_HEADER = ("observer", "metric", "value", "unit", "tolerance", "reason")
 _TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 SWITCHED = ("delay", "all")
 
+_FORGOTTEN = 100.0
+
 
 class SwitchedOffWarning(UserWarning):
     """The threshold is above |xi^| for the whole record: the delay was never observed."""
@@ -121,9 +123,12 @@ class ExtendedHighGainObserver:
     def _gains(self, times: NDArray[Any]) -> Array:
         """S^-1 C^T at times since the start, shape (k, n + 1)."""
         size = self.model.states + 1
-        if self.initial_matrix is None:
-            return np.tile(high_gain(size, self.rho), (len(times), 1))
-        return high_gain_over_time(size, self.rho, self.initial_matrix, times)
+        gains = np.tile(high_gain(size, self.rho), (len(times), 1))
+        if self.initial_matrix is not None:
+            # What the start has left by then, e^(-rho t), is far below rounding.
+            early = np.asarray(times) < _FORGOTTEN / self.rho
+            gains[early] = high_gain_over_time(size, self.rho, self.initial_matrix, times[early])
+        return gains
 
     def init(self, initial_estimate: ArrayLike, initial_delay: float) -> State:
         """The state before the first step, from x^(0), shape (n,), and tau^(0) [s].

@@ -1,0 +1,111 @@
+"""Stage plant: a system under a delayed input, and what is measured of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import located
+from reobserve.matrices import as_vector
+from reobserve.papers.delay.setup import (
+    UNITS,
+    build_model,
+    delay_bounds,
+    grid,
+    input_and_derivatives,
+    noise_deviation,
+    noise_hold,
+)
+from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
+from reobserve.random_streams import held_normal, random_stream
+from reobserve.series import Channel, Series
+from reobserve.signals import Signal
+
+DERIVATIVES = 2  # of the input in a record: the paper uses m = 1 and m = 2
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A scenario, checked: the plant, u with its derivatives, tau, and the noise deviations."""
+
+    plant: DelayedInputPlant
+    inputs: list[Signal]
+    delay: Signal
+    output_noise: float
+    input_noise: float
+
+
+def build(settings: dict[str, Any]) -> Setup:
+    """Everything a scenario states, checked against the grid.
+
+    Raises
+    ------
+    InputError
+        If a parameter or a signal cannot be used.
+    """
+    plant, scenario = settings["plant"], settings["scenario"]
+    steps, step = grid(plant)
+    noise_hold(plant)
+    with located("plant"):
+        delay = Signal.parse("delay", plant["delay"], 1)
+    check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)
+    with located("scenario"):
+        model = build_model(plant, scenario["model"])
+        as_vector("initial_state", scenario["initial_state"], model.states)
+        control = Signal.parse("input", scenario["input"], 1)
+        inputs = input_and_derivatives("input", control, DERIVATIVES)
+        deviations = [
+            noise_deviation(f"{k}_noise", scenario[f"{k}_noise"]) for k in ("output", "input")
+        ]
+    return Setup(DelayedInputPlant(model), inputs, delay, *deviations)
+
+
+def simulate(settings: dict[str, Any]) -> Series:
+    """State, delay, input and what is measured, over the horizon.
+
+    ``state`` is x, ``delay`` tau [s], ``delayed_input`` u(t - tau); ``input`` is u and
+    ``input_derivatives`` u' and u''.
+    ``past_input`` and ``past_derivatives`` are the same a greatest delay earlier, so that a
+    record holds the input before its start. ``measured`` and ``measured_input`` are y and u with
+    their noise, held; ``_before`` marks limits from the left. The event ``jumps`` lists when the
+    delay jumps.
+
+    Raises
+    ------
+    InputError
+        If a parameter or a signal cannot be used.
+    DivergenceError
+        If the state leaves the range of floating-point numbers.
+    """
+    setup = build(settings)
+    plant, (steps, step) = settings["plant"], grid(settings["plant"])
+    state = setup.plant.simulate(
+        settings["scenario"]["initial_state"], setup.inputs[0], setup.delay, step, steps
+    )
+    time = np.arange(steps + 1, dtype=np.float64) * step
+    past = time - delay_bounds(plant)[1]
+    whole, output, torque, rates = UNITS[settings["scenario"]["model"]]
+    u, rate = setup.inputs[0](time)[:, 0], np.hstack([s(time) for s in setup.inputs[1:]])
+    channels = {
+        "state": Channel(state, whole),
+        "delay": Channel(setup.delay(time)[:, 0], "s"),
+        "delay_before": Channel(setup.delay(time, before=True)[:, 0], "s"),
+        "delayed_input": Channel(delayed(setup.inputs[0], setup.delay, time), torque),
+        "input": Channel(u, torque),
+        "input_derivatives": Channel(rate, rates),
+        "past_input": Channel(setup.inputs[0](past)[:, 0], torque),
+        "past_derivatives": Channel(np.hstack([s(past) for s in setup.inputs[1:]]), rates),
+    }
+    hold = noise_hold(plant)
+    for name, clean, deviation, unit in (
+        ("measured", state[:, 0], setup.output_noise, output),
+        ("measured_input", u, setup.input_noise, torque),
+    ):
+        if deviation > 0:
+            stream = random_stream(settings["seed"], "delay", name)
+            noise, before = held_normal(stream, len(time), hold)
+            channels[name] = Channel(clean + deviation * noise, unit)
+            channels[f"{name}_before"] = Channel(clean + deviation * before, unit)
+    return Series(time, channels, {"jumps": tuple(t for t in setup.delay.jumps if t < time[-1])})

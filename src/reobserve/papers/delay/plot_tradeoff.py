@@ -1,0 +1,73 @@
+"""Error of the delay against rho: lag, Taylor remainder and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from reobserve.figures import STYLES, add_note, new_figure
+from reobserve.metrics import Metric
+from reobserve.series import Series
+
+_PANELS = (
+    ("rms_delay_error", "RMS error [s]", "(a) delay"),
+    ("rms_angle_error", "RMS error [rad]", "(b) angle"),
+)
+
+
+def draw(
+    settings: dict[str, Any],
+    _: Series,
+    __: Mapping[str, Series],
+    study: Sequence[Mapping[str, Any]],
+    ___: Sequence[Metric],
+) -> Figure:
+    """Without noise as lines, with noise as the median of the runs and the band of nine in ten."""
+    figure, panels = new_figure((2.4, 2.2), share_time=True)
+    for axes, (quantity, unit, title) in zip(panels, _PANELS, strict=True):
+        for index, name in enumerate(settings["observers"]):
+            label = settings["observers"][name]["label"].rpartition(", ")[2]
+            clean = levels(study, name, "rho", quantity)
+            noisy = levels(study, name, "noise_rho", quantity)
+            rhos = sorted(clean)
+            axes.loglog(
+                rhos, [clean[rho][0] for rho in rhos], **STYLES[2 * index].points(),
+                label=f"{label}, no noise",
+            )  # fmt: skip
+            low, middle, high = np.percentile([noisy[rho] for rho in rhos], (5, 50, 95), axis=1)
+            style = STYLES[2 * index + 1]
+            axes.loglog(rhos, middle, **style.points(), label=f"{label}, noise")
+            axes.fill_between(rhos, low, high, color=style.color, alpha=0.2, linewidth=0)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
+        axes.set_xticks(rhos)
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.set_ylabel(unit)
+        axes.set_title(title)
+    panels[0].legend(loc="upper center", ncols=2)
+    low_, high_ = panels[0].get_ylim()
+    panels[0].set_ylim(low_, 4 * high_)
+    panels[-1].set_xlabel("gain parameter ρ [1/s]")
+    scenario = settings["scenario"]
+    add_note(
+        figure,
+        f"u = sin 0.2 t, exact derivatives, {settings['study']['runs']:g} runs with noise of "
+        f"{scenario['output_noise']:g} rad and {scenario['input_noise']:g} N m; bands hold nine "
+        "in ten. Counted where the delay varies,\n"
+        f"{settings['study']['away']:g} s from where the input does not change.",
+    )
+    return figure
+
+
+def levels(
+    study: Sequence[Mapping[str, Any]], observer: str, sweep: str, quantity: str
+) -> dict[float, list[float]]:
+    """The values of an observer by the level of what is swept, in the order of the rows."""
+    found: dict[float, list[float]] = {}
+    for row in study:
+        if (row["observer"], row["sweep"], row["quantity"]) == (observer, sweep, quantity):
+            found.setdefault(float(row["level"]), []).append(float(row["value"]))
+    return found

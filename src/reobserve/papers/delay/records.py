@@ -1,0 +1,125 @@
+"""What observers read, cut from the plant's record to their own step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_scalar
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.papers.delay.setup import delay_bounds, multiple
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+Pair = tuple[Array, Array]
+
+DERIVATIVES = ("exact", "levant")
+
+
+def measured(plant: Series, name: str, clean: str) -> Pair:
+    """A measured channel and its limits from the left; the clean one where there is no noise."""
+    if name in plant.channels:
+        return plant[name], plant[f"{name}_before"]
+    values = plant[clean] if plant[clean].ndim == 1 else np.ascontiguousarray(plant[clean][:, 0])
+    return values, values
+
+
+def output(plant: Series) -> Pair:
+    """y as it is measured, and its limits from the left."""
+    return measured(plant, "measured", "state")
+
+
+def inputs(settings: dict[str, Any], observer: dict[str, Any], plant: Series) -> Pair:
+    """u as it is measured with its derivatives up to the observer's order, shape (k, m + 1).
+
+    The derivatives are exact or those of a differentiator on the measured u.
+
+    Raises
+    ------
+    InputError
+        If the ledger names another source of derivatives, asks for more than there are, or a
+        parameter of the differentiator cannot be used.
+    """
+    order, source = observer["order"], observer["derivatives"]
+    if source not in DERIVATIVES:
+        raise InputError("derivatives", f"{source!r} must be one of {', '.join(DERIVATIVES)}")
+    u, before = measured(plant, "measured_input", "input")
+    if source == "exact":
+        known = plant["input_derivatives"]
+        if order > known.shape[1]:
+            raise InputError(
+                "order", f"{order} asks for more than the {known.shape[1]} derivatives of a record"
+            )
+        rates = known[:, :order]
+        return np.column_stack([u, rates]), np.column_stack([before, rates])
+    found = differentiator(settings, observer)
+    run = found.run(u, found.init())
+    rates = run.estimate[:, 1 : order + 1]
+    return np.column_stack([u, rates]), np.column_stack([before, rates])
+
+
+def differentiator(settings: dict[str, Any], observer: dict[str, Any]) -> LevantDifferentiator:
+    """The differentiator (37) of an observer, on the plant's samples.
+
+    Raises
+    ------
+    InputError
+        If one of its parameters is missing or cannot be used, or the observer asks for more.
+    """
+    for name in ("lambdas", "L"):
+        if name not in observer:
+            raise InputError(name, "is missing; derivatives by levant need it")
+    if observer["order"] > 2:
+        raise InputError(
+            "order", f"{observer['order']} is above 2, the order of the differentiator (37)"
+        )
+    period = float(settings["plant"]["step"])
+    return LevantDifferentiator(observer["L"], period, order=2, lambdas=observer["lambdas"])
+
+
+def check_mean_delay(settings: dict[str, Any], delay: Any) -> float:
+    """A fixed delay [s] above 0 and at most the greatest one, a multiple of the plant's step."""
+    most = delay_bounds(settings["plant"])[1]
+    mean = as_scalar("mean_delay", delay)
+    if not 0.0 < mean <= most:
+        raise InputError("mean_delay", f"{mean:g} s must be above 0 and at most {most:g} s")
+    multiple("mean_delay", mean, float(settings["plant"]["step"]), "plant.step")
+    return mean
+
+
+def delayed_input(settings: dict[str, Any], plant: Series, delay: float) -> Pair:
+    """The measured u a fixed delay [s] ago; before the start the input itself, without noise.
+
+    Raises
+    ------
+    InputError
+        If the delay is above the greatest one or no multiple of the plant's step.
+    """
+    delay = check_mean_delay(settings, delay)
+    most = delay_bounds(settings["plant"])[1]
+    shift = multiple("mean_delay", delay, plant.step, "plant.step")
+    first = multiple("mean_delay", most, plant.step, "plant.step")
+    past = plant["past_input"][first - shift : first]
+    u, before = measured(plant, "measured_input", "input")
+    right, left = (np.concatenate([past, part[: len(u) - shift]]) for part in (u, before))
+    if shift < len(left):
+        left[shift] = plant["past_input"][first]  # what comes before the first measured sample
+    return right, left
+
+
+def past_and_present(settings: dict[str, Any], plant: Series, every: int) -> Pair:
+    """u and u' from a greatest delay before the start up to it, and from there on; shapes (k, 2).
+
+    Raises
+    ------
+    InputError
+        If the greatest delay is no multiple of the step of the observer, ``2 every`` samples.
+    """
+    most = delay_bounds(settings["plant"])[1]
+    first = multiple("step_size", most, 2 * every * plant.step, "the step") * 2 * every
+    past = np.column_stack([plant["past_input"], plant["past_derivatives"][:, 0]])
+    present = np.column_stack([plant["input"], plant["input_derivatives"][:, 0]])
+    return past[: first + 1 : every], present[::every]

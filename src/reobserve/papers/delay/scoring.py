@@ -1,0 +1,54 @@
+"""Errors of state and delay, and the windows over which they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+
+
+def errors(plant: Series, estimate: Series) -> dict[str, Array]:
+    """The errors of an estimate: ``delay``, shape (k,), and ``state``, (k, n), if it has them."""
+    every = round(estimate.step / plant.step)
+    return {
+        name: estimate[name] - plant[name][::every]
+        for name in ("delay", "state")
+        if name in estimate.channels
+    }
+
+
+def window(time: Array, start: float, end: float) -> NDArray[np.bool_]:
+    """The samples from ``start`` to just before ``end`` [s]."""
+    chosen: NDArray[np.bool_] = (time > start - 1e-9) & (time < end - 1e-9)
+    return chosen
+
+
+def root_mean_square(values: Array) -> Array:
+    """Over samples, of each column; nan for none."""
+    if not len(values):
+        return np.full(values.shape[1:], np.nan)
+    found: Array = np.sqrt(np.mean(values * values, axis=0))
+    return found
+
+
+def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float, float]]:
+    """The last ``length`` seconds before each jump of the delay: number, start and end [s]."""
+    for number, jump in enumerate(plant.events["jumps"], start=1):
+        yield number, jump - length, jump
+
+
+def ripple(time: Array, values: Array) -> float:
+    """From lowest to highest of what a straight line leaves."""
+    slope, offset = np.polyfit(time, values, 1)
+    return float(np.ptp(values - slope * time - offset))
+
+
+def turned_over_at(plant: Series) -> float:
+    """When the angle of the pendulum first leaves half a turn [s]; nan if it does not."""
+    outside = np.flatnonzero(np.abs(plant["state"][:, 0]) > np.pi)
+    return float(plant.time[outside[0]]) if outside.size else float("nan")

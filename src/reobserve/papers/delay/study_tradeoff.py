@@ -1,0 +1,106 @@
+"""The error of the delay against rho, for both Taylor orders, without and with noise.
+
+Derivatives of the input are exact here, so that what is seen is the observer's and not the
+differentiator's. The runs are compiled loops that let go of the interpreter, so two threads make
+use of two cores; the rows come in a fixed order whatever their number.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import located
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.papers.delay.observe import build_extended
+from reobserve.papers.delay.scoring import root_mean_square
+from reobserve.papers.delay.setup import noise_hold, stride
+from reobserve.random_streams import held_normal, random_stream
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+Row = tuple[str, str, float, int, str, float, str]
+
+THREADS = 2
+
+
+def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+    """For each observer, rho and run: RMS errors of delay and angle; run 0 is without noise.
+
+    They are counted where the delay varies and the input is not near an instant at which it
+    does not change.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    study = settings["study"]
+    tasks = []
+    for (name, body), rho in product(settings["observers"].items(), study["rhos"]):
+        # Errors are counted long after the dynamic gain has come to rest at the algebraic one.
+        changed = {**body, "rho": rho, "step_size": study["step_size"]}
+        changed["initial_matrix"] = "algebraic"
+        with located(f"observers.{name}"):
+            tasks.append(
+                (name, rho, build_extended({"plant": settings["plant"], "observer": changed}))
+            )
+    every = stride(settings["plant"], study["step_size"])
+    scored = _scored(plant, study["away"])[:: 2 * every]
+    true = plant["delay"][:: 2 * every], plant["state"][:: 2 * every, 0]
+    rates = plant["input_derivatives"][::every]
+    first = next(iter(settings["observers"].values()))
+    start = (first["initial_estimate"], first["initial_delay"])
+    rows: list[Row] = []
+    with ThreadPoolExecutor(THREADS) as pool:
+        for number in range(int(study["runs"]) + 1):
+            y, u = _measured(settings, plant, number, every)
+
+            def errors(
+                task: tuple[str, float, ExtendedHighGainObserver], y: Any = y, u: Any = u
+            ) -> list[Array]:
+                observer = task[2]
+                inputs = [np.column_stack([part, rates[:, : observer.order]]) for part in u]
+                found = observer.run(y[0], inputs[0], observer.init(*start), y[1], inputs[1])
+                estimates = (found.delay, found.estimate[:, 0])
+                return [
+                    root_mean_square((estimate - truth)[scored])
+                    for estimate, truth in zip(estimates, true, strict=True)
+                ]
+
+            for (name, rho, _), (delay, angle) in zip(tasks, pool.map(errors, tasks), strict=True):
+                sweep = "noise_rho" if number else "rho"
+                rows.append((name, sweep, rho, number, "rms_delay_error", float(delay), "s"))
+                rows.append((name, sweep, rho, number, "rms_angle_error", float(angle), "rad"))
+    return rows
+
+
+def _scored(plant: Series, away: float) -> NDArray[np.bool_]:
+    """Where the delay varies and the input is ``away`` seconds from not changing."""
+    rate = plant["input_derivatives"][:, 0]
+    turning = plant.time[1:][np.sign(rate[1:]) != np.sign(rate[:-1])]
+    near = np.zeros(len(plant.time), dtype=bool)
+    for instant in turning:
+        near |= np.abs(plant.time - instant) < away
+    # The last jump is forgotten by then, too.
+    return ~near & (plant.time > max(plant.events["jumps"], default=0.0) + away)
+
+
+def _measured(
+    settings: dict[str, Any], plant: Series, number: int, every: int
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """y and u of a run, each with its limits from the left; run 0 has no noise."""
+    found = []
+    for name, clean in (("output", plant["state"][:, 0]), ("input", plant["input"])):
+        right = left = np.ascontiguousarray(clean[::every])
+        if number:
+            stream = random_stream(settings["seed"], "delay", "tradeoff", name, str(number))
+            noise = held_normal(stream, len(plant.time), noise_hold(settings["plant"]))
+            size = settings["scenario"][f"{name}_noise"]
+            right, left = ((clean + size * part)[::every] for part in noise)
+        found.append((right, left))
+    return found[0], found[1]

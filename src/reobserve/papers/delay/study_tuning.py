@@ -1,0 +1,53 @@
+"""The four methods of Fig. 3 against the tuning of each: what is a property, what a choice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import located
+from reobserve.papers.delay.observe import estimate
+from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square, window
+from reobserve.series import Series
+
+Row = tuple[str, str, float, int, str, float, str]
+
+
+def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+    """RMS errors of the delay at rest (before each jump) and varying, by method and level.
+
+    Raises
+    ------
+    InputError
+        If an observer or a level cannot be used.
+    """
+    study, observers, rules = settings["study"], settings["observers"], settings["metrics"]
+    sweeps = {
+        "extended_lag": ("rho", "rhos"),
+        "least_squares": ("forgetting", "forgetting"),
+        "adaptive": ("forgetting", "forgetting"),
+        "relay": ("relay_gain", "relay_gains"),
+    }
+    rows: list[Row] = []
+    for name, (parameter, levels) in sweeps.items():
+        for level in study[levels]:
+            changed = {**observers[name], parameter: level}
+            if name == "adaptive":
+                changed["adaptation_gain"] = study["gain_per_forgetting"] * level
+            with located(f"studies.tuning.{levels}, {name}"):
+                found = estimate({"plant": settings["plant"], "observer": changed}, plant)
+            for quantity, value in _scores(rules, plant, found):
+                rows.append((name, parameter, float(level), 0, quantity, value, "s"))
+    return rows
+
+
+def _scores(rules: dict[str, Any], plant: Series, found: Series) -> Iterator[tuple[str, float]]:
+    error = errors(plant, found)["delay"]
+    resting = np.zeros(len(error), dtype=bool)
+    for _, start, end in constant_segments(plant, rules["late"]):
+        resting |= window(found.time, start, end)
+    yield "resting_rms_delay_error", float(root_mean_square(error[resting]))
+    moving = window(found.time, *rules["varying"])
+    yield "varying_rms_delay_error", float(root_mean_square(error[moving]))
