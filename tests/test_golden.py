@@ -27,7 +27,7 @@ from .pipeline.conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project, 
 ONLY_REFUSED = {
     "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
     "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
-    "delay": (".order", ".noise_period", ".mean_delay", ".delay_bounds", "relay.step_size"),
+    "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
 }
 # Others are names in the form of numbers, no constants: whole keys, and places inside a value.
 NO_CONSTANTS = {
@@ -73,7 +73,9 @@ def constants() -> Iterator[tuple[str, str, Path_]]:
                 continue
             for path, value in leaves(entry["value"]):
                 words = isinstance(value, str | bool)
-                if not words and value != 0 and not NAMES & set(path):
+                # Before t = 0 a term starts earlier than anyone looks back.
+                past = path[-1:] == ("from",) and not words and value < 0
+                if not words and not past and value != 0 and not NAMES & set(path):
                     if path != min(path, twin(path, entry["value"]), key=str):
                         continue  # the other half of a symmetric matrix
                     yield paper, key, path

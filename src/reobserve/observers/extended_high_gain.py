@@ -109,8 +109,10 @@ class ExtendedHighGainObserver:
 
     def __post_init__(self) -> None:
         as_positive("step_size", self.step_size)
-        if self.order < 1:
-            raise InputError("order", f"{self.order} must be 1 or more: order 0 holds no delay")
+        if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
+            raise InputError(
+                "order", f"{self.order!r} must be a whole number, 1 or more: order 0 holds no delay"
+            )
         least, most = as_vector("delay_bounds", self.delay_bounds, 2)
         if not 0.0 <= least < most:
             raise InputError("delay_bounds", f"[{least:g}, {most:g}] s must be 0 or more, rising")

@@ -27,7 +27,7 @@ _EXTENDED = (
 )
 # The parameters of each algorithm; those in the second list may be left out.
 PARAMETERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "extended": (_EXTENDED, ("lambdas", "L")),
+    "extended": (_EXTENDED, ("lambdas", "L", "sampling")),
     "standard": (("model", "rho", "mean_delay", "initial_estimate", "step_size"), ()),
     "least_squares": (("initial_covariance", "forgetting", "initial_delay", "step_size"), ()),
     "adaptive": (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_scalar
+from reobserve.matrices import as_positive, as_scalar
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay.setup import delay_bounds, multiple
 from reobserve.series import Series
@@ -55,28 +55,41 @@ def inputs(settings: dict[str, Any], observer: dict[str, Any], plant: Series) ->
             )
         rates = known[:, :order]
         return np.column_stack([u, rates]), np.column_stack([before, rates])
-    found = differentiator(settings, observer)
-    run = found.run(u, found.init())
-    rates = run.estimate[:, 1 : order + 1]
+    rates = _differentiated(settings, observer, u)[:, :order]
     return np.column_stack([u, rates]), np.column_stack([before, rates])
 
 
+def _differentiated(settings: dict[str, Any], observer: dict[str, Any], u: Array) -> Array:
+    """The estimates of u' and u'' at every sample of the plant, shape (k, 2).
+
+    Between two of its samples the differentiator runs on without correction: u' along u''.
+    """
+    found = differentiator(settings, observer)
+    every = round(found.period / settings["plant"]["step"])
+    estimate = found.run(u[::every], found.init()).estimate
+    index = np.arange(len(u))
+    rates = estimate[index // every, 1:].copy()
+    rates[:, 0] += rates[:, 1] * (index % every) * settings["plant"]["step"]
+    return rates
+
+
 def differentiator(settings: dict[str, Any], observer: dict[str, Any]) -> LevantDifferentiator:
-    """The differentiator (37) of an observer, on the plant's samples.
+    """The differentiator (37) of an observer, on every so many of the plant's samples.
 
     Raises
     ------
     InputError
         If one of its parameters is missing or cannot be used, or the observer asks for more.
     """
-    for name in ("lambdas", "L"):
+    for name in ("lambdas", "L", "sampling"):
         if name not in observer:
             raise InputError(name, "is missing; derivatives by levant need it")
     if observer["order"] > 2:
         raise InputError(
             "order", f"{observer['order']} is above 2, the order of the differentiator (37)"
         )
-    period = float(settings["plant"]["step"])
+    period = as_positive("sampling", observer["sampling"])
+    multiple("sampling", period, float(settings["plant"]["step"]), "plant.step")
     return LevantDifferentiator(observer["L"], period, order=2, lambdas=observer["lambdas"])
 
 
