@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "normal_forms", "build")
+NAMES = ("kernels", "delays", "normal_forms", "build")
 
 
 def main() -> int:
@@ -32,10 +32,15 @@ def main() -> int:
     # As the command line does it, before numpy is imported.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from benchmarks import build, kernels, normal_forms
+    from benchmarks import build, delays, kernels, normal_forms
     from benchmarks.report import write
 
-    runs = {"kernels": kernels.run, "normal_forms": normal_forms.run, "build": build.run}
+    runs = {
+        "kernels": kernels.run,
+        "delays": delays.run,
+        "normal_forms": normal_forms.run,
+        "build": build.run,
+    }
     sections = {}
     for name in [options.only] if options.only else NAMES:
         sections[name] = runs[name](options.quick)

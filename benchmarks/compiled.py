@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SOURCE = Path(__file__).with_name("ilo.c")
-
 # The compiled library knows the processor it runs on, so C may know it, too. Contraction would
 # round differently from the library, whose rules exclude it.
 _FLAGS = ("-O3", "-std=c11", "-ffp-contract=off", "-shared", "-fPIC")
@@ -58,15 +56,22 @@ class Compiled:
         return function
 
 
-def compile_c() -> Compiled | None:
-    """The C peer, or None where there is no compiler."""
+def compile_c(source: str = "ilo.c") -> Compiled | None:
+    """The C peer from a source file beside this one, or None where there is no compiler."""
     compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
     if compiler is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / "ilo.so"
+        built = Path(folder) / "peer.so"
         for flags in ((*_FLAGS, _TUNED), _FLAGS):
-            command = [compiler, *flags, str(SOURCE), "-o", str(built), "-lm"]
+            command = [
+                compiler,
+                *flags,
+                str(Path(__file__).with_name(source)),
+                "-o",
+                str(built),
+                "-lm",
+            ]
             if subprocess.run(command, capture_output=True, check=False).returncode == 0:
                 # The loaded library outlives its file.
                 shown = " ".join((Path(compiler).name, *flags[:3], *flags[5:]))

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import as_positive, as_record, as_scalar, as_vector
+from reobserve.matrices import as_positive, as_positive_definite, as_record, as_scalar, as_vector
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 from reobserve.triangular_model import TriangularModel
@@ -120,6 +120,8 @@ class ExtendedHighGainObserver:
             raise InputError("threshold", f"{self.threshold:g} must not be negative")
         if self.switched not in SWITCHED:
             raise InputError("switched", f"{self.switched!r} must be one of {', '.join(SWITCHED)}")
+        if self.initial_matrix is not None:
+            as_positive_definite("initial_matrix", self.initial_matrix, self.model.states + 1)
         self._gains(np.zeros(1))
 
     def _gains(self, times: NDArray[Any]) -> Array:
@@ -234,9 +236,8 @@ class ExtendedHighGainObserver:
                 inputs if inputs_before is None else inputs_before,
                 state.count,
                 "_before",
+                len(right),
             )
-            if left.shape != right.shape:
-                raise InputError("output_before", f"has {len(left)} rows, must have {len(right)}")
         steps = len(right) // 2
         states, off = np.empty((steps + 1, size)), np.zeros(steps)
         states[0] = state.values
@@ -260,7 +261,14 @@ class ExtendedHighGainObserver:
             return Run(estimate, delay, off, after, None)
         return Run(estimate, delay, off, state, (finite - 1) * self.step_size)
 
-    def _record(self, output: ArrayLike, inputs: ArrayLike, count: int, ending: str) -> Array:
+    def _record(
+        self,
+        output: ArrayLike,
+        inputs: ArrayLike,
+        count: int,
+        ending: str,
+        rows: int | None = None,
+    ) -> Array:
         """y, u and its derivatives, and the gains, one row a sample."""
         given = np.asarray(inputs, dtype=object)
         if given.ndim != 2 or given.shape[1] != self.order + 1:
@@ -269,7 +277,10 @@ class ExtendedHighGainObserver:
                 f"has shape {given.shape}, must have {self.order + 1} columns: u and its "
                 f"derivatives up to the order {self.order}",
             )
-        u = as_record(f"inputs{ending}", inputs, self.order + 1)
-        y = as_record(f"output{ending}", np.reshape(output, (-1, 1)), 1, len(u), "u")
+        u = as_record(f"inputs{ending}", inputs, self.order + 1, rows, "the record")
+        column = np.asarray(output, dtype=object)
+        if column.ndim != 1:
+            raise InputError(f"output{ending}", f"has shape {column.shape}, must be one column")
+        y = as_record(f"output{ending}", column[:, None], 1, len(u), "u")
         half = np.arange(2 * count, 2 * count + len(u)) * (0.5 * self.step_size)
         return np.ascontiguousarray(np.hstack([y, u, self._gains(half)]))

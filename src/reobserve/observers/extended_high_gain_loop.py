@@ -3,11 +3,15 @@
 A mode says which right-hand side holds: whether the delay is held at a bound (-1 lower, 0 free,
 1 upper) and whether its gain is switched off. Inputs stand in rows
 
-    y, u, u', ..., u^(m), gain_1, ..., gain_(n+1)
+    y, u, u', ..., u^(m), gain_1, ..., gain_(n+1), G(y)
 
 in the table ``at``: three of a step (its start, its middle and its end, the last as the limit from
-inside), three of a part of it, and one of any instant. Tables are passed with the number of a row,
-not by views of rows: in loops as short as these a view costs more than the arithmetic on it.
+inside), three of a part of it, and one of any instant. Points stand in rows of a table, too.
+
+What makes the loop fast: G is asked for once a row and not at each stage. ``size`` is a tuple of n
+zeros, whose length the compiler knows, so that it can write short loops out. Nothing on the usual
+way can raise: else numba would count references to each array at each call, and in loops as short
+as these that is most of the time. Tables are passed with the number of a row, not by views of rows.
 """
 
 from __future__ import annotations
@@ -15,6 +19,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from reobserve.kernel import kernel
@@ -28,196 +34,192 @@ _BISECTIONS = 60
 
 # Rows of the table of inputs.
 _STEP, _PART, _INSTANT = 0, 3, 6
+# Rows of the table of points.
+_FROM, _TO, _SUM = 0, 1, 2
+
+Size = tuple[int, ...]
+Bounds = tuple[float, float, float]
+Model = tuple[Any, Any, Array]  # drift, input gain and the parameters of both
+Room = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
+
+
+def _call(_: Any, field: Any, x: Any, parameters: Any, out: Any) -> Any:
+    """How numba is to compile ``_evaluate(field, x, parameters, out)`` for a vector field."""
+    if not isinstance(field, types.FunctionType):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = context.get_value_type(signature.args[0].ftype)
+        builder.call(builder.bitcast(builder.extract_value(args[0], 0), kind), args[1:])
+        return context.get_dummy_value()
+
+    return types.void(field, x, parameters, out), generate
+
+
+# Written as a call, a vector field could raise: numba does not know that it has an address.
+_evaluate: Any = intrinsic(_call)
 
 
 @kernel
-def _interpolate(at: Array, theta: float, row: int) -> None:
+def _add_gain(
+    input_gain: Any, parameters: Array, at: Array, row: int, y: Array, gain: Array
+) -> None:
+    """Put G(y) at the end of a row."""
+    y[0] = at[row, 0]
+    _evaluate(input_gain, y, parameters, gain)
+    at[row, at.shape[1] - 1] = gain[0]
+
+
+@kernel
+def _interpolate(model: Model, at: Array, theta: float, row: int, room: Room) -> None:
     """Put the inputs at the part ``theta`` of the step into a row: a parabola through its three."""
     first = 2.0 * (theta - 0.5) * (theta - 1.0)
     middle = 4.0 * theta * (1.0 - theta)
     last = 2.0 * theta * (theta - 0.5)
-    for c in range(at.shape[1]):
+    for c in range(at.shape[1] - 1):
         at[row, c] = first * at[0, c] + middle * at[1, c] + last * at[2, c]
+    _add_gain(model[1], model[2], at, row, room[2], room[3])
 
 
 @kernel
-def _seen(
-    input_gain: Any,
-    parameters: Array,
-    order: int,
-    delay: float,
-    at: Array,
-    row: int,
-    y: Array,
-    gain: Array,
-) -> float:
-    """The factor xi^ of (10) for an estimate of the delay; leaves G(y) in ``gain``."""
-    y[0] = at[row, 0]
-    input_gain(y, parameters, gain)
+def _seen(order: int, delay: float, at: Array, row: int) -> float:
+    """The factor xi^ of (10) for an estimate of the delay."""
     total, factor = 0.0, -1.0
     for i in range(1, order + 1):
         total += factor * at[row, 1 + i]
         factor *= -delay / (i + 1)
-    xi: float = gain[0] * total
+    xi: float = at[row, at.shape[1] - 1] * total
     return xi
 
 
 @kernel
-def _raw_rate(X: Array, xi: float, at: Array, row: int) -> float:
+def _raw_rate(angle: float, xi: float, at: Array, row: int) -> float:
     """The rate of the delay before its projection."""
-    rate: float = -at[row, at.shape[1] - 1] * (X[0] - at[row, 0]) / xi
+    rate: float = -at[row, at.shape[1] - 2] * (angle - at[row, 0]) / xi
     return rate
 
 
 @kernel
-def _mode(X: Array, bounds: Array, xi: float, at: Array, row: int) -> tuple[int, bool]:
-    """The mode that holds from here on; a delay outside its interval is put on the bound."""
-    last = len(X) - 1
-    X[last] = min(max(X[last], bounds[0]), bounds[1])
-    if abs(xi) < bounds[2]:
-        return 0, True
-    if X[last] == bounds[1] and _raw_rate(X, xi, at, row) > 0.0:
-        return 1, False
-    if X[last] == bounds[0] and _raw_rate(X, xi, at, row) < 0.0:
-        return -1, False
-    return 0, False
+def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bool]:
+    """The mode that holds from here on, for a delay in its interval and its raw rate."""
+    least, most, threshold = bounds
+    off = abs(xi) < threshold or xi == 0.0
+    held = 0
+    if not off and delay == most and rate > 0.0:
+        held = 1
+    elif not off and delay == least and rate < 0.0:
+        held = -1
+    return held, off
 
 
 @kernel
-def _holds(X: Array, bounds: Array, xi: float, at: Array, row: int, held: int, off: bool) -> bool:
-    """Whether a mode still holds at a point that it has led to."""
-    if (abs(xi) < bounds[2]) != off:
+def _holds(
+    delay: float, rate: float, xi: float, before: float, bounds: Bounds, held: int, off: bool
+) -> bool:
+    """Whether a mode still holds at a point that it has led to; ``before`` is xi^ where it began.
+
+    Where xi^ changes its sign the delay runs away from one bound and back from the other.
+    """
+    least, most, threshold = bounds
+    if (abs(xi) < threshold or xi == 0.0) != off:
         return False
     if off:
         return True
+    if xi * before < 0.0:
+        return False
     if held == 0:
-        return bool(bounds[0] <= X[len(X) - 1] <= bounds[1])
-    return held * _raw_rate(X, xi, at, row) >= 0.0
+        return least <= delay <= most
+    return held * rate >= 0.0
 
 
 @kernel
-def _part(
-    drift: Any,
-    input_gain: Any,
-    parameters: Array,
-    order: int,
-    at: Array,
-    start: float,
-    end: float,
-    step: float,
-    held: int,
-    off: int,
-    X: Array,
-    out: Array,
-    slopes: Array,
-    x: Array,
-    f: Array,
-    y: Array,
-    gain: Array,
-) -> None:
-    """One step of the Runge-Kutta method over a part of a step, in one mode.
+def _runge_kutta(
+    drift: Any, parameters: Array, size: Size, order: int, at: Array, base: int, h: float,
+    held: int, off: int, points: Array, x: Array, f: Array,
+) -> None:  # fmt: skip
+    """One step of the method in one mode, with the three rows of inputs from ``base`` on.
 
-    ``off`` is 0, 1 if the gain of the delay is switched off, 2 if all gains are.
+    It leads from the point in row _FROM to that in row _TO. ``off`` is 0, 1 if the gain of the
+    delay is switched off, 2 if all gains are.
     """
-    n = len(X) - 1
-    h = (end - start) * step
-    gains = 2 + order
-    base = _STEP
-    if start != 0.0 or end != 1.0:
-        base = _PART
-        for place in range(3):
-            _interpolate(at, start + 0.5 * place * (end - start), base + place)
+    n, gains = len(size), 2 + order
+    for i in range(n + 1):
+        x[i], points[_SUM, i] = points[_FROM, i], 0.0
     for stage in range(4):
         row = base + (stage + 1) // 2
-        ahead = 0.0 if stage == 0 else h if stage == 3 else 0.5 * h
-        for i in range(n + 1):
-            x[i] = X[i] if stage == 0 else X[i] + ahead * slopes[stage - 1, i]
-        drift(x, parameters, f)
-        xi = _seen(input_gain, parameters, order, x[n], at, row, y, gain)
+        ahead = h if stage == 2 else 0.5 * h
+        weight = 2.0 if stage in (1, 2) else 1.0
+        _evaluate(drift, x, parameters, f)
+        # As `_seen`, whose call could raise for numba.
+        total, factor = 0.0, -1.0
+        for i in range(1, order + 1):
+            total += factor * at[row, 1 + i]
+            factor *= -x[n] / (i + 1)
+        xi = at[row, gains + n + 1] * total
         error = 0.0 if off == 2 else x[0] - at[row, 0]
-        for i in range(n - 1):
-            slopes[stage, i] = x[i + 1] + f[i] - at[row, gains + i] * error
-        pushed = xi * x[n] + gain[0] * at[row, 1]
-        slopes[stage, n - 1] = f[n - 1] + pushed - at[row, gains + n - 1] * error
-        slopes[stage, n] = 0.0
+        pushed = xi * x[n] + at[row, gains + n + 1] * at[row, 1]
+        for i in range(n):
+            slope = (x[i + 1] if i < n - 1 else pushed) + f[i] - at[row, gains + i] * error
+            points[_SUM, i] += weight * slope
+            x[i] = points[_FROM, i] + ahead * slope
+        slope = 0.0
         if held == 0 and off == 0:
-            slopes[stage, n] = -at[row, gains + n] * error / xi
+            slope = -at[row, gains + n] * error / xi
+        points[_SUM, n] += weight * slope
+        x[n] = points[_FROM, n] + ahead * slope
     for i in range(n + 1):
-        mean = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
-        out[i] = X[i] + h / 6.0 * mean
+        points[_TO, i] = points[_FROM, i] + h / 6.0 * points[_SUM, i]
+
+
+@kernel
+def _cut(model: Model, at: Array, start: float, end: float, room: Room) -> int:
+    """Fill the rows of a part of the step; return the first of them."""
+    if start == 0.0 and end == 1.0:
+        return _STEP
+    for place in range(3):
+        theta = start + 0.5 * place * (end - start)
+        _interpolate(model, at, theta, _PART + place, room)
+    return _PART
 
 
 @kernel
 def _to_mode_end(
-    drift: Any,
-    input_gain: Any,
-    parameters: Array,
-    order: int,
-    bounds: Array,
-    at: Array,
-    start: float,
-    step: float,
-    held: int,
-    off: int,
-    rate: float,
-    X: Array,
-    out: Array,
-    slopes: Array,
-    x: Array,
-    f: Array,
-    y: Array,
-    gain: Array,
-) -> float:
-    """Go on from ``start`` to the end of the step, or to where the mode ends; returns where.
+    model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, step: float,
+    held: int, off: int, before: float, turning: float, points: Array, room: Room,
+) -> float:  # fmt: skip
+    """Go on from ``start`` to where the mode ends, or to the end of the step; returns where.
 
-    ``rate`` is that of the delay at the start if it is free, else 0: where it changes its sign
-    inside the step, the delay turns round, and may have left its interval on the way.
+    The mode does not hold at the end of the step, or it does and the delay turns round about
+    ``turning``, where it may have left its interval on the way; else ``turning`` is 1. ``before``
+    is xi^ at the start of the mode.
     """
-    n = len(X) - 1
-    high, holds = 1.0, True
-    for attempt in range(2):
-        _part(
-            drift, input_gain, parameters, order, at, start, high, step, held, off, X, out, slopes,
-            x, f, y, gain,
-        )  # fmt: skip
-        row = _STEP + 2
-        if high < 1.0:
-            row = _INSTANT
-            _interpolate(at, high, row)
-        xi = _seen(input_gain, parameters, order, out[n], at, row, y, gain)
-        holds = _holds(out, bounds, xi, at, row, held, off > 0)
-        after = rate if rate == 0.0 else _raw_rate(out, xi, at, row)
-        if attempt == 1 or not holds or rate * after >= 0.0:
+    n, x, f = len(size), room[0], room[1]
+    low, high = start, 1.0
+    turns = turning != 1.0
+    for _ in range(_BISECTIONS):
+        middle = turning if turns else 0.5 * (low + high)
+        if not turns and not low < middle < high:
             break
-        high = start + (1.0 - start) * rate / (rate - after)
-    if holds and high == 1.0:
-        return high
-    if holds:
-        high = 1.0
-    else:
-        low = start
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            _part(
-                drift, input_gain, parameters, order, at, start, middle, step, held, off, X, out,
-                slopes, x, f, y, gain,
-            )  # fmt: skip
-            _interpolate(at, middle, _INSTANT)
-            xi = _seen(input_gain, parameters, order, out[n], at, _INSTANT, y, gain)
-            if _holds(out, bounds, xi, at, _INSTANT, held, off > 0):
-                low = middle
-            else:
-                high = middle
-    _part(
-        drift, input_gain, parameters, order, at, start, high, step, held, off, X, out, slopes, x,
-        f, y, gain,
-    )  # fmt: skip
+        base = _cut(model, at, start, middle, room)
+        h = (middle - start) * step
+        _runge_kutta(model[0], model[2], size, order, at, base, h, held, off, points, x, f)
+        _interpolate(model, at, middle, _INSTANT, room)
+        xi = _seen(order, points[_TO, n], at, _INSTANT)
+        rate = _raw_rate(points[_TO, 0], xi, at, _INSTANT)
+        if not _holds(points[_TO, n], rate, xi, before, bounds, held, off > 0):
+            high = middle
+        elif turns:
+            # It turns round inside its interval.
+            break
+        else:
+            low = middle
+        turns = False
+    base = _cut(model, at, start, high, room)
+    h = (high - start) * step
+    _runge_kutta(model[0], model[2], size, order, at, base, h, held, off, points, x, f)
     return high
 
 
-@kernel
 def run(
     drift: Any,
     input_gain: Any,
@@ -238,45 +240,80 @@ def run(
     hold the inputs, two rows a step, and their limits from the left. ``switched_off`` gets the
     share of each step in which the gain is off.
     """
-    n, channels = states.shape[1] - 1, right.shape[1]
-    at, slopes = np.empty((7, channels)), np.empty((4, n + 1))
-    X, out, x = states[0].copy(), np.empty(n + 1), np.empty(n + 1)
-    f, y, gain = np.empty(n), np.empty(1), np.empty(1)
+    size = (0,) * (states.shape[1] - 1)
+    least, most, threshold = bounds.tolist()
+    return _run(
+        (drift, input_gain, parameters), size, order, switched, (least, most, threshold), step,
+        right, left, states, switched_off,
+    )  # fmt: skip
+
+
+@kernel
+def _run(
+    model: Model, size: Size, order: int, switched: int, bounds: Bounds, step: float,
+    right: Array, left: Array, states: Array, switched_off: Array,
+) -> int:  # fmt: skip
+    """The loop of `run`, for sizes that are known when it is compiled."""
+    n, channels = len(size), right.shape[1]
+    least, most, _ = bounds
+    at, points = np.empty((7, channels + 1)), np.empty((3, n + 1))
+    x, f, y, gain = room = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
+    drift, input_gain, parameters = model
+    for i in range(n + 1):
+        points[_FROM, i] = states[0, i]
     for k in range(len(states) - 1):
         for c in range(channels):
             at[0, c], at[1, c] = right[2 * k, c], right[2 * k + 1, c]
             at[2, c] = left[2 * k + 2, c]
-        start, row = 0.0, _STEP
+        for row in range(3):
+            _add_gain(input_gain, parameters, at, row, y, gain)
+        start, here = 0.0, _STEP
         switched_off[k] = 0.0
         for change in range(_MOST_CHANGES):
-            xi = _seen(input_gain, parameters, order, X[n], at, row, y, gain)
-            held, off = _mode(X, bounds, xi, at, row)
-            rate = 0.0 if off or held != 0 else _raw_rate(X, xi, at, row)
+            xi = before = _seen(order, points[_FROM, n], at, here)
+            rate = _raw_rate(points[_FROM, 0], xi, at, here)
+            points[_FROM, n] = min(max(points[_FROM, n], least), most)
+            held, off = _mode(points[_FROM, n], rate, xi, bounds)
             kind = switched if off else 0
-            if change < _MOST_CHANGES - 1:
+            base, h, end = _STEP, (1.0 - start) * step, 1.0
+            if start > 0.0:
+                base = _cut(model, at, start, 1.0, room)
+            _runge_kutta(drift, parameters, size, order, at, base, h, held, kind, points, x, f)
+            xi = _seen(order, points[_TO, n], at, _STEP + 2)
+            after = _raw_rate(points[_TO, 0], xi, at, _STEP + 2)
+            holds = _holds(points[_TO, n], after, xi, before, bounds, held, off)
+            # A free delay whose rate changes its sign turns round inside the step.
+            turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
+            if (turns or not holds) and change < _MOST_CHANGES - 1:
+                turning = start + (1.0 - start) * rate / (rate - after) if turns else 1.0
                 end = _to_mode_end(
-                    drift, input_gain, parameters, order, bounds, at, start, step, held, kind,
-                    rate, X, out, slopes, x, f, y, gain,
-                )  # fmt: skip
-            else:
-                end = 1.0
-                _part(
-                    drift, input_gain, parameters, order, at, start, end, step, held, kind, X, out,
-                    slopes, x, f, y, gain,
-                )  # fmt: skip
+                    model,
+                    size,
+                    order,
+                    bounds,
+                    at,
+                    start,
+                    step,
+                    held,
+                    kind,
+                    before,
+                    turning,
+                    points,
+                    room,
+                )
             if off:
                 switched_off[k] += end - start
             finite = True
             for i in range(n + 1):
-                X[i] = out[i]
-                finite &= np.isfinite(out[i])
+                points[_FROM, i] = points[_TO, i]
+                finite &= np.isfinite(points[_TO, i])
             if not finite:
                 return k + 1
             if end == 1.0:
                 break
-            start, row = end, _INSTANT
-            _interpolate(at, end, row)
-        X[n] = min(max(X[n], bounds[0]), bounds[1])
+            start, here = end, _INSTANT
+            _interpolate(model, at, end, here, room)
+        points[_FROM, n] = min(max(points[_FROM, n], least), most)
         for i in range(n + 1):
-            states[k + 1, i] = X[i]
+            states[k + 1, i] = points[_FROM, i]
     return len(states)

@@ -135,18 +135,18 @@ def build(settings: Settings) -> Any:
     observer = settings["observer"]
     check_keys(observer)
     if observer["algorithm"] == "extended":
-        if observer["derivatives"] == "levant":
-            records.differentiator(settings, observer)
-        return build_extended(settings)
+        built = build_extended(settings)
+        records.check_derivatives(settings, observer)
+        return built
     if observer["algorithm"] == "standard":
         records.check_mean_delay(settings, observer["mean_delay"])
         return build_standard(settings)
-    built = build_estimator(settings)
+    estimator = build_estimator(settings)
     least, most = delay_bounds(settings["plant"])
     first = as_scalar("initial_delay", observer["initial_delay"])
     if not least <= first <= most:
         raise InputError("initial_delay", f"{first:g} s must be from {least:g} to {most:g} s")
-    return built
+    return estimator
 
 
 Found = tuple[dict[str, Channel], float | None]

@@ -10,8 +10,10 @@ import numpy as np
 from reobserve.errors import located
 from reobserve.matrices import as_vector
 from reobserve.papers.delay.setup import (
+    MOST_DERIVATIVES,
     UNITS,
     build_model,
+    check_model,
     delay_bounds,
     grid,
     input_and_derivatives,
@@ -22,8 +24,6 @@ from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delay
 from reobserve.random_streams import held_normal, random_stream
 from reobserve.series import Channel, Series
 from reobserve.signals import Signal
-
-DERIVATIVES = 2  # of the input in a record: the paper uses m = 1 and m = 2
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,12 @@ def build(settings: dict[str, Any]) -> Setup:
         delay = Signal.parse("delay", plant["delay"], 1)
     check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)
     with located("scenario"):
-        model = build_model(plant, scenario["model"])
+        check_model(scenario["model"])
+    model = build_model(plant, scenario["model"])
+    with located("scenario"):
         as_vector("initial_state", scenario["initial_state"], model.states)
         control = Signal.parse("input", scenario["input"], 1)
-        inputs = input_and_derivatives("input", control, DERIVATIVES)
+        inputs = input_and_derivatives("input", control, MOST_DERIVATIVES)
         deviations = [
             noise_deviation(f"{k}_noise", scenario[f"{k}_noise"]) for k in ("output", "input")
         ]

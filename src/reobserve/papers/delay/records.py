@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError
 from reobserve.matrices import as_positive, as_scalar
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.papers.delay.setup import delay_bounds, multiple
+from reobserve.papers.delay.setup import MOST_DERIVATIVES, delay_bounds, multiple
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
@@ -40,23 +40,36 @@ def inputs(settings: dict[str, Any], observer: dict[str, Any], plant: Series) ->
     Raises
     ------
     InputError
-        If the ledger names another source of derivatives, asks for more than there are, or a
-        parameter of the differentiator cannot be used.
+        As `check_derivatives`.
     """
+    check_derivatives(settings, observer)
     order, source = observer["order"], observer["derivatives"]
-    if source not in DERIVATIVES:
-        raise InputError("derivatives", f"{source!r} must be one of {', '.join(DERIVATIVES)}")
     u, before = measured(plant, "measured_input", "input")
     if source == "exact":
-        known = plant["input_derivatives"]
-        if order > known.shape[1]:
-            raise InputError(
-                "order", f"{order} asks for more than the {known.shape[1]} derivatives of a record"
-            )
-        rates = known[:, :order]
+        rates = plant["input_derivatives"][:, :order]
         return np.column_stack([u, rates]), np.column_stack([before, rates])
     rates = _differentiated(settings, observer, u)[:, :order]
     return np.column_stack([u, rates]), np.column_stack([before, rates])
+
+
+def check_derivatives(settings: dict[str, Any], observer: dict[str, Any]) -> None:
+    """Refuse another source of derivatives than there are, and more of them than it has.
+
+    Raises
+    ------
+    InputError
+        That names the key.
+    """
+    source, order = observer["derivatives"], observer["order"]
+    if source not in DERIVATIVES:
+        raise InputError("derivatives", f"{source!r} must be one of {', '.join(DERIVATIVES)}")
+    if order > MOST_DERIVATIVES:
+        raise InputError(
+            "order",
+            f"{order} asks for derivatives of u above {MOST_DERIVATIVES}, the last one known",
+        )
+    if source == "levant":
+        differentiator(settings, observer)
 
 
 def _differentiated(settings: dict[str, Any], observer: dict[str, Any], u: Array) -> Array:
@@ -79,18 +92,16 @@ def differentiator(settings: dict[str, Any], observer: dict[str, Any]) -> Levant
     Raises
     ------
     InputError
-        If one of its parameters is missing or cannot be used, or the observer asks for more.
+        If one of its parameters is missing or cannot be used.
     """
     for name in ("lambdas", "L", "sampling"):
         if name not in observer:
             raise InputError(name, "is missing; derivatives by levant need it")
-    if observer["order"] > 2:
-        raise InputError(
-            "order", f"{observer['order']} is above 2, the order of the differentiator (37)"
-        )
     period = as_positive("sampling", observer["sampling"])
     multiple("sampling", period, float(settings["plant"]["step"]), "plant.step")
-    return LevantDifferentiator(observer["L"], period, order=2, lambdas=observer["lambdas"])
+    return LevantDifferentiator(
+        observer["L"], period, order=MOST_DERIVATIVES, lambdas=observer["lambdas"]
+    )
 
 
 def check_mean_delay(settings: dict[str, Any], delay: Any) -> float:

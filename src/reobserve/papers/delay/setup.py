@@ -24,13 +24,20 @@ UNITS = {
 }
 MODELS = tuple(UNITS)
 
+MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
+
 MOST_STEPS = 5_000_000  # of a plant record: a gigabyte
+
+
+def check_model(name: Any) -> None:
+    """Refuse a name that is none of a model."""
+    if name not in MODELS:
+        raise InputError("model", f"{name!r} must be one of {', '.join(MODELS)}")
 
 
 def build_model(plant: Settings, name: Any) -> TriangularModel:
     """The model that a scenario names; `InputError` if there is none of that name."""
-    if name not in MODELS:
-        raise InputError("model", f"{name!r} must be one of {', '.join(MODELS)}")
+    check_model(name)
     if name == "lag":
         return first_order_lag()
     with located("plant"):
@@ -53,6 +60,7 @@ def grid(plant: Settings) -> tuple[int, float]:
     InputError
         If horizon, step and greatest delay are not positive or do not fit.
     """
+    most = delay_bounds(plant)[1]
     with located("plant"):
         step = as_positive("step", plant["step"])
         horizon = as_positive("horizon", plant["horizon"])
@@ -62,12 +70,7 @@ def grid(plant: Settings) -> tuple[int, float]:
                 f"{horizon:g} s is {horizon / step:.3g} steps, must be {MOST_STEPS:g} at most",
             )
         steps = multiple("horizon", horizon, step, "the step")
-        multiple(
-            "delay_bounds.1",
-            delay_bounds({"delay_bounds": plant["delay_bounds"]})[1],
-            step,
-            "the step",
-        )
+        multiple("delay_bounds.1", most, step, "the step")
     return steps, step
 
 

@@ -37,6 +37,9 @@ def check_study(study: dict[str, Any]) -> None:
     """Refuse a method that there is not, and levels that are no positive numbers."""
     if study.get("method") not in METHODS:
         raise InputError("method", f"{study.get('method')!r} must be one of {', '.join(METHODS)}")
+    runs = study.get("runs", 1)
+    if not isinstance(runs, int) or runs < 1:
+        raise InputError("runs", f"{runs!r} must be a whole number, 1 or more")
     for name in ("rhos", "forgetting", "relay_gains"):
         if name in study and not (as_floats(name, study[name]) > 0).all():
             raise InputError(name, f"{study[name]} must all be greater than zero")
