@@ -270,17 +270,28 @@ class ExtendedHighGainObserver:
         rows: int | None = None,
     ) -> Array:
         """y, u and its derivatives, and the gains, one row a sample."""
-        given = np.asarray(inputs, dtype=object)
-        if given.ndim != 2 or given.shape[1] != self.order + 1:
+        shape = _shape(inputs)
+        if len(shape) != 2 or shape[1] != self.order + 1:
             raise InputError(
                 f"inputs{ending}",
-                f"has shape {given.shape}, must have {self.order + 1} columns: u and its "
+                f"has shape {shape}, must have {self.order + 1} columns: u and its "
                 f"derivatives up to the order {self.order}",
             )
         u = as_record(f"inputs{ending}", inputs, self.order + 1, rows, "the record")
-        column = np.asarray(output, dtype=object)
+        column = output if isinstance(output, np.ndarray) else np.asarray(output, dtype=object)
         if column.ndim != 1:
             raise InputError(f"output{ending}", f"has shape {column.shape}, must be one column")
         y = as_record(f"output{ending}", column[:, None], 1, len(u), "u")
         half = np.arange(2 * count, 2 * count + len(u)) * (0.5 * self.step_size)
-        return np.ascontiguousarray(np.hstack([y, u, self._gains(half)]))
+        table = np.empty((len(u), u.shape[1] + self.model.states + 2))
+        table[:, :1], table[:, 1 : u.shape[1] + 1] = y, u
+        table[:, u.shape[1] + 1 :] = self._gains(half)
+        return table
+
+
+def _shape(values: ArrayLike) -> tuple[int, ...]:
+    """The shape of an array, or of lists; rows of different lengths count as one column."""
+    try:
+        return np.shape(values)
+    except ValueError:
+        return (len(np.asarray(values, dtype=object)),)
