@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import DivergenceError, InputError
+from reobserve.grid import stride
 from reobserve.matrices import as_scalar
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
@@ -16,7 +17,7 @@ from reobserve.observers.delay_variable_structure import VariableStructureDelayE
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import records
-from reobserve.papers.delay.setup import UNITS, build_model, delay_bounds, stride
+from reobserve.papers.delay.setup import UNITS, build_model, delay_bounds
 from reobserve.series import Channel, Series
 
 Settings = dict[str, Any]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.grid import noise_hold
 from reobserve.matrices import as_vector
 from reobserve.papers.delay.setup import (
     MOST_DERIVATIVES,
@@ -18,7 +19,6 @@ from reobserve.papers.delay.setup import (
     grid,
     input_and_derivatives,
     noise_deviation,
-    noise_hold,
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve.random_streams import held_normal, random_stream

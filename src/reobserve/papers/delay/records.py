@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
+from reobserve.grid import multiple
 from reobserve.matrices import as_positive, as_scalar
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.papers.delay.setup import MOST_DERIVATIVES, delay_bounds, multiple
+from reobserve.papers.delay.setup import MOST_DERIVATIVES, delay_bounds
 from reobserve.series import Series
 
 Array = NDArray[np.float64]

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.grid import multiple, plant_grid
+from reobserve.matrices import as_scalar, as_vector
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
 from reobserve.signals import Signal
@@ -61,32 +62,9 @@ def grid(plant: Settings) -> tuple[int, float]:
         If horizon, step and greatest delay are not positive or do not fit.
     """
     most = delay_bounds(plant)[1]
-    with located("plant"):
-        step = as_positive("step", plant["step"])
-        horizon = as_positive("horizon", plant["horizon"])
-        if horizon > MOST_STEPS * step:
-            raise InputError(
-                "horizon",
-                f"{horizon:g} s is {horizon / step:.3g} steps, must be {MOST_STEPS:g} at most",
-            )
-        steps = multiple("horizon", horizon, step, "the step")
-        multiple("delay_bounds.1", most, step, "the step")
+    steps, step = plant_grid(plant, MOST_STEPS)
+    multiple("plant.delay_bounds.1", most, step, "the step")
     return steps, step
-
-
-def multiple(name: str, interval: float, step: float, what: str) -> int:
-    """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
-    count = round(interval / step)
-    if count < 1 or abs(count * step - interval) > 1e-9 * interval:
-        raise InputError(name, f"{interval:g} s must be a whole multiple of {what}, {step:g} s")
-    return count
-
-
-def stride(plant: Settings, step_size: Any) -> int:
-    """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
-    step = as_positive("plant.step", plant["step"])
-    half = 0.5 * as_positive("step_size", step_size)
-    return multiple("step_size", half, step, "plant.step, two in a step")
 
 
 def input_and_derivatives(name: str, signal: Signal, order: int) -> list[Signal]:
@@ -109,16 +87,3 @@ def noise_deviation(name: str, value: Any) -> float:
     if deviation < 0:
         raise InputError(name, f"{deviation:g} must not be negative")
     return deviation
-
-
-def noise_hold(plant: Settings) -> int:
-    """Plant samples for which noise is held; an even number, so that it jumps between steps."""
-    period = as_positive("plant.noise_period", plant["noise_period"])
-    step = float(as_floats("plant.step", plant["step"]))
-    hold = round(period / step)
-    if hold < 2 or hold % 2 or abs(hold * step - period) > 1e-9 * period:
-        raise InputError(
-            "plant.noise_period",
-            f"{period:g} s must be a multiple of {2 * step:g} s (two samples)",
-        )
-    return hold

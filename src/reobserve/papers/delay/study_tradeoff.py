@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
+from reobserve.grid import noise_hold, stride
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay.observe import build_extended
 from reobserve.papers.delay.scoring import root_mean_square
-from reobserve.papers.delay.setup import noise_hold, stride
 from reobserve.random_streams import held_normal, random_stream
 from reobserve.series import Series
 

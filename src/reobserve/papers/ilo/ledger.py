@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from reobserve.errors import InputError, located
+from reobserve.errors import located
 from reobserve.ledger import Ledger
+from reobserve.ledger_check import check_scenarios
 from reobserve.papers.ilo import plant
 from reobserve.papers.ilo.setup import build_observer, held_noise, noise_deviation
 from reobserve.random_streams import random_stream
@@ -15,14 +16,7 @@ def check(ledger: Ledger) -> None:
     with located(ledger.paper):
         noise_deviation(settings)
         held_noise(random_stream(0), settings, 1)
-    for name in ledger.section("scenarios"):
-        try:
-            with located(ledger.paper):
-                plant.build(ledger.settings("plant", name))
-        except InputError as error:
-            here = f"{ledger.paper}.scenarios.{name}"
-            key = error.parameter.replace(f"{ledger.paper}.scenario", here)
-            raise InputError(key, error.problem) from None
+    check_scenarios(ledger, plant.build)
     for name, observer in ledger.section("observers").items():
         with located(f"{ledger.paper}.observers.{name}"):
             build_observer(settings, observer)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_floats, as_positive, as_scalar
+from reobserve.grid import noise_hold
+from reobserve.matrices import as_positive, as_scalar
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
@@ -120,11 +121,4 @@ def held_noise(
     InputError
         If the period is no multiple of two plant steps.
     """
-    period = as_positive("plant.noise_period", plant["noise_period"])
-    step = float(as_floats("plant.step", plant["step"]))
-    hold = round(period / step)
-    if hold < 2 or hold % 2 or abs(hold * step - period) > 1e-9 * period:
-        raise InputError(
-            "plant.noise_period", f"{period:g} s must be a multiple of {2 * step:g} s (two samples)"
-        )
-    return held_normal(stream, samples, hold, 3)
+    return held_normal(stream, samples, noise_hold(plant), 3)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from reobserve.errors import InputError, located
+from reobserve.grid import stride
 from reobserve.ledger import Ledger
+from reobserve.ledger_check import check_scenarios
 from reobserve.papers.lie import plant
-from reobserve.papers.lie.setup import build_observer, build_problem, stride
+from reobserve.papers.lie.setup import build_observer, build_problem
 from reobserve.papers.lie.study import check_study
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 
@@ -13,14 +15,7 @@ from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 def check(ledger: Ledger) -> None:
     """Raise the `InputError` that a stage would raise, with the config key of the ledger."""
     settings = ledger.section("plant")
-    for name in ledger.section("scenarios"):
-        try:
-            with located(ledger.paper):
-                plant.build(ledger.settings("plant", name))
-        except InputError as error:
-            here = f"{ledger.paper}.scenarios.{name}"
-            key = error.parameter.replace(f"{ledger.paper}.scenario", here)
-            raise InputError(key, error.problem) from None
+    check_scenarios(ledger, plant.build)
     forms: dict[str, NormalForm] = {}
     for name, design in ledger.section("designs").items():
         with located(f"{ledger.paper}.designs.{name}"):

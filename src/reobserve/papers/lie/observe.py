@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import DivergenceError
+from reobserve.grid import stride
 from reobserve.observers.normal_form_observer import NormalFormObserver, Run
-from reobserve.papers.lie.setup import build_observer, stored_form, stride
+from reobserve.papers.lie.setup import build_observer, stored_form
 from reobserve.series import Channel, Series
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located
+from reobserve.grid import plant_grid
 from reobserve.matrices import as_positive, as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -96,36 +97,8 @@ def build_observer(settings: Settings, form: NormalForm) -> NormalFormObserver:
 
 
 def grid(plant: Settings) -> tuple[int, float]:
-    """The number of plant steps and the step [s].
-
-    Raises
-    ------
-    InputError
-        If horizon or step are not positive or do not fit.
-    """
-    with located("plant"):
-        step = as_positive("step", plant["step"])
-        horizon = as_positive("horizon", plant["horizon"])
-        if horizon > MOST_STEPS * step:
-            raise InputError(
-                "horizon",
-                f"{horizon:g} s is {horizon / step:.3g} steps, must be {MOST_STEPS:g} at most",
-            )
-        return multiple("horizon", horizon, step, "the step"), step
-
-
-def stride(plant: Settings, step_size: float) -> int:
-    """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
-    step = as_positive("plant.step", plant["step"])
-    return multiple("step_size", 0.5 * step_size, step, "plant.step, two in a step")
-
-
-def multiple(name: str, interval: float, step: float, what: str) -> int:
-    """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
-    count = round(interval / step)
-    if count < 1 or abs(count * step - interval) > 1e-9 * interval:
-        raise InputError(name, f"{interval:g} s must be a whole multiple of {what}, {step:g} s")
-    return count
+    """The number of plant steps and the step [s]; see `plant_grid`."""
+    return plant_grid(plant, MOST_STEPS)
 
 
 def whole(name: str, value: Any, least: int) -> int:

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import DivergenceError, located
+from reobserve.grid import multiple
 from reobserve.matrices import as_positive
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
-from reobserve.papers.lie.setup import build_observer, build_system, multiple, whole
+from reobserve.papers.lie.setup import build_observer, build_system, whole
 from reobserve.papers.lie.study_rows import Row, forms
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.series import Series
