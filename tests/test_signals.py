@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mpmath
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
+from reobserve.signal_shapes import PRIMITIVE_POLYNOMIALS, maximum_length_sequence
 from reobserve.signals import Signal, sample_files
 
 Array = NDArray[np.float64]
@@ -20,6 +24,12 @@ GRID = np.arange(0, 101) * 0.05  # 0 ... 5 s
 CONSTANT = {"kind": "constant", "axis": 1, "from": 1.0, "size": 0.5}
 SINE = {"kind": "sine", "axis": 2, "from": 2.5, "amplitude": 2.0, "frequency": 3.0, "phase": 0.4}
 RAMP = {"kind": "ramp", "axis": 3, "from": 0.5, "until": 2.0, "slope": -0.1}
+SQUARE = {"kind": "square", "axis": 1, "from": 1.0, "until": 9.0, "high": 1.5, "period": 4.0}
+PRBS = {"kind": "prbs", "axis": 1, "until": 30.0, "amplitude": 0.1, "clock": 100.0, "order": 7}
+SWEEP = {"kind": "sweep", "axis": 1, "from": 0.5, "amplitude": 2.0}
+SWEEP |= {"start": 1.0, "end": 11.0, "duration": 4.0}
+
+quick = settings(deadline=None, derandomize=True, database=None, max_examples=50)
 
 
 def parse(*terms: Any, axes: int = 3) -> Signal:
@@ -159,6 +169,202 @@ def test_the_derivative_is_the_limit_of_differences() -> None:
     assert signal.derivative("u")(times) == pytest.approx(differences, abs=2e-11)
 
 
+# --- Squares ------------------------------------------------------------------------------------
+
+
+def test_a_pulse_train_at_between_and_beside_its_jumps() -> None:
+    signal = parse({**SQUARE, "high": 1.0, "low": 0.0, "width": 2.0})
+    times = np.array([0.9, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
+    assert signal(times)[:, 0].tolist() == [0, 1, 1, 0, 0, 1, 1, 0, 0, 0, 0]
+    assert signal(times, before=True)[:, 0].tolist() == [0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 0]
+    assert signal.jumps == (1.0, 3.0, 5.0, 7.0, 9.0)
+    beside = np.array([3 - 1e-6, 3 + 1e-6, 5 - 1e-6, 5 + 1e-6])
+    assert signal(beside)[:, 0].tolist() == [1, 0, 0, 1]
+    # Half a period high and then zero is what is meant by nothing else.
+    assert np.array_equal(parse({**SQUARE, "high": 1.0})(times), signal(times))
+
+
+def test_a_square_wave_with_another_low_and_width_that_ends_while_it_is_high() -> None:
+    signal = parse({**SQUARE, "from": -1.0, "until": 7.5, "low": -1.5, "width": 1.0})
+    times = np.array([-2.0, -1.0, 0.0, 2.0, 3.0, 4.0, 7.0, 7.5])
+    assert signal(times)[:, 0].tolist() == [0, 1.5, -1.5, -1.5, 1.5, -1.5, 1.5, 0]
+    assert signal(times, before=True)[:, 0].tolist() == [0, 0, 1.5, -1.5, -1.5, 1.5, -1.5, 1.5]
+    assert signal.breaks == (-1.0, 0.0, 3.0, 4.0, 7.0, 7.5)
+    assert signal.onsets == ()
+
+
+def test_a_square_as_high_as_low_jumps_at_its_ends_alone() -> None:
+    assert parse({**SQUARE, "low": 1.5}).jumps == (1.0, 9.0)
+
+
+@quick
+@given(st.integers(0, 40), st.integers(1, 300), st.integers(2, 30), st.data())
+def test_a_square_on_a_grid_is_that_of_whole_numbers(
+    onset: int, span: int, period: int, data: st.DataObject
+) -> None:
+    width, h = data.draw(st.integers(1, period - 1)), 0.1
+    term = {"kind": "square", "axis": 1, "from": h * onset, "until": h * (onset + span)}
+    signal = parse({**term, "high": 2.0, "low": -1.0, "period": h * period, "width": h * width})
+    k = np.arange(400)
+    acts = (k >= onset) & (k < onset + span)
+    expected = np.where(acts, np.where((k - onset) % period < width, 2.0, -1.0), 0.0)
+    assert np.array_equal(signal(h * k)[:, 0], expected)
+    assert np.array_equal(signal(h * k, before=True)[1:, 0], expected[:-1])
+    jumps = np.flatnonzero(np.diff(expected)) + 1
+    assert signal.jumps == pytest.approx(h * jumps, abs=1e-12)
+    signal.check_jumps("fault", h, 40.0)
+
+
+def test_jumps_of_a_square_off_the_grid_are_refused() -> None:
+    signal = parse({**SQUARE, "width": 1.3})
+    signal.check_grid("fault", 0.1, 9.0)
+    with pytest.raises(
+        InputError, match=r"^fault: jumps at 2.3 s, .* \(the nearest are 2 and 2.5 s"
+    ):
+        signal.check_grid("fault", 0.5, 9.0)
+    signal.check_jumps("fault", 0.5, 2.0)
+
+
+# --- Pseudo-random binary sequences -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", range(2, 17))
+def test_a_sequence_of_maximum_length(order: int) -> None:
+    sequence = maximum_length_sequence(order)
+    length = 2**order - 1
+    assert sequence.shape == (length,)
+    assert set(sequence) == {-1.0, 1.0}
+    assert (sequence[:order] == 1).all()
+    # The register runs through every value but zero.
+    bits = np.concatenate([sequence, sequence[: order - 1]]) > 0
+    registers = sum(2**i * bits[i : i + length] for i in range(order))
+    assert sorted(registers) == list(range(1, length + 1))
+    # One more +1 than -1, and two values of the periodic autocorrelation.
+    assert sequence.sum() == 1
+    correlation = np.fft.ifft(np.abs(np.fft.fft(sequence)) ** 2).real
+    assert correlation == pytest.approx(np.r_[length, -np.ones(length - 1)], abs=1e-6)
+
+
+def test_all_orders_from_2_to_16_have_a_polynomial() -> None:
+    assert sorted(PRIMITIVE_POLYNOMIALS) == list(range(2, 17))
+
+
+def test_the_sequence_by_hand() -> None:
+    # By x^n + x^(n-1) + 1 a bit is the sum modulo 2 of the last one and of that n bits before.
+    assert maximum_length_sequence(2).tolist() == [1, 1, -1]
+    assert maximum_length_sequence(3).tolist() == [1, 1, 1, -1, 1, -1, -1]
+    assert maximum_length_sequence(4)[:8].tolist() == [1, 1, 1, 1, -1, 1, -1, 1]
+
+
+@quick
+@given(st.integers(2, 6), st.integers(0, 40), st.integers(1, 300), st.integers(1, 7))
+def test_a_prbs_on_a_grid_is_the_sequence_over_and_over(
+    order: int, onset: int, span: int, hold: int
+) -> None:
+    h = 0.1
+    term = {"kind": "prbs", "axis": 1, "from": h * onset, "until": h * (onset + span)}
+    signal = parse({**term, "amplitude": 0.3, "clock": 1 / (h * hold), "order": order})
+    k = np.arange(400)
+    acts = (k >= onset) & (k < onset + span)
+    bits = maximum_length_sequence(order)[(k - onset) // hold % (2**order - 1)]
+    expected = np.where(acts, 0.3 * bits, 0.0)
+    assert np.array_equal(signal(h * k)[:, 0], expected)
+    assert np.array_equal(signal(h * k, before=True)[1:, 0], expected[:-1])
+    # It jumps where the bit changes, and nowhere else.
+    assert signal.jumps == pytest.approx(h * (np.flatnonzero(np.diff(expected)) + 1), abs=1e-12)
+    signal.check_jumps("fault", h, 40.0)
+
+
+def test_the_spectrum_of_a_prbs_is_flat_within_3_db_to_its_stated_end() -> None:
+    # One period, 16 samples a bit: lines at multiples of 100/127 Hz.
+    samples_a_bit = 16
+    h = 0.01 / samples_a_bit
+    values = parse({**PRBS, "amplitude": 1.0})(h * np.arange(127 * samples_a_bit))[:, 0]
+    power = np.abs(np.fft.rfft(values)[1:127]) ** 2
+    frequency = np.arange(1, 127) / 1.27
+    flat = power > power[0] / 2
+    assert flat[frequency < 0.443 * 100].all()
+    assert not flat[frequency > 0.444 * 100].any()
+    # Every line lies on that of a held bit (its samples have their Dirichlet kernel for a sinc).
+    angle = np.pi * frequency / 100
+    kernel = np.sin(angle) / np.sin(angle / samples_a_bit)
+    assert power == pytest.approx(128 * kernel**2, rel=1e-9)
+
+
+def test_jumps_of_a_prbs_off_the_grid_are_refused() -> None:
+    signal = parse(PRBS)
+    signal.check_grid("fault", 1e-3, 30.0)
+    # Seven ones come first.
+    with pytest.raises(InputError, match=r"^fault: jumps at 0.07 s, .* 0.06 and 0.08 s\)$"):
+        signal.check_grid("fault", 0.02, 30.0)
+
+
+def test_piecewise_constant_terms_have_no_slope_and_no_term_in_the_derivative() -> None:
+    derivative = parse(SQUARE, RAMP, PRBS).derivative("fault")
+    assert len(derivative.terms) == 1
+    assert derivative.breaks == (0.5, 2.0)
+    assert not derivative(GRID)[:, 0].any()
+
+
+# --- Sweeps -------------------------------------------------------------------------------------
+
+
+def swept(order: int, time: float, *, rising: bool) -> float:
+    """The derivative of an order of ``SWEEP``, by differences of its closed form in 50 digits."""
+
+    def law(t: mpmath.mpf) -> mpmath.mpf:
+        s = t - mpmath.mpf(0.5)
+        return 2 * mpmath.sin(s + 10 * s**2 / 8 if rising else 24 + 11 * (s - 4))
+
+    with mpmath.workdps(50):
+        return float(mpmath.diff(law, time, order))
+
+
+@pytest.mark.parametrize("order", range(5))
+def test_a_sweep_and_its_derivatives(order: int) -> None:
+    signal = parse(SWEEP)
+    for _ in range(order):
+        signal = signal.derivative("fault")
+    times = np.linspace(0.5, 9.5, 61)
+    assert 4.5 not in times
+    expected = [swept(order, t, rising=t < 4.5) for t in times]
+    assert signal(times)[:, 0] == pytest.approx(expected, abs=1e-13 * 12.0**order)
+    # The limits where the rise ends, which differ from the second derivative on.
+    end = np.array([4.5])
+    left, right = signal(end, before=True)[0, 0], signal(end)[0, 0]
+    assert left == pytest.approx(swept(order, 4.5, rising=True), rel=1e-12)
+    assert right == pytest.approx(swept(order, 4.5, rising=False), rel=1e-12)
+    assert (abs(left - right) < 1e-10) == (order < 2)
+    assert signal.breaks == (0.5, 4.5)
+    assert signal(np.array([0.4]))[0, 0] == 0
+
+
+def test_a_sweep_turns_at_the_frequency_stated() -> None:
+    # Zeros lie where the phase is a multiple of pi, and there the slope is the frequency.
+    signal = parse(SWEEP)
+    k = np.arange(1, 8)  # the phase at the end of the rise is 24
+    frequency = np.sqrt(1 + 2 * 2.5 * k * np.pi)
+    zeros = 0.5 + (frequency - 1) / 2.5
+    assert zeros[-1] < 4.5
+    assert signal(zeros)[:, 0] == pytest.approx(np.zeros(7), abs=1e-13)
+    assert signal.derivative("u")(zeros)[:, 0] == pytest.approx(2 * (-1.0) ** k * frequency)
+    # Later it is a sine of the frequency at the end.
+    later = np.linspace(4.5, 9, 20)
+    sine = {"kind": "sine", "axis": 1, "amplitude": 2.0, "frequency": 11.0}
+    ahead = parse({**sine, "phase": 24 - 11 * 4.5})
+    assert signal(later) == pytest.approx(ahead(later), abs=1e-13)
+
+
+def test_a_sweep_may_fall_to_rest_and_end_before_its_rise_does() -> None:
+    falling = parse({**SWEEP, "start": 11.0, "end": 0.0})
+    assert falling(np.array([4.5, 9.0]))[:, 0] == pytest.approx([2 * np.sin(22.0)] * 2, rel=1e-13)
+    short = parse({**SWEEP, "until": 4.0})
+    assert short.breaks == short.derivative("u").breaks == (0.5, 4.0)
+    assert short(np.array([4.0, 4.5])).tolist() == [[0, 0, 0], [0, 0, 0]]
+    with pytest.raises(InputError, match=r"^fault: jumps at 4.4 s"):
+        parse({**SWEEP, "duration": 3.9}).check_grid("fault", 0.25, 9.0)
+
+
 # --- Samples ------------------------------------------------------------------------------------
 
 INSTANTS = np.array([0.5, 1.0, 2.0, 3.0])
@@ -252,6 +458,40 @@ BAD_TERMS: list[tuple[Any, str]] = [
     ({**RAMP, "until": 0.1}, r"^fault\[0\].from: 0.5 s must be before 0.1 s, its end$"),
     ({**RAMP, "from": -1, "until": -2}, r"^fault\[0\].from: -1 s must be before -2 s, its end$"),
     ({"kind": "sine", "axis": 1, "until": -1, "amplitude": 1, "frequency": 1}, r"0 s must be bef"),
+    (
+        without(SQUARE, "until"),
+        r"\[0\].until: is missing; a square .* it, or it would jump without",
+    ),
+    (
+        without(PRBS, "until"),
+        r"\[0\].until: is missing; a prbs .* it, or it would jump without end$",
+    ),
+    (without(SQUARE, "high"), r"^fault\[0\].high: is missing; a square term needs it$"),
+    (without(PRBS, "clock"), r"^fault\[0\].clock: is missing; a prbs term needs it$"),
+    (without(SWEEP, "duration"), r"^fault\[0\].duration: is missing; a sweep term needs it$"),
+    ({**SQUARE, "until": None}, r"^fault\[0\].until: None is not a number"),
+    ({**SQUARE, "period": 0}, r"^fault\[0\].period: 0 must be greater than zero$"),
+    ({**SQUARE, "period": -2.0}, r"^fault\[0\].period: -2 must be greater than zero$"),
+    ({**SQUARE, "period": "long"}, r"^fault\[0\].period: 'long' is not a number"),
+    ({**SQUARE, "width": 0}, r"^fault\[0\].width: 0 s must be between 0 and the period 4 s$"),
+    ({**SQUARE, "width": 4.0}, r"^fault\[0\].width: 4 s must be between 0 and the period 4 s$"),
+    ({**SQUARE, "width": 5.0}, r"^fault\[0\].width: 5 s must be between 0 and the period 4 s$"),
+    ({**SQUARE, "width": None}, r"^fault\[0\].width: None is not a number"),
+    (
+        {**SQUARE, "period": 1e-5},
+        r"^fault\[0\].until: asks for 1600000 half periods, must ask for ",
+    ),
+    ({**PRBS, "until": 1e300}, r"^fault\[0\].until: asks for 1e\+302 bits, .* 1000000 or fewer$"),
+    ({**PRBS, "clock": 0.0}, r"^fault\[0\].clock: 0 Hz must be between 0 and 1e\+09 Hz$"),
+    ({**PRBS, "clock": -5}, r"^fault\[0\].clock: -5 Hz must be between 0 and 1e\+09 Hz$"),
+    ({**PRBS, "clock": 2e9}, r"^fault\[0\].clock: 2e\+09 Hz must be between 0 and 1e\+09 Hz$"),
+    ({**PRBS, "order": 1}, r"^fault\[0\].order: 1 must be a whole number from 2 to 16$"),
+    ({**PRBS, "order": 17}, r"^fault\[0\].order: 17 must be a whole number from 2 to 16$"),
+    ({**PRBS, "order": 7.5}, r"^fault\[0\].order: 7.5 must be a whole number from 2 to 16$"),
+    ({**PRBS, "order": [7]}, r"^fault\[0\].order: \[7\] must be one number, not an array"),
+    ({**SWEEP, "duration": 0.0}, r"^fault\[0\].duration: 0 must be greater than zero$"),
+    ({**SWEEP, "start": -1.0}, r"^fault\[0\].start: -1 rad/s must not be negative$"),
+    ({**SWEEP, "end": -2.0}, r"^fault\[0\].end: -2 rad/s must not be negative$"),
 ]
 
 

@@ -1,4 +1,4 @@
-"""Inputs and faults stated as data: sums of constants, sines, ramps and samples.
+"""Inputs and faults stated as data: constants, sines, ramps, pulses, sweeps, samples, and sums.
 
 A signal is a list of terms. Each term acts on one axis (counted from 1) from ``from`` [s]
 on and, where ``until`` is given, up to that time:
@@ -6,12 +6,25 @@ on and, where ``until`` is given, up to that time:
     {kind: constant, axis: 1, from: 5, size: 0.5}
     {kind: sine, axis: 1, from: 2.5, amplitude: 1, frequency: 10, phase: 0}
     {kind: ramp, axis: 2, from: 1, until: 4, slope: 0.1}
+    {kind: square, axis: 1, from: 1, until: 60, high: 1, low: 0, period: 4, width: 2}
+    {kind: prbs, axis: 1, until: 30, amplitude: 0.1, clock: 100, order: 7}
+    {kind: sweep, axis: 1, amplitude: 0.1, start: 1, end: 50, duration: 20}
     {kind: samples, axis: 1, file: torque.csv, column: torque, interpolation: linear}
 
 A constant that starts at its onset is a step. A sine is ``amplitude * sin(frequency * t +
 phase)`` with the frequency in rad/s and t the time of the run, not the time since the onset; a
 ramp is ``slope * (t - from)``. Samples come from a CSV or Parquet file with a column ``time``
 [s]; the last one holds until the term ends.
+
+A square is ``high`` for the first ``width`` [s] of each ``period`` [s] since its onset and ``low``
+for the rest; ``width`` is half the period and ``low`` is 0 if not given. A prbs is a pseudo-random
+binary sequence: +-``amplitude`` by a shift register of ``order`` bits, 2 to 16, a bit each
+1/``clock`` (``clock`` in Hz), over again after 2^order - 1 bits. Its power spectrum is flat within
+3 dB from clock / (2^order - 1) to 0.443 clock: 0.8 to 44 Hz for the one above. Both need
+``until``, since they would jump without end.
+
+A sweep is a sine in phase 0 at its onset. Its frequency goes from ``start`` to ``end`` [rad/s] in
+a straight line over ``duration`` [s] and then stays, without a jump of phase.
 
 ``from`` is 0 if it is not given, and may be negative: what a delayed input was before the run is
 the part of its terms before t = 0. Where no term acts, a signal is zero.
@@ -26,9 +39,20 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, located
 from reobserve.matrices import as_positive, as_scalar
-from reobserve.signal_shapes import SAME_INSTANT, Array, Constant, Held, Linear, Ramp, Shape, Sine
+from reobserve.signal_shapes import (
+    SAME_INSTANT,
+    Array,
+    Constant,
+    Held,
+    Linear,
+    PiecewiseConstant,
+    Ramp,
+    Shape,
+    Sine,
+    Sweep,
+)
 
 __all__ = ["SAME_INSTANT", "Array", "Signal", "Term", "sample_files"]
 
@@ -37,6 +61,9 @@ _KEYS = {
     "constant": {"size": True},
     "sine": {"amplitude": True, "frequency": True, "phase": False},
     "ramp": {"slope": True},
+    "square": {"high": True, "low": False, "period": True, "width": False},
+    "prbs": {"amplitude": True, "clock": True, "order": True},
+    "sweep": {"amplitude": True, "start": True, "end": True, "duration": True},
     "samples": {"file": True, "column": True, "interpolation": False},
 }
 
@@ -45,7 +72,8 @@ _KEYS = {
 class Term:
     """One summand: ``shape(t)`` on ``axis`` (from 0) while ``onset <= t < end`` [s].
 
-    ``jumps`` are the times [s] inside that span at which the shape itself is discontinuous.
+    ``jumps`` are the times [s] inside that span at which the shape itself or a derivative of it
+    is discontinuous.
     """
 
     axis: int
@@ -111,8 +139,8 @@ class Signal:
                     f"{name}[{i}]",
                     "has no derivative in closed form; state it by constants, sines and ramps",
                 )
-            if not isinstance(term.shape, Constant):
-                terms.append(Term(term.axis, term.onset, term.end, shape))
+            if not isinstance(term.shape, Constant | PiecewiseConstant):
+                terms.append(Term(term.axis, term.onset, term.end, shape, term.jumps))
         return Signal(self.axes, tuple(terms))
 
     @property
@@ -189,13 +217,34 @@ def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
         raise InputError(f"{name}.from", f"{onset:g} s must be before {end:g} s, its end")
     if kind == "samples":
         return _samples(name, term, axis - 1, onset, end)
-    numbers = {key: as_scalar(f"{name}.{key}", term.get(key, 0.0)) for key in _KEYS[kind]}
+    if kind in ("square", "prbs") and "until" not in term:
+        raise InputError(
+            f"{name}.until", f"is missing; a {kind} term needs it, or it would jump without end"
+        )
+    numbers = {key: as_scalar(f"{name}.{key}", term[key]) for key in _KEYS[kind] if key in term}
+    with located(name):
+        shape, jumps = _shape(kind, onset, end, numbers)
+    inside = tuple(jump for jump in jumps if jump < end - SAME_INSTANT)
+    return Term(axis - 1, onset, end, shape, inside)
+
+
+def _shape(
+    kind: str, onset: float, end: float, numbers: Mapping[str, float]
+) -> tuple[Shape, tuple[float, ...]]:
+    """A shape in closed form, and where it or a derivative of it jumps."""
     if kind == "constant":
-        return Term(axis - 1, onset, end, Constant(**numbers))
+        return Constant(**numbers), ()
+    if kind == "sine":
+        as_positive("frequency", numbers["frequency"])
+        return Sine(**numbers), ()
     if kind == "ramp":
-        return Term(axis - 1, onset, end, Ramp(onset=onset, **numbers))
-    as_positive(f"{name}.frequency", numbers["frequency"])
-    return Term(axis - 1, onset, end, Sine(**numbers))
+        return Ramp(onset=onset, **numbers), ()
+    if kind == "sweep":
+        sweep = Sweep.sine(onset, **numbers)
+        return sweep, (onset + sweep.duration,)
+    build = PiecewiseConstant.square if kind == "square" else PiecewiseConstant.prbs
+    levels = build(onset, end, **numbers)
+    return levels, tuple(levels.instants[1:].tolist())
 
 
 def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: float) -> Term:
