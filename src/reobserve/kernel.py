@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import os
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.errors import NumbaExperimentalFeatureWarning
 
 Function = TypeVar("Function", bound=Callable[..., object])
+
+# Functions as arguments are what numba calls experimental, each time that it compiles with them.
+warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
 
 
 def kernel(function: Function) -> Function:
@@ -23,6 +28,17 @@ def kernel(function: Function) -> Function:
     """
     # nogil: a kernel touches arrays only, so two of them can run in two threads of one process.
     compiler = numba.njit(cache=True, error_model="numpy", fastmath=False, nogil=True)
+    return cast(Function, _compiled(compiler, function))
+
+
+def inlined_kernel(function: Function) -> Function:
+    """Compile as `kernel` does, into whatever kernel calls it.
+
+    For short functions of many arrays: to hand an array over costs as much as a few products.
+    """
+    compiler = numba.njit(
+        cache=True, error_model="numpy", fastmath=False, nogil=True, forceinline=True
+    )
     return cast(Function, _compiled(compiler, function))
 
 
@@ -54,7 +70,7 @@ def _cache_folder() -> str:
     whole = hashlib.sha256(numba.__version__.encode())
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel" in source:
+        if b"@kernel" in source or b"@inlined_kernel" in source:
             whole.update(source)
     chosen: Any = numba.config
     if chosen.CACHE_DIR:

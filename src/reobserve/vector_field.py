@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
-
-from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from reobserve.kernel import compiled_with_signature
 
 # (point, parameters, out): write the value at a point to out; all are arrays of floats.
 _SIGNATURE = "void(float64[::1], float64[::1], float64[::1])"
-
-
-# Functions as arguments are what numba calls experimental, each time that it compiles with them.
-warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
 
 
 def vector_field(function: Callable[..., None]) -> Any:

@@ -1,0 +1,207 @@
+"""Compiled steps of the interacting multiple model, and the loop over a record.
+
+Probabilities of modes are kept as logarithms. Where a sum of them is within the range of floats it
+is formed as it stands, and else by log-sum-exp, so that a mode may become as unlikely as it likes
+and still come back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.kernel import inlined_kernel, kernel
+from reobserve.linear_model import ModelArrays
+from reobserve.observers.linear_filter_loop import Size, Work, correct, is_missing, predict
+
+Array = NDArray[np.float64]
+
+LEAST = 1e-280  # a sum of probabilities above this has all its digits
+
+
+class Bank(NamedTuple):
+    """The filters' matrices and parameters one behind the other, and the chain of the modes.
+
+    ``model`` holds arrays of shape (r, ...), ``parameters`` has shape (r, q), ``transition``
+    (r, r), where row i says where mode i goes.
+    """
+
+    model: ModelArrays
+    parameters: Array
+    transition: Array
+    mixing: bool
+
+
+class Beliefs(NamedTuple):
+    """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu."""
+
+    means: Array
+    covariances: Array
+    errors: Array
+    log_probabilities: Array
+
+
+@inlined_kernel
+def mixing_probabilities(
+    transition: Array, log_probabilities: Array, weights: Array, predicted: Array
+) -> None:
+    """(7) and (8), the sum to r: ``weights`` mu(i|j) with j along columns, ``predicted`` log c_j.
+
+    A mode that cannot be reached keeps to itself.
+    """
+    r = len(log_probabilities)
+    for i in range(r):
+        probability = math.exp(log_probabilities[i])
+        for j in range(r):
+            weights[i, j] = transition[i, j] * probability
+    for j in range(r):
+        total = 0.0
+        for i in range(r):
+            total += weights[i, j]
+        if total > LEAST:
+            predicted[j] = math.log(total)
+        else:
+            greatest = -math.inf
+            for i in range(r):
+                weights[i, j] = math.log(transition[i, j]) + log_probabilities[i]
+                greatest = max(greatest, weights[i, j])
+            total = 0.0
+            for i in range(r):
+                if greatest == -math.inf:
+                    weights[i, j] = 1.0 if i == j else 0.0
+                else:
+                    weights[i, j] = math.exp(weights[i, j] - greatest)
+                total += weights[i, j]
+            predicted[j] = greatest + math.log(total)
+        for i in range(r):
+            weights[i, j] /= total
+
+
+@inlined_kernel
+def interact(
+    states: Size, weights: Array, means: Array, covariances: Array, mixed: Array, spread: Array
+) -> None:
+    """(9) and (10): write mixed means (r, n) and covariances (r, n, n), by weights mu(i|j)."""
+    n, r = len(states), len(means)
+    for j in range(r):
+        for a in range(n):
+            total = 0.0
+            for i in range(r):
+                total += weights[i, j] * means[i, a]
+            mixed[j, a] = total
+        for a in range(n):
+            for b in range(a + 1):
+                total = 0.0
+                for i in range(r):
+                    apart = (means[i, a] - mixed[j, a]) * (means[i, b] - mixed[j, b])
+                    total += weights[i, j] * (covariances[i, a, b] + apart)
+                spread[j, a, b] = total
+                spread[j, b, a] = total
+
+
+@inlined_kernel
+def update_probabilities(
+    predicted: Array, log_likelihoods: Array, log_probabilities: Array
+) -> float:
+    """(20) and (21): write log mu; return the log-likelihood of the measurement over all modes."""
+    r = len(predicted)
+    greatest = -math.inf
+    for j in range(r):
+        log_probabilities[j] = predicted[j] + log_likelihoods[j]
+        greatest = max(greatest, log_probabilities[j])
+    total = 0.0
+    for j in range(r):
+        total += math.exp(log_probabilities[j] - greatest)
+    whole = greatest + math.log(total)
+    for j in range(r):
+        log_probabilities[j] -= whole
+    return whole
+
+
+@inlined_kernel
+def combine(
+    states: Size,
+    probabilities: Array,
+    means: Array,
+    covariances: Array,
+    mean: Array,
+    covariance: Array,
+) -> None:
+    """(22) and (23): write the mean and the covariance of the mixture."""
+    n, r = len(states), len(means)
+    for a in range(n):
+        total = 0.0
+        for j in range(r):
+            total += probabilities[j] * means[j, a]
+        mean[a] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = 0.0
+            for j in range(r):
+                apart = (means[j, a] - mean[a]) * (means[j, b] - mean[b])
+                total += probabilities[j] * (covariances[j, a, b] + apart)
+            covariance[a, b] = total
+            covariance[b, a] = total
+
+
+@kernel
+def run_bank(
+    states: Size,
+    outputs: Size,
+    bank: Bank,
+    law: Callable[..., None] | None,
+    beliefs: Beliefs,
+    measurements: Array,
+    controls: Array,
+    work: Work,
+    estimates: Array,
+    covariances: Array,
+    probabilities: Array,
+    innovations: Array,
+) -> int:
+    """Filter a record: fill the last four arguments, move the beliefs, return the good rows."""
+    r = len(beliefs.means)
+    n, m = len(states), len(outputs)
+    weights, predicted = np.empty((r, r)), np.empty(r)
+    log_likelihoods = np.empty(r)
+    mixed, spread, factor = np.empty((r, n)), np.empty((r, n, n)), np.empty((m, m))
+    for k in range(len(measurements)):
+        mixing_probabilities(bank.transition, beliefs.log_probabilities, weights, predicted)
+        if bank.mixing:
+            interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
+        missing = is_missing(measurements[k])
+        for j in range(r):
+            model = ModelArrays(
+                bank.model.A[j], bank.model.B[j], bank.model.H[j],
+                bank.model.D[j], bank.model.Q[j], bank.model.R[j],
+            )  # fmt: skip
+            mean, covariance = beliefs.means[j], beliefs.covariances[j]
+            if bank.mixing:
+                predict(states, model, controls[k], mixed[j], spread[j], mean, covariance, work)
+            else:
+                predict(states, model, controls[k], mean, covariance, mean, covariance, work)
+            if missing:
+                innovations[k, j] = math.nan
+                log_likelihoods[j] = 0.0
+            else:
+                log_likelihoods[j] = correct(
+                    states, outputs, model, law, bank.parameters[j], measurements[k], controls[k],
+                    mean, covariance, beliefs.errors[j], innovations[k, j], factor, work,
+                )  # fmt: skip
+        whole = update_probabilities(predicted, log_likelihoods, beliefs.log_probabilities)
+        for j in range(r):
+            probabilities[k, j] = math.exp(beliefs.log_probabilities[j])
+            whole += probabilities[k, j]
+        combine(
+            states, probabilities[k], beliefs.means, beliefs.covariances,
+            estimates[k], covariances[k],
+        )  # fmt: skip
+        for a in range(n):
+            whole += estimates[k, a]
+        if not math.isfinite(whole):
+            return k
+    return len(measurements)

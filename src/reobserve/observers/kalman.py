@@ -1,0 +1,23 @@
+"""The Kalman filter (Kalman 1960), in predictor-corrector form with Joseph's covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from reobserve.observers.linear_filter import LinearFilter
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanFilter(LinearFilter):
+    """The linear filter of least variance: K = P H' S^-1.
+
+    Parameters
+    ----------
+    model
+        The linear model that it trusts.
+    """
+
+    @property
+    def law(self) -> None:
+        """None: the Kalman gain is the one that the loops have built in."""
+        return

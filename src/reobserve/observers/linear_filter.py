@@ -1,0 +1,283 @@
+"""What Kalman filters and their kin share: a linear prediction, corrected by a gain.
+
+A filter holds a `LinearModel` and a law for its gain. Its memory is a value, a `Belief`; `step`
+takes it with one sample and returns the next one, `run` takes a whole record through one compiled
+loop over the same arithmetic, so that both give the same bits.
+
+A row of measurements with a nan in it is a sample that was not taken: the filter predicts over it,
+and the run counts it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.linear_model import LinearModel, as_covariance
+from reobserve.matrices import as_vector
+from reobserve.observers.linear_filter_loop import (
+    correct,
+    is_missing,
+    new_work,
+    predict,
+    run_filter,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What a filter holds to be true: a value that may be stored, copied and stepped again.
+
+    ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
+    posteriori output error e(k|k) of (18), shape (m,), which the SVSF needs a sample later.
+    """
+
+    mean: Array
+    covariance: Array
+    error: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A belief after a measurement, and how well that was foretold.
+
+    ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
+    ``log_likelihood`` of the measurement. For a missing one they are nan, nan and zero.
+    """
+
+    belief: Belief
+    innovation: Array
+    innovation_covariance: Array
+    log_likelihood: float
+
+
+class ModeFilter(Protocol):
+    """What an interacting multiple model asks of a filter, one of ours or a user's own."""
+
+    @property
+    def model(self) -> Any:
+        """What has ``states``, ``inputs`` and ``outputs``: their numbers."""
+
+    def predict(self, belief: Belief, control: Array) -> Belief:
+        """The belief a sample later, before its measurement."""
+
+    def correct(self, belief: Belief, measurement: Array, control: Array) -> Correction:
+        """The predicted belief after the measurement; a nan in that means there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class FilterRun:
+    """What a filter makes of a record, one row a sample.
+
+    ``estimate`` and ``variance``, shape (k, n), are mean and diagonal of the covariance after each
+    measurement, ``innovation``, (k, m), and ``log_likelihood``, (k,), what it told. ``missing``
+    counts the samples that were not taken. ``diverged_at`` is None, or the first row that is not
+    finite; then k counts the rows before it. ``belief`` is the one to go on from, or after a
+    divergence the one that the run started from.
+    """
+
+    estimate: Array
+    variance: Array
+    innovation: Array
+    log_likelihood: Array
+    missing: int
+    belief: Belief
+    diverged_at: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFilter:
+    """A filter on a linear model; what derives from it says what its gain is.
+
+    Parameters
+    ----------
+    model
+        The linear model that it trusts.
+    """
+
+    model: LinearModel
+
+    @property
+    def law(self) -> Any:
+        """The law of the gain, made by `gain_law`."""
+        raise NotImplementedError
+
+    @property
+    def law_parameters(self) -> Array:
+        """What the law gets as its parameters."""
+        return np.empty(0)
+
+    @cached_property
+    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        return (0,) * self.model.states, (0,) * self.model.outputs
+
+    def init(self, mean: ArrayLike, covariance: ArrayLike) -> Belief:
+        """The belief before the first sample.
+
+        Parameters
+        ----------
+        mean
+            Of the state, shape (n,).
+        covariance
+            Of the state: a number, n numbers or (n, n); positive semidefinite.
+
+        Raises
+        ------
+        InputError
+            If one of them is not that.
+        """
+        return Belief(
+            as_vector("mean", mean, self.model.states),
+            as_covariance("covariance", covariance, self.model.states),
+            np.zeros(self.model.outputs),
+        )
+
+    def predict(self, belief: Belief, control: ArrayLike = ()) -> Belief:
+        """Time update, (11) and (12), with the input that is held over the step, shape (p,)."""
+        mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
+        states, outputs = self._sizes
+        held = as_vector("control", control, self.model.inputs)
+        predict(
+            states, self.model.arrays, held, belief.mean, belief.covariance,
+            mean, covariance, new_work(len(states), len(outputs)),
+        )  # fmt: skip
+        return Belief(mean, covariance, belief.error)
+
+    def correct(
+        self, belief: Belief, measurement: ArrayLike, control: ArrayLike = ()
+    ) -> Correction:
+        """Measurement update, (13) to (19), of a predicted belief.
+
+        Raises
+        ------
+        InputError
+            If the measurement is not m numbers (nan: missing), or the control not p.
+        DivergenceError
+            If the covariance of the innovation is not positive definite.
+        """
+        taken = self._measurements(np.reshape(measurement, (1, -1)))[0]
+        held = as_vector("control", control, self.model.inputs)
+        states, outputs = self._sizes
+        m = len(outputs)
+        innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
+        if is_missing(taken):
+            return Correction(belief, innovation, factor, 0.0)
+        mean, covariance, error = (
+            belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
+        )  # fmt: skip
+        log_likelihood = correct(
+            states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
+            mean, covariance, error, innovation, factor, new_work(len(states), m),
+        )  # fmt: skip
+        if not np.isfinite(log_likelihood + mean.sum()):
+            raise DivergenceError(type(self).__name__, 0.0)
+        corrected = Belief(mean, covariance, error)
+        return Correction(corrected, innovation, factor @ factor.T, log_likelihood)
+
+    def step(self, belief: Belief, measurement: ArrayLike, control: ArrayLike = ()) -> Correction:
+        """Predict over one sample and correct; stepping gives the bits that `run` gives."""
+        return self.correct(self.predict(belief, control), measurement, control)
+
+    def run(
+        self, measurements: ArrayLike, belief: Belief, controls: ArrayLike | None = None
+    ) -> FilterRun:
+        """Filter a record by one compiled loop.
+
+        Parameters
+        ----------
+        measurements
+            At the end of each step, shape (k, m); a row with a nan is a missing one.
+        belief
+            From `init`, or from an earlier run to go on.
+        controls
+            Held over each step, shape (k, p); left out for a model without inputs.
+
+        Raises
+        ------
+        InputError
+            If the shapes do not fit, or a control is not finite.
+        """
+        taken = self._measurements(measurements)
+        held = as_controls(controls, len(taken), self.model.inputs)
+        rows, n, m = len(taken), self.model.states, self.model.outputs
+        states, outputs = self._sizes
+        mean, covariance, error = (
+            belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
+        )  # fmt: skip
+        found = FilterRun(
+            np.empty((rows, n)), np.empty((rows, n)), np.empty((rows, m)), np.empty(rows),
+            int(np.isnan(taken).any(axis=1).sum()), Belief(mean, covariance, error), None,
+        )  # fmt: skip
+        good = run_filter(
+            states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
+            mean, covariance, error, np.empty((m, m)), new_work(n, m),
+            found.estimate, found.variance, found.innovation, found.log_likelihood,
+        )  # fmt: skip
+        if good == rows:
+            return found
+        return FilterRun(
+            found.estimate[:good], found.variance[:good], found.innovation[:good],
+            found.log_likelihood[:good], int(np.isnan(taken[:good]).any(axis=1).sum()),
+            belief, good,
+        )  # fmt: skip
+
+    def _measurements(self, value: ArrayLike) -> Array:
+        return as_measurements(value, self.model.outputs)
+
+
+def as_measurements(value: ArrayLike, columns: int) -> Array:
+    """Measurements as rows of ``columns`` numbers, nan where there is none.
+
+    Raises
+    ------
+    InputError
+        If they are no such rows, or one is infinite.
+    """
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):  # text, or rows of different lengths
+        raise InputError("measurements", "is no array of numbers") from None
+    if array.ndim != 2 or array.shape[1] != columns or not len(array):
+        raise InputError(
+            "measurements",
+            f"has shape {array.shape}, must have one row or more of {columns} "
+            f"number{'s' if columns > 1 else ''}",
+        )
+    if np.isinf(array).any():
+        row = int(np.argmax(np.isinf(array).any(axis=1)))
+        raise InputError(
+            "measurements", f"row {row} is {array[row].tolist()}, must be finite, or nan if missing"
+        )
+    return array
+
+
+def as_controls(value: ArrayLike | None, rows: int, columns: int) -> Array:
+    """Controls as ``rows`` rows of ``columns`` finite numbers; None for no columns.
+
+    Raises
+    ------
+    InputError
+        If they are not, with the first row that is not finite.
+    """
+    if value is None and not columns:
+        return np.empty((rows, 0))
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("controls", "is no array of numbers") from None
+    if array.shape != (rows, columns):
+        raise InputError("controls", f"has shape {array.shape}, must be {(rows, columns)}")
+    if not np.isfinite(array).all():
+        row = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise InputError(
+            "controls",
+            f"row {row} is {array[row].tolist()}, must be finite: nothing can replace it",
+        )
+    return array

@@ -1,0 +1,292 @@
+"""Compiled loops of filters that correct a linear prediction by a gain times the innovation.
+
+The Kalman filter, the SVSF and their kin differ in the gain alone: a function made by `gain_law`,
+called through a pointer, so that these loops are compiled once for all laws.
+
+``states`` and ``outputs`` are tuples, as long as there are states and outputs. The length of a
+tuple is known to the compiler, which unrolls the loops over it: twice as fast, at the price of a
+second or two when a filter of a new size runs for the first time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.kernel import compiled_with_signature, inlined_kernel, kernel
+from reobserve.linear_model import ModelArrays
+
+Array = NDArray[np.float64]
+Size = tuple[int, ...]
+
+HALF_LOG_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+
+_TALL, _FLAT = "float64[:, ::1]", "float64[::1]"
+_SIGNATURE = f"void({_TALL}, {_TALL}, {_FLAT}, {_FLAT}, {_FLAT}, {_TALL})"
+
+
+def gain_law(function: Callable[..., None]) -> Any:
+    """Compile ``function(cross, factor, innovation, error, parameters, gain)``.
+
+    It writes the gain K, shape (n, m), to its last argument. ``cross`` is P H', shape (n, m), of
+    the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
+    shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
+    e(k|k), both of shape (m,), and ``parameters`` what the filter put there.
+    """
+    return compiled_with_signature(_SIGNATURE, function)
+
+
+class Work(NamedTuple):
+    """Scratch of one filter: products of shapes (n, n), (n,), (n, m), (n, m) and (m,)."""
+
+    square: Array
+    moved: Array
+    cross: Array
+    gain: Array
+    scaled: Array
+
+
+def new_work(states: int, outputs: int) -> Work:
+    """Scratch for `predict` and `correct`."""
+    tall = (states, outputs)
+    return Work(
+        np.empty((states, states)), np.empty(states), np.empty(tall), np.empty(tall),
+        np.empty(outputs),
+    )  # fmt: skip
+
+
+@inlined_kernel
+def predict(
+    states: Size,
+    model: ModelArrays,
+    control: Array,
+    mean: Array,
+    covariance: Array,
+    next_mean: Array,
+    next_covariance: Array,
+    work: Work,
+) -> None:
+    """Time update, (11) and (12); what is read and what is written may be the same arrays."""
+    n = len(states)
+    square, moved = work.square, work.moved
+    for a in range(n):
+        total = 0.0
+        for p in range(len(control)):
+            total += model.B[a, p] * control[p]
+        for b in range(n):
+            total += model.A[a, b] * mean[b]
+        moved[a] = total
+    for a in range(n):
+        next_mean[a] = moved[a]
+        for b in range(n):
+            total = 0.0
+            for i in range(n):
+                total += model.A[a, i] * covariance[i, b]
+            square[a, b] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = model.Q[a, b]
+            for i in range(n):
+                total += square[a, i] * model.A[b, i]
+            next_covariance[a, b] = total
+            next_covariance[b, a] = total
+
+
+@inlined_kernel
+def output_error(
+    states: Size, model: ModelArrays, measurement: Array, control: Array, mean: Array, error: Array
+) -> None:
+    """(14), and (18): write the measurement minus what ``mean`` foretells."""
+    for o in range(len(measurement)):
+        total = measurement[o]
+        for p in range(len(control)):
+            total -= model.D[o, p] * control[p]
+        for a in range(len(states)):
+            total -= model.H[o, a] * mean[a]
+        error[o] = total
+
+
+@inlined_kernel
+def foretell(
+    states: Size,
+    outputs: Size,
+    model: ModelArrays,
+    covariance: Array,
+    innovation: Array,
+    factor: Array,
+    work: Work,
+) -> float:
+    """(13) and (19): write P H' and the Cholesky factor of S; return the log-likelihood.
+
+    It is nan if S is not positive definite.
+    """
+    n, m = len(states), len(outputs)
+    cross, scaled = work.cross, work.scaled
+    for a in range(n):
+        for o in range(m):
+            total = 0.0
+            for b in range(n):
+                total += covariance[a, b] * model.H[o, b]
+            cross[a, o] = total
+    log_root, distance = 0.0, 0.0
+    for o in range(m):
+        for q in range(o + 1):
+            total = model.R[o, q]
+            for a in range(n):
+                total += model.H[o, a] * cross[a, q]
+            for i in range(q):
+                total -= factor[o, i] * factor[q, i]
+            if o == q:
+                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
+            else:
+                factor[o, q] = total / factor[q, q]
+                factor[q, o] = 0.0
+        total = innovation[o]
+        for i in range(o):
+            total -= factor[o, i] * scaled[i]
+        scaled[o] = total / factor[o, o]
+        distance += scaled[o] * scaled[o]
+        log_root += math.log(factor[o, o])
+    return -0.5 * distance - log_root - m * HALF_LOG_TWO_PI
+
+
+@inlined_kernel
+def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
+    """Solve K S = P H' by the Cholesky factor L of S: K L first, then K."""
+    m = len(outputs)
+    cross, gain = work.cross, work.gain
+    for a in range(len(cross)):
+        for o in range(m):
+            total = cross[a, o]
+            for i in range(o):
+                total -= factor[o, i] * gain[a, i]
+            gain[a, o] = total / factor[o, o]
+        for back in range(m):
+            o = m - 1 - back
+            total = gain[a, o]
+            for i in range(o + 1, m):
+                total -= factor[i, o] * gain[a, i]
+            gain[a, o] = total / factor[o, o]
+
+
+@inlined_kernel
+def correct_covariance(
+    states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: Work
+) -> None:
+    """(17), in Joseph's form for any gain: with M = I - K H, first T = M P, then T M' + K R K'.
+
+    M itself is never formed, which saves two products of square matrices.
+    """
+    n, m = len(states), len(outputs)
+    cross, gain, square = work.cross, work.gain, work.square
+    for a in range(n):
+        for b in range(n):
+            total = covariance[a, b]
+            for o in range(m):
+                total -= gain[a, o] * cross[b, o]
+            square[a, b] = total
+    for a in range(n):
+        for o in range(m):
+            total = 0.0
+            for b in range(n):
+                total += square[a, b] * model.H[o, b]
+            for q in range(m):
+                total -= gain[a, q] * model.R[q, o]
+            cross[a, o] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = square[a, b]
+            for o in range(m):
+                total -= cross[a, o] * gain[b, o]
+            covariance[a, b] = total
+            covariance[b, a] = total
+
+
+@inlined_kernel
+def correct(
+    states: Size,
+    outputs: Size,
+    model: ModelArrays,
+    law: Callable[..., None] | None,
+    parameters: Array,
+    measurement: Array,
+    control: Array,
+    mean: Array,
+    covariance: Array,
+    error: Array,
+    innovation: Array,
+    factor: Array,
+    work: Work,
+) -> float:
+    """Measurement update in place, (13) to (18); return the log-likelihood, the log of (19).
+
+    No law means the Kalman gain, which is compiled into the loop.
+
+    ``innovation`` and ``factor`` are written: e(k+1|k) and the lower Cholesky factor of S.
+    """
+    output_error(states, model, measurement, control, mean, innovation)
+    log_likelihood = foretell(states, outputs, model, covariance, innovation, factor, work)
+    if law is None:
+        kalman_gain(outputs, factor, work)
+    else:
+        law(work.cross, factor, innovation, error, parameters, work.gain)
+    for a in range(len(states)):
+        for o in range(len(outputs)):
+            mean[a] += work.gain[a, o] * innovation[o]
+    correct_covariance(states, outputs, model, covariance, work)
+    output_error(states, model, measurement, control, mean, error)
+    return log_likelihood
+
+
+@inlined_kernel
+def is_missing(measurement: Array) -> bool:
+    """Whether a sample was not taken: one nan is enough."""
+    missing = False
+    for value in measurement:
+        missing = missing or math.isnan(value)
+    return missing
+
+
+@kernel
+def run_filter(
+    states: Size,
+    outputs: Size,
+    model: ModelArrays,
+    law: Callable[..., None] | None,
+    parameters: Array,
+    measurements: Array,
+    controls: Array,
+    mean: Array,
+    covariance: Array,
+    error: Array,
+    factor: Array,
+    work: Work,
+    means: Array,
+    variances: Array,
+    innovations: Array,
+    log_likelihoods: Array,
+) -> int:
+    """Filter a record: fill the last four arguments, and return the number of good rows."""
+    n = len(states)
+    for k in range(len(measurements)):
+        predict(states, model, controls[k], mean, covariance, mean, covariance, work)
+        if is_missing(measurements[k]):
+            innovations[k] = math.nan
+            log_likelihoods[k] = 0.0
+        else:
+            log_likelihoods[k] = correct(
+                states, outputs, model, law, parameters, measurements[k], controls[k],
+                mean, covariance, error, innovations[k], factor, work,
+            )  # fmt: skip
+        total = log_likelihoods[k]
+        for a in range(n):
+            means[k, a] = mean[a]
+            variances[k, a] = covariance[a, a]
+            total += mean[a]
+        if not math.isfinite(total):
+            return k
+    return len(measurements)

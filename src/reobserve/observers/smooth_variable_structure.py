@@ -1,0 +1,102 @@
+"""Smooth variable structure filter with a covariance (Gadsden et al. 2011, (11) to (18)).
+
+    K = H^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
+
+Since sat(e / psi) / e = 1 / max(|e|, psi), the gain is
+
+    K = H^+ diag((|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi))
+
+which does not divide by an innovation that may be zero. Outside the boundary layer the a posteriori
+output error of a square, regular H is -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a
+sample. Far inside it the gain vanishes, and the filter is the open-loop model.
+
+The paper prints (15) without the pseudo-inverse, which only fits as many outputs as states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_floats, as_scalar, as_vector
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.linear_filter_loop import gain_law
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothVariableStructureFilter(LinearFilter):
+    """The SVSF: a gain that switches with the innovation, smoothed within a boundary layer.
+
+    Parameters
+    ----------
+    model
+        The linear model that it trusts; its Q and R enter the covariance and the likelihood, and
+        not the gain.
+    boundary_layer
+        psi: one width for all outputs, or m widths [units of the outputs].
+    memory
+        gamma, the convergence rate, from 0 to below 1.
+
+    Raises
+    ------
+    InputError
+        If psi is not positive, gamma not in [0, 1), or H has more rows than independent columns,
+        so that no gain can bring every output error to zero.
+    """
+
+    boundary_layer: ArrayLike
+    memory: float
+
+    def __post_init__(self) -> None:
+        m = self.model.outputs
+        psi = as_floats("boundary_layer", self.boundary_layer)
+        psi = np.full(m, float(psi)) if psi.ndim == 0 else as_vector("boundary_layer", psi, m)
+        if psi.min() <= 0:
+            raise InputError("boundary_layer", f"{psi.tolist()} must all be greater than zero")
+        gamma = as_scalar("memory", self.memory)
+        if not 0 <= gamma < 1:
+            raise InputError("memory", f"{gamma:g} must be from 0 to below 1")
+        rank = int(np.linalg.matrix_rank(self.model.arrays.H))
+        if rank < m:
+            raise InputError(
+                "model", f"H has {m} rows but rank {rank}: no gain corrects all outputs at once"
+            )
+        object.__setattr__(self, "boundary_layer", psi)
+        object.__setattr__(self, "memory", gamma)
+
+    @property
+    def law(self) -> Any:
+        """The gain (15), with the pseudo-inverse of H."""
+        return _switching_gain
+
+    @cached_property
+    def _parameters(self) -> Array:
+        inverse = np.linalg.pinv(self.model.arrays.H)
+        psi = as_floats("boundary_layer", self.boundary_layer)
+        return np.concatenate([[self.memory], psi, inverse.ravel()])
+
+    @property
+    def law_parameters(self) -> Array:
+        """Gamma, psi, and the pseudo-inverse of H row by row."""
+        return self._parameters
+
+
+@gain_law
+def _switching_gain(
+    cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
+) -> None:
+    """(15) in its form without division by the innovation."""
+    n, m = gain.shape
+    gamma = parameters[0]
+    for o in range(m):
+        size = abs(innovation[o])
+        share = (size + gamma * abs(error[o])) / max(size, parameters[1 + o])
+        for a in range(n):
+            gain[a, o] = parameters[1 + m + a * m + o] * share
