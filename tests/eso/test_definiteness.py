@@ -1,0 +1,224 @@
+"""Exact rational matrices, eigenvalues in 60 digits, what floats get wrong; bad input."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import permutations
+from time import perf_counter
+from typing import Any
+
+import flint
+import mpmath
+import numpy as np
+import pytest
+from flint import arb, arb_mat, fmpq
+
+from reobserve.errors import InputError
+from reobserve.synthesis.definiteness import Proof, ball_matrix, prove_negative_definite
+
+Rows = list[list[Fraction]]
+
+TINY = Fraction(1, 10**30)
+NEITHER = Proof(False, False, 0.0, 424)
+
+
+def with_eigenvalues(*eigenvalues: Fraction | int) -> Rows:
+    """Q diag(eigenvalues) Q with the reflection Q = I - 2 v v^T / (v^T v), v = (1, 2, 3, ...)."""
+    n = len(eigenvalues)
+    v = [Fraction(k + 1) for k in range(n)]
+    length = sum(entry**2 for entry in v)
+    Q = [[(i == j) - 2 * v[i] * v[j] / length for j in range(n)] for i in range(n)]
+    return [
+        [sum((Q[i][k] * eigenvalues[k] * Q[k][j] for k in range(n)), Fraction(0)) for j in range(n)]
+        for i in range(n)
+    ]
+
+
+def balls(rows: Rows, bits: int = 500) -> arb_mat:
+    with flint.ctx.workprec(bits):
+        return arb_mat([[arb(fmpq(x.numerator, x.denominator)) for x in row] for row in rows])
+
+
+def largest(matrix: np.ndarray | Rows) -> float:
+    """The largest eigenvalue, in 60 digits."""
+    with mpmath.workdps(60):
+        rows = [
+            [mpmath.mpf(Fraction(x).numerator) / Fraction(x).denominator for x in row]
+            for row in matrix
+        ]
+        return float(max(mpmath.eigsy(mpmath.matrix(rows), eigvals_only=True)))
+
+
+def random_definite(size: int) -> np.ndarray:
+    factor = np.random.default_rng(size).normal(size=(size, size))
+    product = factor @ factor.T
+    return -(product + product.T) / 2
+
+
+# --- Both answers are proofs --------------------------------------------------------------------
+
+
+def test_definite_by_less_than_a_float_can_tell() -> None:
+    proof = prove_negative_definite(balls(with_eigenvalues(-3, -TINY, -1, -2)))
+    assert proof.proved
+    assert not proof.refuted
+    assert float(TINY) * 0.999 < proof.margin < float(TINY)
+    assert proof.precision == 106
+
+
+@pytest.mark.parametrize("others", [(-3, -1, -2), (-1, -5, -7), (-2, -2, -2, -2, -2)])
+def test_indefinite_by_less_than_a_float_can_tell(others: tuple[int, ...]) -> None:
+    proof = prove_negative_definite(balls(with_eigenvalues(*others, TINY)))
+    assert proof == Proof(False, True, 0.0, proof.precision)
+
+
+def test_numpy_guesses_and_is_wrong_both_ways() -> None:
+    found = {TINY: set(), -TINY: set()}
+    for eigenvalue, signs in found.items():
+        for others in permutations((-3, -1, -5, -7)):
+            matrix = with_eigenvalues(*others, eigenvalue)
+            signs.add(np.sign(np.linalg.eigvalsh(np.array(matrix, dtype=np.float64))[-1]))
+            proof = prove_negative_definite(balls(matrix))
+            assert (proof.proved, proof.refuted) == (eigenvalue < 0, eigenvalue > 0)
+    assert -1.0 in found[TINY]
+    assert 1.0 in found[-TINY]
+
+
+@pytest.mark.parametrize("others", [(-3, -1, -2), (-1, 0, -2)])
+def test_a_singular_matrix_is_neither(others: tuple[int, ...]) -> None:
+    assert prove_negative_definite(balls(with_eigenvalues(*others, 0))) == NEITHER
+    assert prove_negative_definite([[-1.0, 1.0], [1.0, -1.0]]) == NEITHER
+    assert prove_negative_definite([[0.0]]) == NEITHER
+
+
+def test_a_singular_block_does_not_hide_an_eigenvalue_above_zero() -> None:
+    assert prove_negative_definite([[0.0, 0.0], [0.0, 5.0]]).refuted
+    assert prove_negative_definite([[0.0, 1.0], [1.0, 0.0]]).refuted
+
+
+def test_balls_too_wide_decide_nothing() -> None:
+    assert prove_negative_definite(arb_mat([[arb(-1, 2)]])) == NEITHER
+    wide = arb_mat([[-1, arb(0, 1.5)], [arb(0, 1.5), -1]])
+    assert prove_negative_definite(wide) == NEITHER
+    narrow = arb_mat([[-1, arb(0, 0.75)], [arb(0, 0.75), -1]])
+    proof = prove_negative_definite(narrow)  # eigenvalues from -1.75 to -0.25
+    assert proof.proved
+    assert 0.249 < proof.margin <= 0.25
+
+
+def test_balls_that_mirror_each_other_cover_the_symmetric_part() -> None:
+    # One entry says 0.5, its mirror image anything up to 1.5: on average up to 1, singular.
+    assert prove_negative_definite(arb_mat([[-1, arb(0, 1.5)], [0.5, -1]])) == NEITHER
+
+
+# --- Margins ------------------------------------------------------------------------------------
+
+
+def test_hilbert_matrices() -> None:
+    for n in (3, 8, 12):
+        exact = [[Fraction(-1, i + j + 1) for j in range(n)] for i in range(n)]
+        margin = prove_negative_definite(balls(exact)).margin
+        assert 0 < margin <= -largest(exact) <= margin * 1.001
+    assert 1.04e-16 < margin < 1.06e-16
+    # Rounded to floats it is another matrix, and still definite.
+    rounded = np.array(exact, dtype=np.float64)
+    margin = prove_negative_definite(rounded).margin
+    assert 0 < margin <= -largest(rounded) <= margin * 1.001
+
+
+@pytest.mark.parametrize("size", [1, 2, 5, 12])
+def test_the_margin_is_just_below_the_smallest_eigenvalue(size: int) -> None:
+    matrix = random_definite(size)
+    proof = prove_negative_definite(matrix)
+    assert proof.precision == 53
+    assert proof.margin <= -largest(matrix) <= proof.margin * 1.001
+
+
+@pytest.mark.parametrize("scale", [2.0**-900, 2.0**-60, 2.0**900])
+def test_the_margin_has_the_unit_of_the_matrix(scale: float) -> None:
+    matrix = random_definite(4)
+    unscaled = prove_negative_definite(matrix)
+    assert prove_negative_definite(matrix * scale).margin == pytest.approx(
+        unscaled.margin * scale, rel=1e-3
+    )
+
+
+def test_a_diagonal_of_very_different_sizes() -> None:
+    assert prove_negative_definite(np.diag([-1e12, -1e-20, -3.0])).margin == pytest.approx(
+        1e-20, rel=1e-3
+    )
+
+
+def test_large_matrices_are_quick() -> None:
+    for size in (24, 48):
+        matrix = random_definite(size)
+        start = perf_counter()
+        proof = prove_negative_definite(matrix)
+        assert perf_counter() - start < 2.0  # 0.2 s on a quiet machine
+        assert proof.margin == pytest.approx(-np.linalg.eigvalsh(matrix).max(), rel=2e-3)
+
+
+# --- Matrices formed in balls -------------------------------------------------------------------
+
+
+def exact_product(A: Any, B: Any) -> Rows:
+    return [
+        [
+            sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0))
+            for column in zip(*B, strict=True)
+        ]
+        for row in A
+    ]
+
+
+def test_a_matrix_inequality_that_vanishes_in_floats() -> None:
+    # (1 + e)(1 - e) - 1 = -e^2, for P A - Y^T C and its transpose.
+    e = 2.0**-30
+    P, A, Y = (1 + e) * np.eye(3), (1 - e) * np.eye(3), np.eye(3)
+    rounded = P @ A - Y.T @ Y
+    assert prove_negative_definite(rounded + rounded.T) == NEITHER
+    with flint.ctx.workprec(400):
+        formed = ball_matrix(P) * ball_matrix(A) - ball_matrix(Y).transpose() * ball_matrix(Y)
+        formed += formed.transpose()
+    assert prove_negative_definite(formed).margin == pytest.approx(2 * e**2, rel=1e-3)
+
+
+def test_balls_of_products_hold_the_exact_ones() -> None:
+    rng = np.random.default_rng(3)
+    A, P = rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
+    exact = exact_product(*([[Fraction(x) for x in row] for row in M.tolist()] for M in (P, A)))
+    product = ball_matrix(P) * ball_matrix(A)
+    assert product.contains(balls(exact))
+    assert not any(entry.is_exact() for entry in product.entries())
+    assert all(entry.is_exact() for entry in ball_matrix(A).entries())
+
+
+def test_the_precision_of_the_caller_is_left_alone() -> None:
+    with flint.ctx.workprec(77):
+        prove_negative_definite(np.diag([-1.0, -2.0]))
+        assert flint.ctx.prec == 77
+
+
+# --- Bad input ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("matrix", "said"),
+    [
+        (
+            [[-1.0, 0.5], [0.25, -1.0]],
+            r"matrix: has 0\.50* at \(0, 1\) and 0\.250* at \(1, 0\), .*",
+        ),
+        (arb_mat([[-1, arb(0, 1)], [2, -1]]), "matrix: has .* must be symmetric"),
+        ([[-1.0, 0.5]], r"matrix: has shape \(1, 2\), must be square"),
+        (arb_mat(0, 0), r"matrix: has shape \(0, 0\), must be square"),
+        (arb_mat([[arb.nan()]]), "matrix: has an entry that is not finite, or beyond .*"),
+        (arb_mat([[arb("-1e400")]]), "matrix: has an entry that is not finite, or beyond .*"),
+        ([[float("nan")]], r"values: \[\[nan\]\] has an entry that is not finite"),
+        ([-1.0, -2.0], r"values: has shape \(2,\), must be \(rows, columns\)"),
+        ([["a"]], "values: .* is not a number or an array of numbers"),
+    ],
+)
+def test_wrong_matrices_are_refused(matrix: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        prove_negative_definite(matrix)
