@@ -148,8 +148,9 @@ def _check_discrete(A: Array) -> None:
     outside = eigenvalues[(eigenvalues.real < 0) & (np.abs(eigenvalues) > 1)]
     if np.all(eigenvalues.real <= 0) or outside.size:
         suspect = outside[0] if outside.size else eigenvalues[np.argmin(eigenvalues.real)]
+        shown = suspect if suspect.imag else suspect.real
         raise InputError(
             "A",
-            f"has the eigenvalue {suspect:.4g}, as A of continuous time has; it must be the "
+            f"has the eigenvalue {shown:.4g}, as A of continuous time has; it must be the "
             "transition over one sample (sample it by zero_order_hold, or say unusual=True)",
         )

@@ -8,7 +8,8 @@ What is mixed are the filters' states as they stand. The filters must therefore 
 their states, or at least nearly so: in other coordinates of each model the same bank gives other
 probabilities. Position, velocity and acceleration can be mixed; the states of transfer functions
 that were identified one by one have no common meaning but by the realisation that is chosen.
-Without mixing the coordinates do not matter.
+Without mixing the coordinates do not matter to Kalman filters. To the SVSF they do even then, if it
+has fewer outputs than states: the pseudo-inverse of H depends on the units of the states.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from reobserve.observers.linear_filter import (
     ModeFilter,
     as_controls,
     as_measurements,
+    check_belief,
 )
 from reobserve.observers.linear_filter_loop import new_work
 
@@ -197,6 +199,10 @@ class InteractingMultipleModel:
         taken = as_measurements(measurements, m)
         held = as_controls(controls, len(taken), inputs)
         rows, r = len(taken), len(self.filters)
+        if len(state.beliefs) != r:
+            raise InputError("state", f"has {len(state.beliefs)} beliefs, must have {r}")
+        for j, belief in enumerate(state.beliefs):
+            check_belief(f"state.beliefs[{j}]", belief, n, m)
         estimates, covariances = np.empty((rows, n)), np.empty((rows, n, n))
         probabilities, innovations = np.empty((rows, r)), np.empty((rows, r, m))
         beliefs = Beliefs(
@@ -261,7 +267,8 @@ class InteractingMultipleModel:
                 states, probabilities[k], beliefs.means, beliefs.covariances,
                 estimates[k], covariances[k],
             )  # fmt: skip
-            if not (np.isfinite(estimates[k]).all() and np.isfinite(probabilities[k]).all()):
+            found = estimates[k], covariances[k], probabilities[k]
+            if not all(np.isfinite(part).all() for part in found):
                 return k
         return len(measurements)
 

@@ -201,7 +201,7 @@ def run_bank(
             estimates[k], covariances[k],
         )  # fmt: skip
         for a in range(n):
-            whole += estimates[k, a]
+            whole += estimates[k, a] + covariances[k, a, a]
         if not math.isfinite(whole):
             return k
     return len(measurements)

@@ -141,8 +141,9 @@ class LinearFilter:
 
     def predict(self, belief: Belief, control: ArrayLike = ()) -> Belief:
         """Time update, (11) and (12), with the input that is held over the step, shape (p,)."""
-        mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         states, outputs = self._sizes
+        check_belief("belief", belief, len(states), len(outputs))
+        mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         held = as_vector("control", control, self.model.inputs)
         predict(
             states, self.model.arrays, held, belief.mean, belief.covariance,
@@ -158,14 +159,15 @@ class LinearFilter:
         Raises
         ------
         InputError
-            If the measurement is not m numbers (nan: missing), or the control not p.
+            If the measurement (nan: missing), the control or the belief has another size.
         DivergenceError
             If the covariance of the innovation is not positive definite.
         """
-        taken = self._measurements(np.reshape(measurement, (1, -1)))[0]
+        taken = as_measurements(np.reshape(measurement, (1, -1)), self.model.outputs)[0]
         held = as_vector("control", control, self.model.inputs)
         states, outputs = self._sizes
         m = len(outputs)
+        check_belief("belief", belief, len(states), m)
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
@@ -176,7 +178,7 @@ class LinearFilter:
             states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
             mean, covariance, error, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
-        if not np.isfinite(log_likelihood + mean.sum()):
+        if not np.isfinite(log_likelihood + mean.sum() + np.trace(covariance)):
             raise DivergenceError(type(self).__name__, 0.0)
         corrected = Belief(mean, covariance, error)
         return Correction(corrected, innovation, factor @ factor.T, log_likelihood)
@@ -204,10 +206,12 @@ class LinearFilter:
         InputError
             If the shapes do not fit, or a control is not finite.
         """
-        taken = self._measurements(measurements)
-        held = as_controls(controls, len(taken), self.model.inputs)
-        rows, n, m = len(taken), self.model.states, self.model.outputs
         states, outputs = self._sizes
+        n, m = len(states), len(outputs)
+        check_belief("belief", belief, n, m)
+        taken = as_measurements(measurements, m)
+        held = as_controls(controls, len(taken), self.model.inputs)
+        rows = len(taken)
         mean, covariance, error = (
             belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
         )  # fmt: skip
@@ -228,8 +232,19 @@ class LinearFilter:
             belief, good,
         )  # fmt: skip
 
-    def _measurements(self, value: ArrayLike) -> Array:
-        return as_measurements(value, self.model.outputs)
+
+def check_belief(name: str, belief: Belief, states: int, outputs: int) -> None:
+    """Refuse a belief of another size: compiled loops would read beyond its end.
+
+    Raises
+    ------
+    InputError
+        If it is one.
+    """
+    shapes = belief.mean.shape, belief.covariance.shape, belief.error.shape
+    if shapes != ((states,), (states, states), (outputs,)):
+        wanted = f"must be of {states} states, {outputs} outputs"
+        raise InputError(name, f"has arrays of shapes {shapes}, {wanted}")
 
 
 def as_measurements(value: ArrayLike, columns: int) -> Array:
@@ -268,6 +283,8 @@ def as_controls(value: ArrayLike | None, rows: int, columns: int) -> Array:
     """
     if value is None and not columns:
         return np.empty((rows, 0))
+    if value is None:
+        raise InputError("controls", f"are left out, must have shape {(rows, columns)}")
     try:
         array = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):

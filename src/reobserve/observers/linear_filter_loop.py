@@ -286,7 +286,7 @@ def run_filter(
         for a in range(n):
             means[k, a] = mean[a]
             variances[k, a] = covariance[a, a]
-            total += mean[a]
+            total += mean[a] + covariance[a, a]
         if not math.isfinite(total):
             return k
     return len(measurements)
