@@ -1,1 +1,1 @@
-"""Speed as ratios against peers measured in the same run: C, numpy, scipy, sympy, DACE, imports."""
+"""Speed as ratios to peers of the same run: C, numpy, scipy, filterpy, sympy, DACE, imports."""

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "delays", "normal_forms", "build")
+NAMES = ("kernels", "delays", "filters", "normal_forms", "build")
 
 
 def main() -> int:
@@ -17,8 +17,8 @@ def main() -> int:
         prog="python -m benchmarks",
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
-            "against C, numpy and scipy, normal forms against sympy and DACE, the cold build "
-            "against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
+            "against C, numpy, scipy and filterpy, normal forms against sympy and DACE, the cold "
+            "build against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
             "computes other numbers."
         ),
     )
@@ -32,12 +32,13 @@ def main() -> int:
     # As the command line does it, before numpy is imported.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from benchmarks import build, delays, kernels, normal_forms
+    from benchmarks import build, delays, filters, kernels, normal_forms
     from benchmarks.report import write
 
     runs = {
         "kernels": kernels.run,
         "delays": delays.run,
+        "filters": filters.run,
         "normal_forms": normal_forms.run,
         "build": build.run,
     }

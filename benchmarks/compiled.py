@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,9 @@ Array = NDArray[np.float64]
 
 # The compiled library knows the processor it runs on, so C may know it, too. Contraction would
 # round differently from the library, whose rules exclude it.
-_FLAGS = ("-O3", "-std=c11", "-ffp-contract=off", "-shared", "-fPIC")
-_TUNED = "-march=native"
+STRICT = ("-O3", "-std=c11", "-ffp-contract=off")
+TUNED = "-march=native"
+_SHARED = ("-shared", "-fPIC")
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
 
@@ -56,17 +58,23 @@ class Compiled:
         return function
 
 
-def compile_c(source: str = "ilo.c") -> Compiled | None:
-    """The C peer from a source file beside this one, or None where there is no compiler."""
+def compile_c(
+    source: str = "ilo.c", choices: Sequence[tuple[str, ...]] = ((*STRICT, TUNED), STRICT)
+) -> Compiled | None:
+    """The C peer from a source file beside this one, or None where there is no compiler.
+
+    Of the choices of flags, the first that the compiler takes counts.
+    """
     compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
     if compiler is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
         built = Path(folder) / "peer.so"
-        for flags in ((*_FLAGS, _TUNED), _FLAGS):
+        for flags in choices:
             command = [
                 compiler,
                 *flags,
+                *_SHARED,
                 str(Path(__file__).with_name(source)),
                 "-o",
                 str(built),
@@ -74,7 +82,7 @@ def compile_c(source: str = "ilo.c") -> Compiled | None:
             ]
             if subprocess.run(command, capture_output=True, check=False).returncode == 0:
                 # The loaded library outlives its file.
-                shown = " ".join((Path(compiler).name, *flags[:3], *flags[5:]))
+                shown = " ".join((Path(compiler).name, *flags))
                 return Compiled(ctypes.CDLL(str(built)), shown)
     return None
 

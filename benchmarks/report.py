@@ -54,7 +54,7 @@ class Row:
     def _aim(self) -> str:
         if self.aim is None:
             return ""
-        aim = f"<= {self.aim:g} x" if self.cost else f">= {self.aim * 100:g} %"
+        aim = f"<= {self.aim:g} x" if self.cost else f">= {_share(self.aim)}"
         return f"aim: {aim} of {self.peer}: {'met' if self.met else 'MISSED'}"
 
 

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from statistics import median
 
 
 def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
@@ -15,15 +16,24 @@ def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[
 
     The best and not the mean: what else runs on the machine only ever adds time.
     """
-    best = dict.fromkeys(jobs, float("inf"))
+    return {name: min(times) for name, times in _rounds(jobs, repeats).items()}
+
+
+def medians(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """The median time [s] of each job, in rounds as those of `interleaved`."""
+    return {name: median(times) for name, times in _rounds(jobs, repeats).items()}
+
+
+def _rounds(jobs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
+    times: dict[str, list[float]] = {name: [] for name in jobs}
     for job in jobs.values():
         job()
     for _ in range(repeats):
         for name, job in jobs.items():
             start = time.perf_counter()
             job()
-            best[name] = min(best[name], time.perf_counter() - start)
-    return best
+            times[name].append(time.perf_counter() - start)
+    return times
 
 
 def first_call(module: str, cache: str) -> float:
