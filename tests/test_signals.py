@@ -554,3 +554,19 @@ def test_a_parquet_file_cut_short_is_refused(tmp_path: Path) -> None:
         path.write_bytes(whole[:length])
         with pytest.raises(InputError, match=r"torque.parquet: cannot be read \(.*\)$"):
             parse(samples(path))
+
+
+def test_a_growing_sine_and_its_derivatives_are_exact() -> None:
+    term = {"kind": "growing_sine", "axis": 1, "from": 4, "until": 10, "growth": 0.01,
+            "frequency": 0.5 * np.pi, "phase": 0.3}  # fmt: skip
+    signal = Signal.parse("fault", [term], 1)
+    time = np.array([3.9, 4.0, 5.5, 9.99, 10.0])
+    for order in range(3):
+        with mpmath.workdps(50):
+            found = [
+                float(mpmath.diff(lambda t: 0.01 * t * mpmath.sin(0.5 * np.pi * t + 0.3), t, order))
+                if 4 <= t < 10 else 0.0
+                for t in time
+            ]  # fmt: skip
+        assert signal(time)[:, 0] == pytest.approx(found, rel=1e-13, abs=1e-15)
+        signal = signal.derivative("fault")

@@ -76,6 +76,34 @@ class Sine:
 
 
 @dataclass(frozen=True)
+class GrowingSine:
+    """The imaginary part of ``(constant + growth * t) * exp(1j * frequency * t)``.
+
+    Both factors are complex, so that the derivatives are of the same kind.
+    """
+
+    constant: complex
+    growth: complex
+    frequency: float
+
+    @classmethod
+    def sine(cls, *, growth: float, frequency: float, phase: float) -> GrowingSine:
+        """``growth * t * sin(frequency * t + phase)``."""
+        return cls(0j, complex(growth * np.exp(1j * phase)), frequency)
+
+    def __call__(self, time: Array, before: bool) -> Array:
+        """Values at increasing times [s]."""
+        turned = (self.constant + self.growth * time) * np.exp(1j * self.frequency * time)
+        values: Array = turned.imag
+        return values
+
+    def derivative(self) -> GrowingSine:
+        """By the product rule."""
+        turn = 1j * self.frequency
+        return GrowingSine(turn * self.constant + self.growth, turn * self.growth, self.frequency)
+
+
+@dataclass(frozen=True)
 class Ramp:
     """``slope * (t - onset)``."""
 

@@ -5,6 +5,7 @@ on and, where ``until`` is given, up to that time:
 
     {kind: constant, axis: 1, from: 5, size: 0.5}
     {kind: sine, axis: 1, from: 2.5, amplitude: 1, frequency: 10, phase: 0}
+    {kind: growing_sine, axis: 1, from: 4, until: 10, growth: 0.01, frequency: 1.57}
     {kind: ramp, axis: 2, from: 1, until: 4, slope: 0.1}
     {kind: square, axis: 1, from: 1, until: 60, high: 1, low: 0, period: 4, width: 2}
     {kind: prbs, axis: 1, until: 30, amplitude: 0.1, clock: 100, order: 7}
@@ -13,8 +14,9 @@ on and, where ``until`` is given, up to that time:
 
 A constant that starts at its onset is a step. A sine is ``amplitude * sin(frequency * t +
 phase)`` with the frequency in rad/s and t the time of the run, not the time since the onset; a
-ramp is ``slope * (t - from)``. Samples come from a CSV or Parquet file with a column ``time``
-[s]; the last one holds until the term ends.
+growing sine is ``growth * t * sin(frequency * t + phase)``, and a ramp ``slope * (t - from)``.
+Samples come from a CSV or Parquet file with a column ``time`` [s]; the last one holds until the
+term ends.
 
 A square is ``high`` for the first ``width`` [s] of each ``period`` [s] since its onset and ``low``
 for the rest; ``width`` is half the period and ``low`` is 0 if not given. A prbs is a pseudo-random
@@ -45,6 +47,7 @@ from reobserve.signal_shapes import (
     SAME_INSTANT,
     Array,
     Constant,
+    GrowingSine,
     Held,
     Linear,
     PiecewiseConstant,
@@ -60,6 +63,7 @@ __all__ = ["SAME_INSTANT", "Array", "Signal", "Term", "sample_files"]
 _KEYS = {
     "constant": {"size": True},
     "sine": {"amplitude": True, "frequency": True, "phase": False},
+    "growing_sine": {"growth": True, "frequency": True, "phase": False},
     "ramp": {"slope": True},
     "square": {"high": True, "low": False, "period": True, "width": False},
     "prbs": {"amplitude": True, "clock": True, "order": True},
@@ -234,9 +238,9 @@ def _shape(
     """A shape in closed form, and where it or a derivative of it jumps."""
     if kind == "constant":
         return Constant(**numbers), ()
-    if kind == "sine":
+    if kind in ("sine", "growing_sine"):
         as_positive("frequency", numbers["frequency"])
-        return Sine(**numbers), ()
+        return (Sine(**numbers) if kind == "sine" else GrowingSine.sine(**numbers)), ()
     if kind == "ramp":
         return Ramp(onset=onset, **numbers), ()
     if kind == "sweep":
