@@ -29,12 +29,17 @@ ONLY_REFUSED = {
     "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
     "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
     "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
+    "imm": (".period", ".share"),
 }
 # Others are names in the form of numbers, no constants: whole keys, and places inside a value.
 NO_CONSTANTS = {
     "ilo": ("metrics.axis",),
     # Levels of studies, after which metrics are named; each would run its study for nothing.
     "delay": ("tradeoff.rhos", "tuning.rhos", "tuning.forgetting", "tuning.relay_gains"),
+    "imm": (
+        "neighbourhood.factors", "changes.periods", "changes.shares", "changes.layer_factors",
+        "closeness.shares", "closeness.noise_levels", "closeness.input", "closeness.horizon",
+    ),
 }
 NAMES = {"axis", "component", "powers"}
 # K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.

@@ -51,7 +51,8 @@ def _digits(number: float, count: int = 2) -> str:
 
 
 def _percent(number: float, count: int = 2) -> str:
-    return f"{float(f'{100 * number:.{count}g}'):g} %"
+    # No share needs more than six places: 1e-54 % is nothing.
+    return f"{round(float(f'{100 * number:.{count}g}'), 6):g} %"
 
 
 def _milli(number: float, count: int = 2) -> str:

@@ -116,6 +116,14 @@ def _add_stages(commands: Any) -> None:
     _design_file(study)
     _output(study, "the table, CSV")
 
+    search = _command(
+        commands, "search", "stages.search:run", "search for values that a paper leaves open"
+    )
+    _ledger_file(search)
+    search.add_argument("plant_file", type=Path, help="a record made by `reobserve plant`")
+    search.add_argument("search", help="a search of the ledger")
+    _output(search, "what was found, JSON")
+
     table = _command(commands, "table", "stages.table:run", "fill a table from a design")
     _ledger_file(table)
     table.add_argument("table", help="a table of the ledger")

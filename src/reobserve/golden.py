@@ -27,7 +27,8 @@ PERIOD = 0.1  # [s] between the rows kept of each series
 # good to some units in its last place; gains of some thousands turn that into torque.
 _ROUNDING = {
     **dict.fromkeys(("N m", "N m/s, N m/s^2", "rad", "rad, rad/s", "1", "s"), 1e-9),
-    **dict.fromkeys(("1/s", "1/s, 1/s^2"), 1e-9),
+    **dict.fromkeys(("1/s", "1/s, 1/s^2", "V", "y", "y s"), 1e-9),
+    "y s, y, y/s, y/s^2": 1e-8,  # a jerk of thousands among them
     "rad/s": 1e-12,
 }
 

@@ -29,9 +29,12 @@ _NAMED = {
 _NAMING = {
     "observers": ("design",),
     "studies": ("scenario", "observers", "design"),
+    "searches": ("scenario", "observers"),
     "tables": ("design",),
     "figures": ("scenario", "observers", "study"),
 }
+# Where the body of a job stands that depends on a scenario and on observers.
+_SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
 
 
 @dataclass(frozen=True)
@@ -114,8 +117,8 @@ class Ledger:
     def settings(self, stage: str, name: str, observer: str = "") -> Tree:
         """What one job of a stage depends on, as plain values.
 
-        ``name`` is the scenario (plant, observe), the design, the study, the table or the figure
-        (metrics, plot).
+        ``name`` is the scenario (plant, observe), the design, the study, the search, the table or
+        the figure (metrics, plot).
 
         Raises
         ------
@@ -144,8 +147,8 @@ class Ledger:
         if stage == "table":
             body = self.section("tables", name)
             return {"plant": plant, "table": body, **self._design(body)}
-        kind = "study" if stage == "study" else "figure"
-        body = self.section("studies" if kind == "study" else "figures", name)
+        kind = stage if stage in ("study", "search") else "figure"
+        body = self.section(_SECTIONS[kind], name)
         branches: Tree = {
             "plant": plant,
             "scenario": self.section("scenarios", body["scenario"]),
@@ -153,7 +156,7 @@ class Ledger:
             "metrics": self.section("metrics"),
             kind: body,
         }
-        if kind == "study":
+        if kind != "figure":
             branches["seed"] = self.seed
         elif "study" in body:
             branches["study"] = self.section("studies", body["study"])

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_floats, as_matrix, as_positive
+from reobserve.matrices import as_floats, as_matrix
 
 Array = NDArray[np.float64]
 
@@ -51,8 +51,6 @@ class LinearModel:
         Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
     D
         Feedthrough, shape (m, p); zero if left out.
-    period
-        Between two samples [s]; only error messages use it.
     unusual
         Accept a transition that looks like one of continuous time, see below.
 
@@ -71,7 +69,6 @@ class LinearModel:
     Q: ArrayLike
     R: ArrayLike
     D: ArrayLike | None = None
-    period: float = 1.0
     unusual: bool = False
 
     def __post_init__(self) -> None:
@@ -97,7 +94,6 @@ class LinearModel:
         put(self, "D", D)
         put(self, "Q", as_covariance("Q", self.Q, n))
         put(self, "R", as_covariance("R", self.R, m, definite=True))
-        put(self, "period", as_positive("period", self.period))
 
     @cached_property
     def arrays(self) -> ModelArrays:

@@ -15,7 +15,7 @@ OVERRIDDEN = "user override"
 _WORDS = ("unit", "source", "why", "label", "title", "file", "column")
 
 # Sections in which a user may add an entry of his own beside those of the paper.
-_OPEN = ("designs", "scenarios", "observers", "studies", "tables", "figures")
+_OPEN = ("designs", "scenarios", "observers", "studies", "searches", "tables", "figures")
 
 
 def is_entry(branch: Any) -> bool:

@@ -53,6 +53,11 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
             for study, body in tree.get("studies", {}).items()
         ]
         _print_rows("studies", rows)
+        rows = [
+            (search, body["title"], _state(folder / f"{search}.search.json"))
+            for search, body in tree.get("searches", {}).items()
+        ]
+        _print_rows("searches", rows)
     print("\nreobserve params PAPER shows the numbers behind a paper, with their sources.")
 
 

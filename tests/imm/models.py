@@ -41,7 +41,7 @@ def continuous(mode: str) -> tuple[Array, Array]:
 def velocity_model(mode: str, R: float = 1e-4, Q: ArrayLike = 1e-6) -> LinearModel:
     """4 states, and the velocity measured, every 1 ms."""
     A, B = zero_order_hold(*continuous(mode), 1e-3)
-    return LinearModel(A, B, np.eye(1, 4), Q, R, period=1e-3)
+    return LinearModel(A, B, np.eye(1, 4), Q, R)
 
 
 def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
@@ -53,7 +53,7 @@ def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
     H[[0, 1, 2], [0, 1, 2]] = 1 / SCALE, 1.0, SCALE
     D = np.array([[0.0], [0.0], [B[1, 0]]]) if feedthrough else None
     Q, R = [3.4e-6, 4.8e-5, 3.4e-4, 3.2e-4, 2.8e-4], [4.6e-5, 2.5e-2, 70.0]
-    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q, R, D, period=5e-3)
+    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q, R, D)
 
 
 def moved(model: LinearModel, T: Array) -> LinearModel:

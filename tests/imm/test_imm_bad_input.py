@@ -61,7 +61,6 @@ DISCRETE = "it must be the transition over one sample"
         ({"R": -2.0}, "R: must be positive definite, its eigenvalues are -2"),
         ({"R": INF}, "R: inf has an entry that is not finite"),
         ({"R": "wide"}, "R: 'wide' is not a number or an array of numbers"),
-        ({"period": 0.0}, "period: 0 must be greater than zero"),
     ],
 )
 def test_wrong_models_are_refused(changed: dict[str, Any], said: str) -> None:

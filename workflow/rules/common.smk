@@ -102,10 +102,21 @@ def signal_files(wildcards):
     return [file for value in values.values() for file in sample_files(value)]
 
 
-def study_record(wildcards):
-    """The plant record that a study runs on."""
-    scenario = LEDGERS[wildcards.paper].tree["studies"][wildcards.study]["scenario"]
-    return f"results/{wildcards.paper}/{scenario}/plant.parquet"
+def record_of(section, wildcard):
+    """An input function: the plant record that a study, a search or a figure runs on."""
+
+    def inner(wildcards):
+        body = LEDGERS[wildcards.paper].tree[section][wildcards[wildcard]]
+        return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
+
+    return inner
+
+
+def study_files(wildcards):
+    """The files that entries of a study name, such as what a search has found."""
+    body = LEDGERS[wildcards.paper].tree["studies"][wildcards.study]
+    entries = [entry for entry in body.values() if isinstance(entry, dict)]
+    return [entry["value"] for entry in entries if entry["unit"] == "file"]
 
 
 def named_design(section, wildcard):
@@ -122,12 +133,6 @@ def named_design(section, wildcard):
 
 def design_option(wildcards, input):
     return f"--design-file {input.design}" if input.design else ""
-
-
-def figure_record(wildcards):
-    """The plant record behind a figure."""
-    scenario = LEDGERS[wildcards.paper].tree["figures"][wildcards.figure]["scenario"]
-    return f"results/{wildcards.paper}/{scenario}/plant.parquet"
 
 
 def figure_estimates(wildcards):

@@ -10,6 +10,7 @@ wildcard_constraints:
     design=names("designs"),
     observer=names("observers"),
     study=names("studies"),
+    search=names("searches"),
     table=names("tables"),
     figure=names("figures"),
 
@@ -83,7 +84,8 @@ rule observe:
 
 rule study:
     input:
-        plant=study_record,
+        plant=record_of("studies", "study"),
+        files=study_files,
         design=named_design("studies", "study"),
     output:
         "results/{paper}/{study}.study.csv",
@@ -106,6 +108,30 @@ rule study:
     shell:
         "reobserve study {params.ledger} {input.plant} {wildcards.study}"
         " {params.design} --output {output} > {log} 2>&1"
+
+
+# No figure asks for this one: what it found is kept under config/searches, where studies read it.
+rule search:
+    input:
+        plant=record_of("searches", "search"),
+    output:
+        "results/{paper}/{search}.search.json",
+    log:
+        "logs/{paper}/{search}.search.log",
+    benchmark:
+        "logs/{paper}/{search}.search.tsv"
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        ledger=ledger_file,
+        settings=settings("search", "search"),
+        code=code("search"),
+        packages=packages,
+    message:
+        "{wildcards.paper}: search {wildcards.search}, some minutes"
+    shell:
+        "reobserve search {params.ledger} {input.plant} {wildcards.search}"
+        " --output {output} 2>&1 | tee {log} >&2"
 
 
 rule table:
@@ -140,7 +166,7 @@ rule table:
 
 rule metrics:
     input:
-        plant=figure_record,
+        plant=record_of("figures", "figure"),
         estimates=figure_estimates,
         study=figure_study,
     output:
@@ -172,7 +198,7 @@ rule metrics:
 
 rule plot:
     input:
-        plant=figure_record,
+        plant=record_of("figures", "figure"),
         estimates=figure_estimates,
         study=figure_study,
         metrics="results/{paper}/{figure}.metrics.csv",

@@ -170,7 +170,8 @@ class InteractingMultipleModel:
         InputError
             If the shapes do not fit.
         DivergenceError
-            If a filter leaves the range of floating-point numbers.
+            If a filter leaves the range of floating-point numbers; its time counts from the
+            start of the step.
         """
         held = np.reshape(as_floats("control", control), (1, -1))
         run = self.run(np.reshape(measurement, (1, -1)), state, held)

@@ -1,0 +1,50 @@
+"""Stage plant: the actuator under its input, with the fault, and what is measured of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reobserve.papers.imm.setup import UNITS, Experiment, experiment
+from reobserve.plants.hydraulic_actuator import MOTION
+from reobserve.plants.hydraulic_actuator import simulate as move
+from reobserve.random_streams import random_stream
+from reobserve.series import Channel, Series
+
+
+def build(settings: dict[str, Any]) -> Experiment:
+    """Everything a scenario states, checked; see `experiment`."""
+    return experiment(settings["plant"], settings["scenario"])
+
+
+def simulate(settings: dict[str, Any]) -> Series:
+    """The motion, and what is measured of it, over the horizon.
+
+    ``motion`` has the components of `MOTION`, ``measured`` the same with their noise, ``input``
+    [V] is what is held from each sample on, ``mode`` 0 or 1, and the event ``fault`` says when it
+    changes.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used.
+    """
+    setup = build(settings)
+    motion = move(setup.models, setup.mode, setup.control, setup.period)
+    stream = random_stream(settings["seed"], "imm", "noise")
+    measured = motion + setup.noise * stream.standard_normal(motion.shape)
+    time = np.arange(len(motion), dtype=np.float64) * setup.period
+    units = ", ".join(UNITS[name] for name in MOTION)
+    last = len(setup.control) - 1
+    held = np.minimum(np.arange(len(motion)), last)
+    return Series(
+        time,
+        {
+            "motion": Channel(motion, units),
+            "measured": Channel(measured, units),
+            "input": Channel(setup.control[held], "V"),
+            "mode": Channel(setup.mode[held].astype(np.float64), "1"),
+        },
+        {"fault": (setup.onset,)},
+    )

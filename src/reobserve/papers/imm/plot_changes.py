@@ -1,0 +1,72 @@
+"""The calibrated banks with one thing changed: mean probabilities beside those quoted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from reobserve.figures import STYLES, WIDTH, add_note
+from reobserve.metrics import Metric
+from reobserve.series import Series
+
+_NAMES = {
+    "as_stated": "as calibrated",
+    "unmixed": "no mixing",
+    "prbs": "pseudo-random input",
+    "square": "square wave, 1 s",
+    "sweep": "sine sweep, 1 to 45 Hz",
+    "friction": "friction instead of leak",
+    "period": "samples every {ms:g} ms",
+    "share": "{share:.0%} of the leak",
+    "layer": "boundary layers × {level:g}",
+    "noise": "noise of one per cent",
+}
+
+
+def draw(
+    settings: dict[str, Any],
+    _: Series,
+    __: Mapping[str, Series],
+    study: Sequence[Mapping[str, Any]],
+    ___: Sequence[Metric],
+) -> Figure:
+    """Normal and leakage mode, one row a change."""
+    values = {
+        (row["observer"], row["sweep"], float(row["level"]), row["quantity"]): float(row["value"])
+        for row in study
+    }
+    changes = list(dict.fromkeys((sweep, level) for _, sweep, level, _ in values))
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(changes)))
+    panels = figure.subplots(1, 2, sharey=True)
+    observers = settings["observers"]
+    for axes, (mode, place) in zip(panels, (("normal", 0), ("leakage", 1)), strict=True):
+        for order, (style, name) in enumerate(zip(STYLES, observers, strict=False)):
+            found = [values.get((name, *change, f"{mode}_after")) for change in changes]
+            rows = [row + 0.2 * (order - 1) for row in range(len(changes))]
+            axes.plot(
+                [value if value is not None else float("nan") for value in found], rows,
+                linestyle="", marker=style.marker, color=style.color, markersize=4.5,
+                label=observers[name]["label"],
+            )  # fmt: skip
+            axes.axvline(
+                observers[name]["quoted"][place], color=style.color, linestyle=":", linewidth=1.4
+            )
+        axes.set_xlim(-0.05, 1.05)
+        axes.set_xlabel("mean probability, 7 to 10 s")
+        axes.set_title(f"({'ab'[place]}) {mode} mode")
+    panels[0].set_yticks(range(len(changes)), [_name(*change) for change in changes])
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    add_note(
+        figure,
+        "Dotted: the values that the paper quotes. Each row differs from the first in one thing; "
+        "the noise enters the record only, not R.",
+    )
+    return figure
+
+
+def _name(sweep: str, level: float) -> str:
+    return _NAMES[sweep].format(level=level, ms=1000 * level, share=level)

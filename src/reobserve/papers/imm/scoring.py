@@ -1,0 +1,83 @@
+"""What is said of mode probabilities: before the fault, after it, and how soon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.matrices import as_scalar, as_vector
+from reobserve.papers.imm.setup import MODES
+
+Array = NDArray[np.float64]
+Score = tuple[str, float, str]
+
+
+def check_rules(rules: dict[str, Any]) -> None:
+    """Refuse windows that are none, and levels that are no probabilities."""
+    with located("metrics"):
+        for name in ("before", "after", "overshoot"):
+            first, last = as_vector(name, rules[name], 2)
+            if not 0 <= first < last:
+                raise InputError(name, f"[{first:g}, {last:g}] s must be 0 or more, rising")
+        level = as_scalar("alarm", rules["alarm"])
+        if not 0 < level < 1:
+            raise InputError("alarm", f"{level:g} must be between 0 and 1")
+
+
+def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
+    """The samples after the first bound up to the second [s]."""
+    chosen: NDArray[np.bool_] = (time > bounds[0] + 1e-9) & (time < bounds[1] + 1e-9)
+    return chosen
+
+
+def probabilities(
+    rules: dict[str, Any], time: Array, probability: Array, onset: float, fault: int
+) -> Iterator[Score]:
+    """Means over the windows, their spread, alarm and diagnosis, and the overshoot.
+
+    ``fault`` is the index of the mode that begins at ``onset`` [s].
+    """
+    for when in ("before", "after"):
+        chosen = probability[window(time, rules[when])]
+        for mode, mean in zip(MODES, np.mean(chosen, axis=0), strict=True):
+            yield f"{mode}_{when}", float(mean), "1"
+    late = probability[window(time, rules["after"])]
+    for mode, spread in zip(MODES, np.std(late, axis=0), strict=True):
+        yield f"{mode}_spread", float(spread), "1"
+    early = probability[window(time, rules["overshoot"])]
+    yield "overshoot", float(np.max(early[:, 0]) - np.mean(late[:, 0])), "1"
+    faulty = time > onset + 1e-9
+    healthy = ~faulty & (time > rules["before"][0])
+    alarm = _since(time, faulty & (probability[:, 0] < rules["alarm"]), onset)
+    yield "alarm_delay", alarm, "s"
+    yield "alarm_samples", round(alarm / (time[1] - time[0]), 6), "1"
+    right = np.argmax(probability, axis=1) == fault
+    yield "diagnosis_delay", _since(time, faulty & right, onset), "s"
+    yield "diagnosed_share", float(np.mean(right[window(time, rules["after"])])), "1"
+    false = probability[healthy, 0] < rules["alarm"]
+    yield "false_alarm_share", float(np.mean(false)), "1"
+
+
+def quoted_distance(
+    rules: dict[str, Any], time: Array, probability: Array, quoted: Any, high: bool
+) -> float:
+    """Root mean square distance from the values that the paper quotes, over time.
+
+    ``quoted`` are the probabilities of the normal and of the leakage mode after the fault; with
+    ``high`` that of the normal mode before it is compared with one, too. Over time and not of the
+    means, so that a probability that jumps between 0 and 1 does not pass for one in between.
+    """
+    late = probability[window(time, rules["after"])]
+    squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]
+    if high:
+        squares.append(np.mean((probability[window(time, rules["before"])][:, 0] - 1.0) ** 2))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _since(time: Array, chosen: NDArray[np.bool_], onset: float) -> float:
+    """How long after the onset the first chosen sample is [s]; nan for none."""
+    return float(time[np.argmax(chosen)] - onset) if chosen.any() else float("nan")

@@ -1,0 +1,155 @@
+"""From the ledger's values to models, signals and banks of filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.grid import multiple
+from reobserve.linear_model import LinearModel
+from reobserve.matrices import as_positive, as_scalar, as_vector
+from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
+from reobserve.signals import Signal
+
+Settings = dict[str, Any]
+Array = NDArray[np.float64]
+
+MODES = ("normal", "friction", "leakage")
+ALGORITHMS = ("kalman", "smooth_variable_structure")
+UNITS = dict(zip(MOTION, ("y s", "y", "y/s", "y/s^2"), strict=True))  # y: a velocity, not stated
+
+MOST_STEPS = 5_000_000  # of a plant's record
+
+
+def modes(plant: Settings) -> list[ActuatorModel]:
+    """The identified models, in the order of `MODES`; `InputError` names the one that is wrong."""
+    found = []
+    for name in MODES:
+        try:
+            found.append(ActuatorModel(plant[f"{name}_numerator"], plant[f"{name}_denominator"]))
+        except InputError as error:
+            raise InputError(f"plant.{name}_{error.parameter}", error.problem) from None
+    return found
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A scenario, checked: the input and the mode of each step, and the deviations of the noise.
+
+    ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
+    ``control``, (k,), the voltage [V]; ``noise``, (4,), of `MOTION`; ``onset`` [s].
+    """
+
+    models: tuple[ActuatorModel, ActuatorModel]
+    mode: NDArray[np.int64]
+    control: Array
+    noise: Array
+    period: float
+    onset: float
+
+
+def experiment(plant: Settings, scenario: Settings) -> Experiment:
+    """What a scenario states.
+
+    Raises
+    ------
+    InputError
+        If one of its values cannot be used, with its key.
+    """
+    known = modes(plant)
+    with located("plant"):
+        horizon = as_positive("horizon", plant["horizon"])
+    with located("scenario"):
+        period = as_positive("period", scenario["period"])
+        if horizon > MOST_STEPS * period:
+            raise InputError("period", f"{period:g} s makes more than {MOST_STEPS:g} steps")
+        steps = multiple("period", horizon, period, "the period")
+        control = Signal.parse("input", scenario["input"], 1)
+        control.check_grid("input", period, horizon)
+        if scenario["fault"] not in MODES[1:]:
+            raise InputError("fault", f"{scenario['fault']!r} must be friction or leakage")
+        onset = as_positive("onset", scenario["onset"])
+        if onset >= horizon:
+            raise InputError("onset", f"{onset:g} s must be before the end at {horizon:g} s")
+        begin = multiple("onset", onset, period, "the period")
+        noise = as_vector("noise", scenario["noise"], len(MOTION))
+        if noise.min() < 0:
+            raise InputError("noise", f"{noise.tolist()} must not be negative")
+        faulty = known[0].blended(
+            known[MODES.index(scenario["fault"])], as_scalar("share", scenario["share"])
+        )
+    rows = np.arange(steps, dtype=np.float64)
+    return Experiment(
+        (known[0], faulty),
+        (rows >= begin).astype(np.int64),
+        control(rows * period)[:, 0],
+        noise,
+        period,
+        onset,
+    )
+
+
+def bank(
+    plant: Settings, observer: Settings, period: float, models: list[ActuatorModel] | None = None
+) -> InteractingMultipleModel:
+    """The filters on all modes, or on ``models``, and the chain.
+
+    Raises
+    ------
+    InputError
+        If a value of the observer cannot be used.
+    """
+    algorithm = observer["algorithm"]
+    if algorithm not in ALGORITHMS:
+        raise InputError("algorithm", f"{algorithm!r} must be one of {', '.join(ALGORITHMS)}")
+    known = modes(plant) if models is None else models
+    filters: list[LinearFilter] = []
+    for mode in known:
+        one = mode.sampled(observer["realisation"], period, observer["state_frequency"])
+        # A number stands for all states, or all outputs.
+        model = LinearModel(
+            one.A, one.B, one.H, observer["process_noise"], observer["measurement_noise"], one.D
+        )  # fmt: skip
+        if algorithm == "kalman":
+            filters.append(KalmanFilter(model))
+            continue
+        layer = boundary_layer(observer, model.outputs)
+        filters.append(SmoothVariableStructureFilter(model, layer, observer["memory"]))
+    return InteractingMultipleModel(
+        filters, _transition(observer["stay"], len(known)), bool(observer["mixing"])
+    )
+
+
+def boundary_layer(observer: Settings, outputs: int) -> Array:
+    """Psi of each output; `InputError` if it cannot be used."""
+    factor = as_positive("layer_factor", observer["layer_factor"])
+    return factor * as_vector("boundary_layer", observer["boundary_layer"], outputs)
+
+
+def run(chosen: InteractingMultipleModel, observer: Settings, measured: Array, held: Array) -> Run:
+    """Filter a record, from rest and equal probabilities of all modes."""
+    start = chosen.init(np.zeros(chosen.filters[0].model.states), observer["initial_covariance"])
+    return chosen.run(measured, start, held[:, None])
+
+
+def measured_columns(observer: Settings) -> list[int]:
+    """The columns of `MOTION` that the observer's realisation measures."""
+    return [MOTION.index(name) for name in REALISATIONS[observer["realisation"]]]
+
+
+def _transition(stay: Any, size: int) -> Array:
+    """Each mode stays with one probability, and goes to each other with the same."""
+    kept = as_scalar("stay", stay)
+    if not 0 < kept <= 1:
+        raise InputError("stay", f"{kept:g} must be above 0 and not above 1")
+    rows = np.full((size, size), (1.0 - kept) / max(size - 1, 1))
+    np.fill_diagonal(rows, kept)
+    return rows

@@ -1,0 +1,87 @@
+"""How far each tuned number may move, alone, before a quoted value leaves its band."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
+from reobserve.series import Series
+
+Row = tuple[str, str, float, int, str, float, str]
+
+QUANTITIES = ("normal_after", "leakage_after", "normal_before")
+THREADS = 2
+
+
+def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+    """For each tuned number and factor the mean probabilities of all banks; and the search's count.
+
+    Raises
+    ------
+    InputError
+        If the search's kept result cannot be read.
+    """
+    study = settings["study"]
+    calibration = Calibration(settings["plant"], settings["observers"], settings["metrics"], plant)
+    stated = calibration.stated()
+    kept = read_kept(Path(study["kept"]))
+    rows: list[Row] = [
+        ("search", "kept", 1.0, 0, name, float(kept[name]), "1")
+        for name in ("trials", "tuned", "targets", "distance")
+    ]
+    same = all(
+        np.isclose(kept["found"][name], value, rtol=1e-9, atol=0.0)
+        for name, value in zip(TUNED, stated, strict=True)
+    )
+    rows.append(("search", "kept", 1.0, 0, "as_found", float(same), "1"))
+    tasks = [(None, 1.0)] + [
+        (index, level)
+        for index in range(len(TUNED))
+        for factor in study["factors"]
+        for level in (1.0 / factor, factor)
+    ]
+
+    def trial(task: tuple[int | None, float]) -> Trial:
+        numbers = stated.copy()
+        if task[0] is not None:
+            numbers[task[0]] *= task[1]
+        return calibration.try_out(numbers)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        for (index, level), found in zip(tasks, pool.map(trial, tasks), strict=True):
+            rows += _rows("stated" if index is None else TUNED[index], level, found)
+    return rows
+
+
+def _rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
+    yield "all", sweep, level, 0, "distance", trial.distance, "1"
+    for name, means in trial.means.items():
+        for quantity, mean in zip(QUANTITIES, means, strict=True):
+            yield name, sweep, level, 0, quantity, mean, "1"
+
+
+def read_kept(path: Path) -> dict[str, Any]:
+    """The result of a search, as it is kept.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or none of a search's.
+    """
+    try:
+        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["search"]
+        missing = {"found", "trials", "tuned", "targets", "distance"} - set(kept)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(str(path), "is no result of a search; run the search anew") from None
+    if missing or set(kept["found"]) != set(TUNED):
+        raise InputError(str(path), "holds other numbers than the search tunes; run it anew")
+    return kept

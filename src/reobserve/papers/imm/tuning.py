@@ -1,0 +1,118 @@
+"""The numbers that a calibration moves, and how far three filters are from the paper's values.
+
+Nine numbers of the banks are moved: the variances of the process noise of five states, of the
+measurement noise of three outputs, and the probability to leave a mode; all banks share them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_vector
+from reobserve.papers.imm.scoring import quoted_distance, window
+from reobserve.papers.imm.setup import bank, measured_columns, run
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+
+STATES, OUTPUTS = 5, 3
+TUNED = (
+    *(f"process_noise_{i + 1}" for i in range(STATES)),
+    *(f"measurement_noise_{i + 1}" for i in range(OUTPUTS)),
+    "leave",
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of one choice: mean probabilities after the fault, and before it.
+
+    ``means`` holds for each observer the normal and the leakage mode's after the fault and the
+    normal mode's before; ``distance`` is from all quoted values, nan if a filter diverged.
+    """
+
+    means: Mapping[str, tuple[float, float, float]]
+    distance: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Banks of several observers on one record, to be run with any of the tuned numbers."""
+
+    plant: dict[str, Any]
+    observers: Mapping[str, dict[str, Any]]
+    rules: dict[str, Any]
+    record: Series
+
+    def stated(self) -> Array:
+        """The tuned numbers that the ledger has, in the order of `TUNED`.
+
+        Raises
+        ------
+        InputError
+            If the observers do not share them, or have other realisations than ``motion``.
+        """
+        found = []
+        for name, body in self.observers.items():
+            if body["realisation"] != "motion":
+                raise InputError(f"observers.{name}.realisation", "must be motion to be tuned")
+            found.append(
+                np.concatenate(
+                    [
+                        as_vector("process_noise", body["process_noise"], STATES),
+                        as_vector("measurement_noise", body["measurement_noise"], OUTPUTS),
+                        [1.0 - body["stay"]],
+                    ]
+                )
+            )
+            if not np.array_equal(found[0], found[-1]):
+                raise InputError(f"observers.{name}", "must have the noise of the others tuned")
+        return found[0]
+
+    def try_out(self, numbers: Array) -> Trial:
+        """Run all banks with these numbers, in the order of `TUNED`."""
+        means, squares, weights = {}, [], []
+        for name, body in self.observers.items():
+            changed = {
+                **body,
+                "process_noise": numbers[:STATES].tolist(),
+                "measurement_noise": numbers[STATES:-1].tolist(),
+                "stay": 1.0 - float(numbers[-1]),
+            }
+            probability = self._probability(changed)
+            if probability is None:
+                return Trial({}, float("nan"))
+            time, rules = self.record.time[1:], self.rules
+            late = np.mean(probability[window(time, rules["after"])], axis=0)
+            early = np.mean(probability[window(time, rules["before"])], axis=0)
+            means[name] = (float(late[0]), float(late[2]), float(early[0]))
+            high = bool(body["quoted_high"])
+            squares.append(quoted_distance(rules, time, probability, body["quoted"], high) ** 2)
+            weights.append(3 if high else 2)
+        return Trial(means, float(np.sqrt(np.average(squares, weights=weights))))
+
+    def _probability(self, observer: dict[str, Any]) -> Array | None:
+        chosen = bank(self.plant, observer, self.record.step)
+        measured = self.record["measured"][1:, measured_columns(observer)]
+        found = run(chosen, observer, measured, self.record["input"][:-1])
+        return None if found.diverged_at is not None else found.probability
+
+
+def within(trial: Trial, observers: Mapping[str, dict[str, Any]], band: float) -> bool:
+    """Whether all means are within ``band`` of the values that the paper quotes."""
+    for name, body in observers.items():
+        if name not in trial.means:
+            return False
+        normal, leakage, before = trial.means[name]
+        off = [abs(normal - body["quoted"][0]), abs(leakage - body["quoted"][1])]
+        if body["quoted_high"]:
+            off.append(1.0 - before)
+        if max(off) > band:
+            return False
+    return True

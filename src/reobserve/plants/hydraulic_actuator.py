@@ -1,0 +1,222 @@
+"""Electrohydrostatic actuator: identified models, and a plant that changes from one to another.
+
+Gadsden, McCullough & Habibi (2011), (24) to (26), give the velocity of a cylinder over the voltage
+of its servo motor for three modes, as transfer functions of order 4 and relative degree 1. With the
+Markov parameters h1 to h4 each has the realisation
+
+    x1' = x2 + h1 u    x2' = x3 + h2 u    x3' = x4 + h3 u    x4' = -a4 x1 - ... - a1 x4 + h4 u
+
+whose states mean the same in all modes but for the inputs' share in them: x1 is the velocity,
+x2 + h1 u the acceleration, and so on while u is held. States are divided by powers of a frequency,
+since they would differ by ten orders of magnitude otherwise, and Ad have a condition of 1e10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.discretisation import zero_order_hold
+from reobserve.errors import InputError
+from reobserve.kernel import kernel
+from reobserve.matrices import as_positive, as_vector
+
+Array = NDArray[np.float64]
+
+ORDER = 4
+
+# What a realisation measures, by its name: rows of `Sampled.H`.
+REALISATIONS = {
+    "velocity": ("velocity",),
+    "derivatives": ("velocity", "acceleration", "jerk"),
+    "motion": ("position", "velocity", "acceleration"),
+}
+
+MOTION = ("position", "velocity", "acceleration", "jerk")
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A model at the samples: x(k+1) = A x(k) + B u(k), measured H x(k+1) + D u(k)."""
+
+    A: Array
+    B: Array
+    H: Array
+    D: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorModel:
+    """One mode: the transfer function from voltage to velocity.
+
+    Parameters
+    ----------
+    numerator
+        Coefficients of s^3 to 1, shape (4,).
+    denominator
+        Those of s^3 to 1, shape (4,); that of s^4 is 1.
+
+    Raises
+    ------
+    InputError
+        If there are not four of each, or a pole is not in the left half plane.
+    """
+
+    numerator: ArrayLike
+    denominator: ArrayLike
+
+    def __post_init__(self) -> None:
+        for name in ("numerator", "denominator"):
+            object.__setattr__(self, name, as_vector(name, getattr(self, name), ORDER))
+        slowest = np.roots([1.0, *self.coefficients[1]]).real.max()
+        if slowest >= 0:
+            raise InputError(
+                "denominator", f"has a pole with real part {slowest:g}, must be stable"
+            )
+
+    @property
+    def coefficients(self) -> tuple[Array, Array]:
+        """Numerator and denominator as arrays."""
+        return np.asarray(self.numerator), np.asarray(self.denominator)
+
+    @cached_property
+    def markov(self) -> Array:
+        """h1 to h4, shape (4,): the numbers that the transfer function's series in 1/s has."""
+        b, a = self.coefficients
+        found = np.zeros(ORDER)
+        for k in range(ORDER):
+            found[k] = b[k] - a[:k] @ found[:k][::-1]
+        return found
+
+    @property
+    def gain(self) -> float:
+        """Velocity over voltage at rest."""
+        b, a = self.coefficients
+        return float(b[-1] / a[-1])
+
+    def blended(self, other: ActuatorModel, share: float) -> ActuatorModel:
+        """The model whose coefficients lie ``share`` of the way to another's.
+
+        Raises
+        ------
+        InputError
+            If the share is not from 0 to 1, or the model in between is not stable.
+        """
+        if not 0 <= share <= 1:
+            raise InputError("share", f"{share:g} must be from 0 to 1")
+        mine, theirs = self.coefficients, other.coefficients
+        return ActuatorModel(
+            *((1 - share) * here + share * there for here, there in zip(mine, theirs, strict=True))
+        )
+
+    def sampled(self, realisation: str, period: float, frequency: float) -> Sampled:
+        """The model at samples, exactly, for an input that is held between them.
+
+        Parameters
+        ----------
+        realisation
+            One of `REALISATIONS`: ``velocity`` (4 states, 1 output), ``derivatives`` (4 states,
+            velocity, acceleration and jerk) or ``motion`` (5 states, the first a position;
+            position, velocity and acceleration).
+        period
+            Between samples [s].
+        frequency
+            By whose powers states are divided [rad/s].
+
+        Raises
+        ------
+        InputError
+            If there is no such realisation, or a number is not positive.
+        """
+        if realisation not in REALISATIONS:
+            raise InputError(
+                "realisation", f"{realisation!r} must be one of {', '.join(REALISATIONS)}"
+            )
+        scale = as_positive("frequency", frequency)
+        powers = scale ** np.arange(ORDER)
+        # Position, then velocity and its derivatives, divided by frequency^-1, 1, frequency, ...
+        A, B = np.zeros((ORDER + 1, ORDER + 1)), np.zeros((ORDER + 1, 1))
+        A[:-1, 1:] = scale * np.eye(ORDER)
+        A[-1, 1:] = -self.coefficients[1][::-1] * powers / powers[-1]
+        B[1:, 0] = self.markov / powers
+        if realisation != "motion":
+            A, B = A[1:, 1:], B[1:]
+        transition, effect = zero_order_hold(A, B, period)
+        measured = REALISATIONS[realisation]
+        first = 0 if realisation == "motion" else 1
+        H, D = np.zeros((len(measured), len(A))), np.zeros((len(measured), 1))
+        for row, name in enumerate(measured):
+            derivative = MOTION.index(name)
+            H[row, derivative - first] = scale ** (derivative - 1)
+            D[row] = self.markov[derivative - 2] if derivative >= 2 else 0.0
+        return Sampled(transition, effect, H, D)
+
+
+def simulate(
+    models: Sequence[ActuatorModel], mode: ArrayLike, control: ArrayLike, period: float
+) -> Array:
+    """Position, velocity, acceleration and jerk at the samples, from rest: shape (k + 1, 4).
+
+    At a change of mode all four go on as they were: what jumps are the states of the transfer
+    function, by what the input has a share in them. Where a sample ends a step of the input,
+    acceleration and jerk are the limits from the left.
+
+    Parameters
+    ----------
+    models
+        One a mode.
+    mode
+        The index of the model that holds over each step, shape (k,).
+    control
+        Voltage over each step, shape (k,) [V].
+    period
+        Between samples [s].
+
+    Raises
+    ------
+    InputError
+        If the period is not positive.
+    """
+    frequency = 1.0 / as_positive("period", period)
+    sampled = [model.sampled("motion", period, frequency) for model in models]
+    markov = np.array([model.markov for model in models])
+    shares = np.zeros((len(models), ORDER + 1))
+    shares[:, 2:] = markov[:, :-1] / frequency ** np.arange(1, ORDER)
+    scales = frequency ** np.arange(-1.0, ORDER - 1)
+    return _simulate(
+        np.array([one.A for one in sampled]),
+        np.array([one.B[:, 0] for one in sampled]),
+        shares,
+        scales,
+        np.asarray(mode, dtype=np.int64),
+        np.ascontiguousarray(control, dtype=np.float64),
+    )
+
+
+@kernel
+def _simulate(
+    A: Array, B: Array, shares: Array, scales: Array, mode: NDArray[np.int64], control: Array
+) -> Array:
+    """``shares`` of the input in each state, and ``scales`` from states to motion."""
+    n = ORDER + 1
+    motion = np.zeros((len(control) + 1, ORDER))
+    state, moved = np.zeros(n), np.zeros(n)
+    for k in range(len(control)):
+        now = mode[k]
+        if k > 0 and mode[k - 1] != now:
+            for a in range(n):
+                state[a] += (shares[mode[k - 1], a] - shares[now, a]) * control[k - 1]
+        for a in range(n):
+            total = B[now, a] * control[k]
+            for b in range(n):
+                total += A[now, a, b] * state[b]
+            moved[a] = total
+        for a in range(n):
+            state[a] = moved[a]
+        for a in range(ORDER):
+            motion[k + 1, a] = scales[a] * (state[a] + shares[now, a] * control[k])
+    return motion

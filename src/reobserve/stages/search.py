@@ -1,0 +1,32 @@
+"""Stage search: values that a paper leaves open, sought so that its numbers come out.
+
+It is no part of a build. What it finds is kept with the config and in the ledger, as an assumption
+that was chosen for the claim that it serves.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from reobserve.errors import located
+from reobserve.files import write_text
+from reobserve.ledger import Ledger
+from reobserve.series import Series
+from reobserve.stages.common import paper_module, provenance
+
+
+def run(ledger_file: Path, plant_file: Path, search: str, output: Path) -> None:
+    """Search, say how it goes on stderr, and write what was found."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("search", search)
+    module = paper_module(ledger.paper, "search")
+    with located(ledger.paper):
+        found = module.run(settings, Series.read(plant_file), _tell)
+    stored = {"search": found, "provenance": provenance(ledger, "search", search, settings)}
+    write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _tell(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
