@@ -6,7 +6,8 @@ from reobserve.errors import located
 from reobserve.ledger import Ledger
 from reobserve.ledger_check import check_scenarios
 from reobserve.papers.imm import observe, plant, search
-from reobserve.papers.imm.scoring import check_rules
+from reobserve.papers.imm.scoring import check_quoted, check_rules
+from reobserve.papers.imm.setup import start
 from reobserve.papers.imm.study import check_study
 
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
@@ -18,12 +19,14 @@ def check(ledger: Ledger) -> None:
     check_scenarios(ledger, plant.build)
     for name, observer in ledger.section("observers").items():
         with located(f"{ledger.paper}.observers.{name}"):
-            observe.build({"plant": settings, "observer": observer}, PERIOD)
+            bank = observe.build({"plant": settings, "observer": observer}, PERIOD)
+            start(bank, observer)
+            check_quoted(observer)
     with located(ledger.paper):
-        check_rules(ledger.section("metrics"))
-    for name, study in ledger.section("studies").items():
+        check_rules(ledger.section("metrics"), settings["horizon"])
+    for name in ledger.section("studies"):
         with located(f"{ledger.paper}.studies.{name}"):
-            check_study(study)
+            check_study(ledger.settings("study", name))
     for name, body in ledger.section("searches").items():
         with located(f"{ledger.paper}.searches.{name}"):
             search.check(body)

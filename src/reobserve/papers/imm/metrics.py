@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    check_rules(settings["metrics"])
+    check_rules(settings["metrics"], settings["plant"]["horizon"])
     found = []
     for name, estimate in estimates.items():
         found += [Metric(name, *score) for score in _judge(settings, plant, name, estimate)]
@@ -77,24 +78,28 @@ def _neighbourhood(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
 def reach(settings: dict[str, Any], study: Rows, parameter: str) -> tuple[float, float]:
     """The least and the greatest factor that keep all quoted values within the band.
 
-    Factors are those of the study; moving outwards from 1, the last before one that does not.
+    Moving outwards from 1, where the largest distance first leaves the band: between two factors
+    of the study it is taken as linear over the logarithm.
     """
-    ends = []
-    outside: dict[float, bool] = {}
-    band = as_scalar("metrics.band", settings["metrics"]["band"])
+    worst: dict[float, float] = {}
     for row in study:
-        if row["sweep"] == parameter:
-            off = _off(settings, row)
+        if row["sweep"] in (parameter, "stated"):
             level = float(row["level"])
-            outside[level] = outside.get(level, False) or not off <= band
-    for side in (-1.0, 1.0):
-        end = 1.0
-        for level in sorted((x for x in outside if side * np.log(x) > 0), key=lambda x: side * x):
-            if outside[level]:
-                break
-            end = level
-        ends.append(end)
-    return ends[0], ends[1]
+            worst[level] = max(worst.get(level, 0.0), _off(settings, row))
+    band = as_scalar("metrics.band", settings["metrics"]["band"])
+    below = sorted((level for level in worst if level <= 1.0), reverse=True)
+    above = sorted(level for level in worst if level >= 1.0)
+    return _leaves(worst, below, band), _leaves(worst, above, band)
+
+
+def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
+    """Where the distance, at levels in their order, first exceeds the band; the last if nowhere."""
+    for level, further in pairwise(levels):
+        if not worst[further] <= band:
+            near, far = worst[level], worst[further]
+            share = (band - near) / (far - near) if np.isfinite(far) and near < band else 0.0
+            return float(level * (further / level) ** share)
+    return levels[-1]
 
 
 def _off(settings: dict[str, Any], row: Mapping[str, Any]) -> float:
@@ -128,13 +133,29 @@ def _closeness(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
             correct = float(np.mean(np.array(values) > 0.5))
             yield Metric(observer, f"correct_share_at_{place}", correct, "1")
             yield Metric(observer, f"mean_probability_at_{place}", float(np.mean(values)), "1")
-    wanted = as_scalar("metrics.enough", settings["metrics"]["enough"])
+    wanted = as_scalar("study.enough", settings["study"]["enough"])
     for (observer, noise), shares in levels.items():
         if observer != "models":
-            gaps = levels["models", noise]
-            good = [gaps[share][0] for share, values in shares.items()
-                    if np.mean(np.array(values) > 0.5) >= wanted]  # fmt: skip
-            yield Metric(observer, f"least_gap_at_{noise}", min(good, default=np.nan), "1")
+            gaps = [levels["models", noise][share][0] for share in shares]
+            right = [float(np.mean(np.array(values) > 0.5)) for values in shares.values()]
+            yield Metric(observer, f"least_gap_at_{noise}", enough_gap(gaps, right, wanted), "1")
+
+
+def enough_gap(gaps: list[float], right: list[float], wanted: float) -> float:
+    """The gap from which on the share of correct diagnoses is ``wanted`` or more.
+
+    Between the last gap of the study with a smaller share and the next it is taken as linear over
+    the logarithm; nan if the widest gap is not enough, and the least one if all are.
+    """
+    good = len(gaps)
+    while good and right[good - 1] >= wanted:
+        good -= 1
+    if good == len(gaps):
+        return float("nan")
+    if good == 0:
+        return gaps[0]
+    share = (wanted - right[good - 1]) / (right[good] - right[good - 1])
+    return float(gaps[good - 1] * (gaps[good] / gaps[good - 1]) ** share)
 
 
 def diagnoses(study: Rows) -> dict[tuple[str, str], dict[float, list[float]]]:

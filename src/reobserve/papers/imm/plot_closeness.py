@@ -30,7 +30,7 @@ def draw(
     found = diagnoses(study)
     levels = list(dict.fromkeys(noise for _, noise in found))
     figure, panels = new_figure((1.75,) * len(levels), share_time=True)
-    wanted = settings["metrics"]["enough"]
+    wanted = settings["study"]["enough"]
     labels = {name: body["label"] for name, body in settings["observers"].items()}
     names = list(dict.fromkeys(name for name, _ in found if name != "models"))
     for axes, noise, letter in zip(panels, levels, "abcdefgh", strict=False):

@@ -10,22 +10,35 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.matrices import as_scalar, as_vector
-from reobserve.papers.imm.setup import MODES
+from reobserve.papers.imm.setup import MODES, as_truth
 
 Array = NDArray[np.float64]
 Score = tuple[str, float, str]
 
 
-def check_rules(rules: dict[str, Any]) -> None:
-    """Refuse windows that are none, and levels that are no probabilities."""
+def check_rules(rules: dict[str, Any], horizon: float) -> None:
+    """Refuse windows that no sample up to the horizon [s] is in, and levels that are none."""
     with located("metrics"):
         for name in ("before", "after", "overshoot"):
             first, last = as_vector(name, rules[name], 2)
             if not 0 <= first < last:
                 raise InputError(name, f"[{first:g}, {last:g}] s must be 0 or more, rising")
-        level = as_scalar("alarm", rules["alarm"])
-        if not 0 < level < 1:
-            raise InputError("alarm", f"{level:g} must be between 0 and 1")
+            if first >= horizon:
+                raise InputError(
+                    name, f"starts at {first:g} s, must start before the end at {horizon:g} s"
+                )
+        for name in ("alarm", "band", "enough"):
+            level = as_scalar(name, rules[name])
+            if not 0 < level < 1:
+                raise InputError(name, f"{level:g} must be between 0 and 1")
+
+
+def check_quoted(observer: dict[str, Any]) -> None:
+    """Refuse what cannot be a pair of probabilities, or whether there is a third one."""
+    values = as_vector("quoted", observer["quoted"], 2)
+    if values.min() < 0 or values.max() > 1:
+        raise InputError("quoted", f"{values.tolist()} must be from 0 to 1")
+    as_truth(observer, "quoted_high")
 
 
 def window(time: Array, bounds: Any) -> NDArray[np.bool_]:

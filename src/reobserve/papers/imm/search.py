@@ -43,7 +43,8 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
     body = settings["search"]
     calibration = Calibration(settings["plant"], settings["observers"], settings["metrics"], plant)
     calibration.stated()
-    low, high = bounds(body)
+    with located("search"):
+        low, high = bounds(body)
     nearby = _nearby(settings["seed"], int(body["neighbour_pairs"]), float(body["spread"]))
     history: list[list[float]] = []
     count = 0
@@ -119,10 +120,9 @@ def bounds(body: dict[str, Any]) -> tuple[Array, Array]:
         ("acceleration_noise", OUTPUTS - 2),
         ("leave", 1),
     ):
-        with located("search"):
-            low, high = as_vector(name, body[name], 2)
-            if not 0 < low < high:
-                raise InputError(name, f"[{low:g}, {high:g}] must be above 0 and rise")
+        low, high = as_vector(name, body[name], 2)
+        if not 0 < low < high:
+            raise InputError(name, f"[{low:g}, {high:g}] must be above 0 and rise")
         found += [(np.log10(low), np.log10(high))] * places
     low_high = np.array(found)
     return low_high[:, 0], low_high[:, 1]
@@ -138,4 +138,6 @@ def check(body: dict[str, Any]) -> None:
         raise InputError("neighbour_pairs", f"{pairs!r} must be a whole number, 0 or more")
     if not 0 <= spread < 1:
         raise InputError("spread", f"{spread:g} must be from 0 to below 1")
-    bounds(body)
+    most = 10.0 ** float(bounds(body)[1][-1]) * (1 + spread)
+    if most >= 1:
+        raise InputError("leave", f"is up to {most:g} with the spread, must stay below 1")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +14,7 @@ from reobserve.errors import InputError, located
 from reobserve.grid import multiple
 from reobserve.linear_model import LinearModel
 from reobserve.matrices import as_positive, as_scalar, as_vector
-from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.imm import InteractingMultipleModel, Run, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -27,6 +29,14 @@ ALGORITHMS = ("kalman", "smooth_variable_structure")
 UNITS = dict(zip(MOTION, ("y s", "y", "y/s", "y/s^2"), strict=True))  # y: a velocity, not stated
 
 MOST_STEPS = 5_000_000  # of a plant's record
+
+# The ledger's keys for what the library calls otherwise.
+_KEYS = {
+    "Q": "process_noise",
+    "R": "measurement_noise",
+    "frequency": "state_frequency",
+    "covariances": "initial_covariance",
+}
 
 
 def modes(plant: Settings) -> list[ActuatorModel]:
@@ -111,21 +121,22 @@ def bank(
     if algorithm not in ALGORITHMS:
         raise InputError("algorithm", f"{algorithm!r} must be one of {', '.join(ALGORITHMS)}")
     known = modes(plant) if models is None else models
-    filters: list[LinearFilter] = []
-    for mode in known:
-        one = mode.sampled(observer["realisation"], period, observer["state_frequency"])
-        # A number stands for all states, or all outputs.
-        model = LinearModel(
-            one.A, one.B, one.H, observer["process_noise"], observer["measurement_noise"], one.D
-        )  # fmt: skip
-        if algorithm == "kalman":
-            filters.append(KalmanFilter(model))
-            continue
-        layer = boundary_layer(observer, model.outputs)
-        filters.append(SmoothVariableStructureFilter(model, layer, observer["memory"]))
-    return InteractingMultipleModel(
-        filters, _transition(observer["stay"], len(known)), bool(observer["mixing"])
-    )
+    with _ledger_keys():
+        filters = [_filter(observer, mode, period) for mode in known]
+    transition = _transition(observer["stay"], len(known))
+    return InteractingMultipleModel(filters, transition, as_truth(observer, "mixing"))
+
+
+def _filter(observer: Settings, mode: ActuatorModel, period: float) -> LinearFilter:
+    one = mode.sampled(observer["realisation"], period, observer["state_frequency"])
+    # A number stands for all states, or all outputs.
+    model = LinearModel(
+        one.A, one.B, one.H, observer["process_noise"], observer["measurement_noise"], one.D
+    )  # fmt: skip
+    if observer["algorithm"] == "kalman":
+        return KalmanFilter(model)
+    layer = boundary_layer(observer, model.outputs)
+    return SmoothVariableStructureFilter(model, layer, observer["memory"])
 
 
 def boundary_layer(observer: Settings, outputs: int) -> Array:
@@ -136,8 +147,31 @@ def boundary_layer(observer: Settings, outputs: int) -> Array:
 
 def run(chosen: InteractingMultipleModel, observer: Settings, measured: Array, held: Array) -> Run:
     """Filter a record, from rest and equal probabilities of all modes."""
-    start = chosen.init(np.zeros(chosen.filters[0].model.states), observer["initial_covariance"])
-    return chosen.run(measured, start, held[:, None])
+    return chosen.run(measured, start(chosen, observer), held[:, None])
+
+
+def start(chosen: InteractingMultipleModel, observer: Settings) -> State:
+    """Rest, and equal probabilities of all modes; `InputError` if the covariance is none."""
+    with _ledger_keys():
+        rest = np.zeros(chosen.filters[0].model.states)
+        return chosen.init(rest, observer["initial_covariance"])
+
+
+def as_truth(observer: Settings, name: str) -> bool:
+    """A value that is true or false; `InputError` if it is anything else."""
+    value: bool = observer[name]
+    if not isinstance(value, bool):
+        raise InputError(name, f"{value!r} must be one of true and false, not a word or a number")
+    return value
+
+
+@contextmanager
+def _ledger_keys() -> Iterator[None]:
+    """Name a parameter of the library as the ledger does."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(_KEYS.get(error.parameter, error.parameter), error.problem) from None
 
 
 def measured_columns(observer: Settings) -> list[int]:

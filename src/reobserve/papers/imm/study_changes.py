@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from reobserve.errors import located
+from reobserve.errors import InputError
 from reobserve.papers.imm import plant as plant_stage
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES
 from reobserve.papers.imm.tuning import Calibration
@@ -14,6 +14,9 @@ from reobserve.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 Change = tuple[str, float, dict[str, Any], dict[str, Any]]
+
+# The study's keys for what changes the scenario, where it is not the name of the change.
+_KEYS = {"period": "periods", "share": "shares"}
 
 THREADS = 2
 
@@ -49,18 +52,38 @@ def _changes(study: dict[str, Any]) -> Iterator[Change]:
     yield "noise", 1.0, {"noise": study["noise"]}, {}
 
 
+def check(settings: dict[str, Any]) -> None:
+    """Build the plant of each change and run none.
+
+    Raises
+    ------
+    InputError
+        With the key of the study whose value cannot be used.
+    """
+    for sweep, _, scenario, _ in _changes(settings["study"]):
+        for changed in scenario:
+            try:
+                plant_stage.build(_changed(settings, scenario))
+            except InputError as error:
+                key, own = _KEYS.get(sweep, sweep), f"scenario.{changed}"
+                if error.parameter.startswith(own):
+                    place = key + error.parameter.removeprefix(own)
+                    raise InputError(place, error.problem) from None
+                raise InputError(key, f"with it, {error}") from None
+
+
+def _changed(settings: dict[str, Any], scenario: dict[str, Any]) -> dict[str, Any]:
+    """The settings of the plant's stage with something else in the scenario."""
+    return {
+        "plant": settings["plant"],
+        "scenario": {**settings["scenario"], **scenario},
+        "seed": settings["seed"],
+    }
+
+
 def _rows(settings: dict[str, Any], plant: Series, change: Change) -> list[Row]:
     sweep, level, scenario, observer = change
-    if scenario:
-        whole = {
-            "plant": settings["plant"],
-            "scenario": {**settings["scenario"], **scenario},
-            "seed": settings["seed"],
-        }
-        with located(f"studies.{sweep}"):
-            record = plant_stage.simulate(whole)
-    else:
-        record = plant
+    record = plant_stage.simulate(_changed(settings, scenario)) if scenario else plant
     observers = {name: {**body} for name, body in settings["observers"].items()}
     for body in observers.values():
         if "layer_factor" in observer and "layer_factor" in body:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import located
+from reobserve.errors import InputError, located
 from reobserve.grid import multiple
+from reobserve.matrices import as_positive
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.setup import run as run_bank
@@ -54,9 +55,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     period = settings["scenario"]["period"]
     normal = modes(settings["plant"])[0]
     leakage = modes(settings["plant"])[2]
-    steps = multiple("studies.horizon", study["horizon"], period, "the scenario's period")
-    begin = multiple("studies.onset", study["onset"], period, "the scenario's period")
-    judged = multiple("studies.judged", study["judged"], period, "the scenario's period")
+    steps, begin, judged = _grid(study, period)
     control = Signal.parse("input", study["input"], 1)(np.arange(steps) * period)[:, 0]
     late = (np.arange(steps) >= begin).astype(np.int64)
     rest = np.zeros(steps, dtype=np.int64)
@@ -97,6 +96,40 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
                         sweep = f"noise_{level:g}"
                         rows.append((name, sweep, task.share, number, "probability", mean, "1"))
     return rows
+
+
+def check(settings: dict[str, Any]) -> None:
+    """Refuse times that do not fit, an input that is none, and models that cannot be had.
+
+    Raises
+    ------
+    InputError
+        With the key of the study.
+    """
+    study, period = settings["study"], settings["scenario"]["period"]
+    _grid(study, period)
+    Signal.parse("input", study["input"], 1).check_grid("input", period, study["horizon"])
+    normal, _, leakage = modes(settings["plant"])
+    for share in study["shares"]:
+        try:
+            normal.blended(leakage, share)
+        except InputError as error:
+            raise InputError("shares", error.problem) from None
+
+
+def _grid(study: dict[str, Any], period: float) -> tuple[int, int, int]:
+    """Steps of the whole run, before the fault, and of the end that is judged."""
+    steps, begin, judged = (
+        multiple(name, as_positive(name, study[name]), period, "the scenario's period")
+        for name in ("horizon", "onset", "judged")
+    )
+    if begin + judged > steps:
+        raise InputError(
+            "judged",
+            f"{study['judged']:g} s must fit between onset and horizon, {study['onset']:g} and "
+            f"{study['horizon']:g} s",
+        )
+    return steps, begin, judged
 
 
 def _with_unmixed(observers: dict[str, Any]) -> dict[str, Any]:

@@ -60,6 +60,13 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     return rows
 
 
+def check(settings: dict[str, Any]) -> None:
+    """Refuse what cannot be the name of a file; whether there is one shows when it is read."""
+    kept = settings["study"]["kept"]
+    if not isinstance(kept, str):
+        raise InputError("kept", f"{kept!r} must be the path of a file")
+
+
 def _rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
     yield "all", sweep, level, 0, "distance", trial.distance, "1"
     for name, means in trial.means.items():
