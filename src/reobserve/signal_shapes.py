@@ -87,7 +87,7 @@ class GrowingSine:
     frequency: float
 
     @classmethod
-    def sine(cls, *, growth: float, frequency: float, phase: float) -> GrowingSine:
+    def sine(cls, *, growth: float, frequency: float, phase: float = 0.0) -> GrowingSine:
         """``growth * t * sin(frequency * t + phase)``."""
         return cls(0j, complex(growth * np.exp(1j * phase)), frequency)
 

@@ -267,12 +267,6 @@ class ExtendedStateObserver:
             after = State(good[-1, :p].copy(), good[-1, p:].copy(), last, state.count + rows)
         n, r = self.system.states, self.system.Fa.shape[1]
         ends = np.cumsum([p, n, p, r])
-        after, diverged_at = state, None
-        if finite < rows:
-            diverged_at = (state.count + finite - 1) * self.period
-        else:
-            last = np.concatenate([taken.output[-1], taken.control[-1]])
-            after = State(good[-1, :p].copy(), good[-1, p:].copy(), last, state.count + rows)
         return Run(
             good[:, ends[0] : ends[1]], good[:, ends[2] : ends[3]], good[:, ends[3] :],
             after, diverged_at,

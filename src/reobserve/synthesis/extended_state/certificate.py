@@ -1,0 +1,201 @@
+"""Certificates of a design that owe nothing to the solver.
+
+A solver's "optimal" may come with gains that make the observer unstable, or with a gamma that no
+observer has. So all is computed again from the gains, as they are stored:
+
+- the poles, the eigenvalues of Eo^-1 Ao, where they were asked to be;
+- bounds of the H-infinity norm from dD to e, proved by Hamiltonian matrices of balls;
+- the matrix inequality and P1 > 0, proved in balls, with Y formed from the gains: that alone proves
+  that (10) is admissible, stable and has a norm below gamma;
+- gamma not below the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix
+from reobserve.synthesis.definiteness import prove_negative_definite
+from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.inequality import (
+    PdPiVariables,
+    PiVariables,
+    in_balls,
+    mapped,
+)
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.h_infinity_norm import h_infinity_norm
+
+_BITS = 400  # leaves the radii of no account where the blocks are formed
+_SLACK = 1e-12  # of the floor, its rounding
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is known of an observer.
+
+    ``poles`` [1/s] are pairs of real and imaginary part, the slowest first. The norm from dD to e
+    is between ``norm_lower`` and ``norm_upper``, and no gains have one below ``floor``. No
+    eigenvalue of the matrix inequality is above -``inequality_margin``, none of P1 below
+    ``p1_margin``; both are zero if there is no proof. ``reason`` says what fails, and is empty if
+    nothing does.
+    """
+
+    poles: tuple[tuple[float, float], ...]
+    norm_lower: float
+    norm_upper: float
+    floor: float
+    inequality_margin: float
+    p1_margin: float
+    reason: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing fails."""
+        return not self.reason
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {**asdict(self), "poles": [list(pole) for pole in self.poles]}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Certificate:
+        """The certificate that `to_dict` was called on."""
+        poles = tuple((float(real), float(imag)) for real, imag in values["poles"])
+        return cls(**{**values, "poles": poles})
+
+
+def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:
+    """Ao = A~ - L C~ (11) and Eo = I + Ld C~ (15)."""
+    Ao = system.A_tilde - gains.L @ system.C_tilde
+    return Ao, np.eye(system.size) + gains.Ld @ system.C_tilde
+
+
+def certify(
+    system: AugmentedSystem,
+    gains: Gains,
+    gamma: float | None = None,
+    variables: PdPiVariables | PiVariables | None = None,
+    decay: float = 0.0,
+    bound: float = inf,
+    hamiltonian: bool = True,
+) -> Certificate:
+    """Prove, or refute, what is promised of an observer.
+
+    Parameters
+    ----------
+    system, gains
+        The plant and the gains, which are taken as exact.
+    gamma
+        The promised bound of the norm; none is promised if left out.
+    variables
+        What a solver returned, of which P1 (its symmetric part), P2 and P3 are taken; left out,
+        the promises are judged from the poles and the Hamiltonian alone.
+    decay, bound
+        Promised -``bound`` < Re s < -``decay`` of all poles [1/s].
+    hamiltonian
+        Whether to bound the norm by Hamiltonian matrices, in 0.5 s for N = 28, 10 s for 54, 70 s
+        for 104. If not, the norm is between the floor and the gamma that the inequality proves.
+
+    Raises
+    ------
+    InputError
+        If there is no ``gamma`` for the inequality (19).
+    """
+    if gamma is None and isinstance(variables, PdPiVariables):
+        raise InputError("gamma", "must be given: (19) has one")
+    floor = gamma_floor(system)
+    poles = _poles(system, gains)
+    reasons = [
+        _floor_reason(gamma, floor),
+        _pole_reason(poles, decay, bound),
+    ]
+    lower, upper = floor, inf
+    inequality = p1 = 0.0
+    if variables is not None:
+        inequality, p1, reason = _prove(system, gains, gamma, variables, decay, bound)
+        reasons.append(reason)
+        if gamma is not None and not reason:
+            upper = gamma
+    if hamiltonian:
+        lower, upper, reason = _norm(system, gains)
+        reasons.append(reason)
+    if gamma is not None and upper > gamma:
+        reasons.append(
+            f"the H-infinity norm, {lower:.9g} to {upper:.9g}, is not proved to be below gamma "
+            f"{gamma:.9g}"
+        )
+    pairs = tuple((float(pole.real), float(pole.imag)) for pole in poles)
+    reason = next(filter(None, reasons), "")
+    return Certificate(pairs, lower, upper, floor, inequality, p1, reason)
+
+
+def _poles(system: AugmentedSystem, gains: Gains) -> NDArray[np.complex128]:
+    """The eigenvalues of Eo^-1 Ao, the slowest first; none if Eo has no inverse."""
+    Ao, Eo = error_system(system, gains)
+    try:
+        poles = np.linalg.eigvals(np.linalg.solve(Eo, Ao))
+    except np.linalg.LinAlgError:
+        return np.empty(0, complex)
+    return np.asarray(poles[np.lexsort((poles.imag, -poles.real))], complex)
+
+
+def _floor_reason(gamma: float | None, floor: float) -> str:
+    if gamma is None or gamma >= floor * (1.0 - _SLACK):
+        return ""
+    return f"gamma {gamma:.9g} is below {floor:.9g}, which no gains get below"
+
+
+def _pole_reason(poles: NDArray[np.complex128], decay: float, bound: float) -> str:
+    if poles.size == 0:
+        return "Eo = I + Ld C~ has no inverse"
+    slowest, fastest = poles.real.max(), poles.real.min()
+    if not slowest < -decay:
+        return f"the pole {poles[0]:.6g} is not left of {0.0 - decay:g}"
+    if not fastest > -bound:
+        return f"a pole has real part {fastest:.6g}, not right of {-bound:g}"
+    return ""
+
+
+def _norm(system: AugmentedSystem, gains: Gains) -> tuple[float, float, str]:
+    Ao, Eo = error_system(system, gains)
+    try:
+        norm = h_infinity_norm(Ao, system.Bo, np.eye(system.size), E=Eo)
+    except InputError as error:
+        return 0.0, inf, f"the error system (10) has no H-infinity norm: {error}"
+    return norm.lower, norm.upper, ""
+
+
+def _prove(
+    system: AugmentedSystem,
+    gains: Gains,
+    gamma: float | None,
+    variables: PdPiVariables | PiVariables,
+    decay: float,
+    bound: float,
+) -> tuple[float, float, str]:
+    """The proved margins of the inequality and of P1, and what fails."""
+    from flint import arb_mat, ctx
+
+    variables = replace(variables, P1=(variables.P1 + variables.P1.T) / 2.0)
+    p1 = prove_negative_definite(-variables.P1)
+    if not p1.proved:
+        return 0.0, 0.0, "P1 is not proved to be positive definite"
+    with ctx.workprec(_BITS):
+        exact = mapped(variables, in_balls).with_gains(Gains(in_balls(gains.L), in_balls(gains.Ld)))
+        sides = [
+            arb_mat(np.block(rows).tolist())
+            for rows in exact.inequalities(system, gamma, decay, bound)
+        ]
+    proofs = [prove_negative_definite(side) for side in sides]
+    margin = min(proof.margin for proof in proofs)
+    if all(proof.proved for proof in proofs):
+        return margin, p1.margin, ""
+    verdict = "refuted" if any(proof.refuted for proof in proofs) else "not proved"
+    return 0.0, p1.margin, f"the matrix inequality is {verdict} at the returned matrices"

@@ -1,0 +1,54 @@
+"""Standard deviations of the errors of (10) under held random disturbances and noise.
+
+    Eo e' = Ao e + Da~ v,    v held over a period, independent from one to the next
+
+is e(k+1) = Ad e(k) + Bd v(k) at the ends of the periods, and the covariance of e there solves the
+discrete Lyapunov equation P = Ad P Ad^T + Bd V Bd^T.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reobserve.discretisation import zero_order_hold
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_floats
+from reobserve.synthesis.extended_state.certificate import error_system
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+
+
+def held_deviation(
+    system: AugmentedSystem, gains: Gains, deviations: ArrayLike, period: float
+) -> Matrix:
+    """Of the errors of x, xz, fa and fs at the ends of the periods, shape (N,).
+
+    Parameters
+    ----------
+    system, gains
+        The plant and a stable observer.
+    deviations
+        Of the disturbances and then the noise, shape (kd + kw,); they are independent.
+    period
+        For which they are held [s].
+
+    Raises
+    ------
+    InputError
+        If the deviations are not so many, or the observer is not stable.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    size = np.asarray(as_floats("deviations", deviations))
+    entering = system.Da.shape[1]
+    if size.shape != (entering,):
+        raise InputError("deviations", f"has shape {size.shape}, must be ({entering},)")
+    Ao, Eo = error_system(system, gains)
+    drive = np.vstack([system.Da, np.zeros((system.faults, entering))])
+    Ad, Bd = zero_order_hold(np.linalg.solve(Eo, Ao), np.linalg.solve(Eo, drive), period)
+    if np.max(np.abs(np.linalg.eigvals(Ad))) >= 1:
+        raise InputError("gains", "give no stable observer, so its errors have no deviation")
+    spread = Bd * size
+    covariance = solve_discrete_lyapunov(Ad, spread @ spread.T)
+    found: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return found

@@ -1,0 +1,82 @@
+"""The attenuation gamma that no gains of the observer can get below, from constant disturbances.
+
+At s = 0 the error (10) is G d with Ao G = -Bo; Ld plays no part. Take the columns of G that belong
+to da = [d, w], and let K = C~ G be what the observer sees of them. With L = [Lx; Lf]
+
+    [Aa F] G - Lx K = -Da,    Lf K = 0.
+
+A stable Ao has an inverse, so Lf, of r + q rows, has full rank, and K a rank of p - r - q at most:
+constants in a subspace V of dimension k - (p - r - q) or more, k = kd + kw, are not seen. For them
+
+    [ Aa F ]         [ -Da ]
+    [ Ca 0 ] G da =  [  0  ] da,
+
+which fixes G da whatever the gains, as the matrix to the left has full column rank without a zero
+at the origin. V lies in the subspace W of those da for which it can be solved at all. Among all
+such V in W, the least largest gain from V is a singular value of G on W (Courant and Fischer): the
+one with dim V - 1 smaller ones below it. With as many outputs as faults no constant is seen, V and
+W are everything, and the floor is the largest singular value of G.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_positive
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+_NULL = 1e-10  # of the largest singular value: a smaller one counts as zero
+
+
+def gamma_floor(system: AugmentedSystem) -> float:
+    """A lower bound of the H-infinity norm from dD to e, for all gains that make (10) stable.
+
+    It is zero if there are so many outputs that gains might tell all disturbances from faults.
+    """
+    inputs = system.Da.shape[1]
+    unseen = inputs - (system.outputs - system.faults)
+    if unseen <= 0:
+        return 0.0
+    states = system.states + system.outputs
+    matrix = np.vstack([system.A_tilde[:states], system.C_tilde])
+    right = np.vstack([-system.Da, np.zeros((system.outputs, inputs))])
+    left, values, rows = np.linalg.svd(matrix)
+    size = system.size
+    misfit = left[:, size:].T @ right
+    solvable = _null_space(misfit, float(np.linalg.norm(right, 2)))
+    gains = rows.T @ ((left[:, :size].T @ right @ solvable) / values[:, None])
+    found = np.linalg.svd(gains, compute_uv=False)[::-1]
+    return float(found[unseen - 1])
+
+
+def as_gamma(system: AugmentedSystem, factor: float, gamma: float | None = None) -> float:
+    """``gamma``, or if that is none ``factor`` times the floor: above the floor in any case.
+
+    Raises
+    ------
+    InputError
+        If it is not above the floor, or the floor is zero and there is no ``gamma``.
+    """
+    floor = gamma_floor(system)
+    if gamma is not None:
+        gamma = as_positive("gamma", gamma)
+        if gamma <= floor:
+            raise InputError(
+                "gamma", f"{gamma:.15g} must be above {floor:.15g}, which no gains get below"
+            )
+        return gamma
+    if floor == 0:
+        raise InputError("factor", "has no floor of gamma to multiply, it is zero: give gamma")
+    factor = as_positive("factor", factor)
+    if factor <= 1:
+        raise InputError(
+            "factor", f"{factor:g} of the floor of gamma, {floor:.15g}, must be above one"
+        )
+    return factor * floor
+
+
+def _null_space(matrix: Matrix, scale: float) -> Matrix:
+    """An orthonormal basis of what ``matrix`` takes to zero, in its columns."""
+    _, values, rows = np.linalg.svd(matrix)
+    return rows[int(np.sum(values > _NULL * scale)) :].T

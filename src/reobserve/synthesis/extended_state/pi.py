@@ -1,0 +1,59 @@
+"""Gains of the classical PI observer (6).
+
+The paper takes them from the feasibility of a linear matrix inequality: any solution will do, and
+it is up to the solver. Here it is the Lyapunov inequality with a decay rate, which is homogeneous:
+P1 >= I fixes the scale, and of all solutions the one of least Frobenius norm is taken, which is
+unique.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_scalar
+from reobserve.synthesis.extended_state import pd_pi
+from reobserve.synthesis.extended_state.design import Design, solved
+from reobserve.synthesis.extended_state.inequality import PiVariables
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+
+def design(
+    system: AugmentedSystem,
+    factor: float = 1.05,
+    gamma: float | None = None,
+    solver: str = "CLARABEL",
+) -> Design:
+    """By optimisation as in `pd_pi.design`, with Ld = 0: what the paper's remark is about."""
+    return pd_pi.design(system, factor, gamma, solver, derivative=False)
+
+
+def design_feasible(system: AugmentedSystem, decay: float, solver: str = "CLARABEL") -> Design:
+    """The smallest P1 and Y, as to the sum of all squares, with poles left of -``decay`` [1/s].
+
+    Raises
+    ------
+    InputError
+        If ``decay`` is below zero, the solver does not end with "optimal", or the certificate does
+        not hold.
+    """
+    import cvxpy
+    from cvxpy.atoms.sum_squares import sum_squares
+
+    decay = as_scalar("decay", decay)
+    if decay < 0:
+        raise InputError("decay", f"{decay:g} must be at least zero")
+    size = system.size
+    variables = PiVariables(
+        cvxpy.Variable((size, size), symmetric=True), cvxpy.Variable((system.outputs, size))
+    )
+    return solved(
+        "PI, feasible",
+        system,
+        variables,
+        None,
+        sum_squares(variables.P1) + sum_squares(variables.Y),
+        [variables.P1 >> np.eye(size)],
+        solver,
+        decay,
+    )
