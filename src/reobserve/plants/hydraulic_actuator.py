@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.discretisation import zero_order_hold
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
-from reobserve.matrices import as_positive, as_vector
+from reobserve.matrices import as_floats, as_positive, as_vector
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class ActuatorModel:
         InputError
             If there is no such realisation, or a number is not positive.
         """
-        if realisation not in REALISATIONS:
+        if realisation not in tuple(REALISATIONS):
             raise InputError(
                 "realisation", f"{realisation!r} must be one of {', '.join(REALISATIONS)}"
             )
@@ -179,9 +179,17 @@ def simulate(
     Raises
     ------
     InputError
-        If the period is not positive.
+        If the period is not positive, a control is not finite, or the modes are not as many
+        indices of models as there are controls.
     """
     frequency = 1.0 / as_positive("period", period)
+    held, chosen = as_floats("control", control), np.asarray(mode)
+    if held.ndim != 1:
+        raise InputError("control", f"has shape {held.shape}, must be (k,)")
+    if chosen.shape != held.shape:
+        raise InputError("mode", f"has shape {chosen.shape}, must be {held.shape} like control")
+    if chosen.dtype.kind not in "iu" or not np.isin(chosen, range(len(models))).all():
+        raise InputError("mode", f"must be whole numbers from 0 to {len(models) - 1}")
     sampled = [model.sampled("motion", period, frequency) for model in models]
     markov = np.array([model.markov for model in models])
     shares = np.zeros((len(models), ORDER + 1))
@@ -192,8 +200,8 @@ def simulate(
         np.array([one.B[:, 0] for one in sampled]),
         shares,
         scales,
-        np.asarray(mode, dtype=np.int64),
-        np.ascontiguousarray(control, dtype=np.float64),
+        np.ascontiguousarray(chosen, dtype=np.int64),
+        np.ascontiguousarray(held),
     )
 
 

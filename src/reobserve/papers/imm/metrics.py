@@ -94,10 +94,12 @@ def reach(settings: dict[str, Any], study: Rows, parameter: str) -> tuple[float,
 
 def _leaves(worst: dict[float, float], levels: list[float], band: float) -> float:
     """Where the distance, at levels in their order, first exceeds the band; the last if nowhere."""
+    if not worst[levels[0]] <= band:
+        return levels[0]
     for level, further in pairwise(levels):
         if not worst[further] <= band:
             near, far = worst[level], worst[further]
-            share = (band - near) / (far - near) if np.isfinite(far) and near < band else 0.0
+            share = (band - near) / (far - near) if np.isfinite(far) else 0.0
             return float(level * (further / level) ** share)
     return levels[-1]
 

@@ -27,7 +27,7 @@ def check_rules(rules: dict[str, Any], horizon: float) -> None:
                 raise InputError(
                     name, f"starts at {first:g} s, must start before the end at {horizon:g} s"
                 )
-        for name in ("alarm", "band", "enough"):
+        for name in ("alarm", "band"):
             level = as_scalar(name, rules[name])
             if not 0 < level < 1:
                 raise InputError(name, f"{level:g} must be between 0 and 1")

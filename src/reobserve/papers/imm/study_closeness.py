@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.grid import multiple
-from reobserve.matrices import as_positive
+from reobserve.matrices import as_positive, as_scalar
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.setup import run as run_bank
@@ -109,6 +109,9 @@ def check(settings: dict[str, Any]) -> None:
     study, period = settings["study"], settings["scenario"]["period"]
     _grid(study, period)
     Signal.parse("input", study["input"], 1).check_grid("input", period, study["horizon"])
+    enough = as_scalar("enough", study["enough"])
+    if not 0 < enough < 1:
+        raise InputError("enough", f"{enough:g} must be between 0 and 1")
     normal, _, leakage = modes(settings["plant"])
     for share in study["shares"]:
         try:

@@ -1,0 +1,44 @@
+"""Stage metrics: errors and lags of the estimated faults, and what the certificates say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from reobserve.metrics import Metric
+from reobserve.papers.eso.scoring import check_rules, scores
+from reobserve.series import Series
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+def measure(
+    settings: dict[str, Any],
+    plant: Series,
+    estimates: Mapping[str, Series],
+    study: Rows | None = None,
+) -> list[Metric]:
+    """The numbers of a figure; see ``results/README.md`` for their names.
+
+    Raises
+    ------
+    InputError
+        If a setting of the metrics cannot be used.
+    """
+    check_rules(settings["metrics"], settings["plant"]["horizon"])
+    found = []
+    for name, estimate in estimates.items():
+        found += [Metric(name, *score) for score in scores(settings["metrics"], plant, estimate)]
+    if study is not None:
+        found += _brief(study)
+    return found
+
+
+def _brief(study: Rows) -> Iterator[Metric]:
+    """Each number of a design, named after what was chosen; of unique designs only."""
+    for row in study:
+        if row["unique"] == "yes":
+            place = f"rate_{float(row['filter_rate']):g}_{row['choice']}_{float(row['level']):g}"
+            yield Metric(
+                row["kind"], f"{row['quantity']}_at_{place}", float(row["value"]), row["unit"]
+            )

@@ -1,0 +1,67 @@
+"""Stage observe: an extended state observer on a plant's record, with the gains of its design."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.observers.extended_state import ExtendedStateObserver, Run
+from reobserve.papers.eso.setup import augmented
+from reobserve.series import Channel, Series
+from reobserve.synthesis.extended_state.system import Gains
+
+
+def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObserver:
+    """The observer with a design's gains; its period is two steps of the plant.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    if settings["observer"]["algorithm"] != "extended_state":
+        raise InputError(
+            "algorithm", f"{settings['observer']['algorithm']!r} must be extended_state"
+        )
+    system = augmented(settings["plant"], design["filter_rate"])
+    gains = Gains(np.array(design["L"]), np.array(design["Ld"]))
+    # Parabolas through the record's value in the middle of each step.
+    return ExtendedStateObserver(system, gains, 2.0 * settings["plant"]["step"], "second")
+
+
+def estimate(settings: dict[str, Any], plant: Series, design: dict[str, Any]) -> Series:
+    """Estimates of state and faults at every second sample of the record.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    DivergenceError
+        If the observer leaves the range of floating-point numbers.
+    """
+    observer = build(settings, design)
+    run = run_on(observer, plant)
+    if run.diverged_at is not None:
+        raise DivergenceError("observer", run.diverged_at)
+    return Series(
+        plant.time[::2],
+        {
+            "state": Channel(run.estimate, "rad/s, A"),
+            "actuator_fault": Channel(run.actuator_fault[:, 0], "V"),
+            "sensor_fault": Channel(run.sensor_fault[:, 0], "rad/s"),
+        },
+        plant.events,
+    )
+
+
+def run_on(observer: ExtendedStateObserver, plant: Series) -> Run:
+    """The observer on a record: samples, their limits from the left, and the middles."""
+    output, control = plant["output"], plant["control"][:, None]
+    before = plant["output_before"][::2], plant["control_before"][::2, None]
+    # There is nothing before the first sample.
+    middle = tuple(
+        np.concatenate([np.zeros((1, part.shape[1])), part[1::2]]) for part in (output, control)
+    )
+    return observer.run(output[::2], control[::2], observer.init(), before, (middle[0], middle[1]))

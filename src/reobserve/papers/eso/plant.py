@@ -1,0 +1,60 @@
+"""Stage plant: the motor under control, with its faults, and what is measured of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.papers.eso.setup import Experiment, experiment
+from reobserve.random_streams import random_stream
+from reobserve.series import Channel, Series
+
+Array = NDArray[np.float64]
+
+
+def build(settings: dict[str, Any]) -> Experiment:
+    """Everything a scenario states, checked; see `experiment`."""
+    return experiment(settings["plant"], settings["scenario"])
+
+
+def simulate(settings: dict[str, Any]) -> Series:
+    """State, faults, and what is measured, over the horizon.
+
+    ``state`` is speed and current, ``output`` y and ``control`` u, ``actuator_fault`` and
+    ``sensor_fault`` the truth, ``reference`` r; ``_before`` marks limits from the left. The event
+    ``faults`` lists when a fault jumps.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be used.
+    DivergenceError
+        If the state leaves the range of floating-point numbers.
+    """
+    setup = build(settings)
+    disturbance, noise = _drawn(setup, settings["seed"])
+    run = setup.plant.simulate(
+        setup.reference, setup.actuator_fault, setup.sensor_fault, disturbance, noise, setup.step
+    )
+    time = np.arange(setup.steps + 1, dtype=np.float64) * setup.step
+    channels = {"state": Channel(run.state, "rad/s, A")}
+    for suffix, side in (("", run.after), ("_before", run.before)):
+        channels[f"output{suffix}"] = Channel(side.output, "rad/s, A")
+        channels[f"control{suffix}"] = Channel(side.control[:, 0], "V")
+        channels[f"actuator_fault{suffix}"] = Channel(side.actuator_fault[:, 0], "V")
+        channels[f"sensor_fault{suffix}"] = Channel(side.sensor_fault[:, 0], "rad/s")
+    channels["reference"] = Channel(setup.reference(time)[:, 0], "rad/s")
+    jumps = {*setup.actuator_fault.jumps, *setup.sensor_fault.jumps}
+    return Series(time, channels, {"faults": tuple(sorted(t for t in jumps if t < time[-1]))})
+
+
+def _drawn(setup: Experiment, seed: int) -> tuple[Array, Array]:
+    """Disturbances and noise, a row a step, each held for a while; from named streams."""
+    periods = -(-setup.steps // setup.hold)
+    rows = np.arange(setup.steps) // setup.hold
+    uniform = random_stream(seed, "eso", "disturbance").random((periods, len(setup.low)))
+    normal = random_stream(seed, "eso", "noise").standard_normal((periods, 1))
+    disturbance = setup.low + (setup.high - setup.low) * uniform
+    return disturbance[rows], setup.deviation * normal[rows]

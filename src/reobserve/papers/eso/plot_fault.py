@@ -1,0 +1,73 @@
+"""Figs 2 to 5 of the paper: a fault, its estimates by both observers, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from reobserve.figures import STYLES, TRUTH, add_note, new_figure, thin
+from reobserve.metrics import Metric
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+
+_LABELS = {"actuator": "actuator fault [V]", "sensor": "sensor fault [rad/s]"}
+
+
+def draw(
+    settings: dict[str, Any],
+    plant: Series,
+    estimates: Mapping[str, Series],
+    _: Sequence[Mapping[str, Any]],
+    __: Sequence[Metric],
+) -> Figure:
+    """The fault with its estimates, and their errors."""
+    layout = settings["figure"]["layout"]
+    figure, (fault, error) = new_figure((2.8, 2.0))
+    channel = f"{layout}_fault"
+    fault.plot(*upright(plant, channel), **TRUTH.line(), label=f"{layout} fault")
+    for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
+        label = settings["observers"][name]["label"]
+        values, truth = estimate[channel], plant[channel][::2]
+        fault.plot(*thin(estimate.time, values), **style.line(), label=label)
+        error.plot(*thin(estimate.time, values - truth), **style.line())
+    fault.set_ylabel(_LABELS[layout])
+    fault.set_title(f"(a) {layout} fault and its estimates")
+    fault.legend(loc="upper left")
+    low, high = fault.get_ylim()
+    fault.set_ylim(low, high + 0.15 * (high - low))
+    error.set_ylabel(f"error {_LABELS[layout].rpartition(' ')[2]}")
+    error.set_title("(b) estimate minus fault")
+    error.set_xlabel("time [s]")
+    error.set_xlim(plant.time[0], plant.time[-1])
+    add_note(figure, _note(settings))
+    return figure
+
+
+def upright(plant: Series, channel: str) -> tuple[Array, Array]:
+    """A signal with its jumps upright."""
+    time = np.repeat(plant.time, 2)
+    values = np.column_stack([plant[f"{channel}_before"], plant[channel]]).ravel()
+    jumps = np.flatnonzero(np.abs(np.diff(values)) > 1e-2)
+    keep = np.unique(np.concatenate([np.arange(0, len(time), 40), jumps, jumps + 1]))
+    return time[keep], values[keep]
+
+
+def _note(settings: dict[str, Any]) -> str:
+    scenario, plant = settings["scenario"], settings["plant"]
+    low, high = scenario["disturbance_low"], scenario["disturbance_high"]
+    noise = "no noise"
+    if scenario["noise_power"] > 0:
+        deviation = np.sqrt(scenario["noise_power"] / plant["hold_period"])
+        noise = f"noise of {deviation:.3g} rad/s"
+    return (
+        f"Chosen here: disturbances between {low} and {high}, {noise}, both held for "
+        f"{plant['hold_period']:g} s; PI gains by feasibility with decay "
+        f"{settings['designs']['pi_feasible']['decay']:g}/s,\nPD/PI gains of least norm with γ "
+        f"{100 * (settings['designs']['pd_pi']['factor'] - 1):.2g} % above its floor. Estimates do "
+        "not depend on controller or reference."
+    )

@@ -1,0 +1,76 @@
+"""Errors of estimated faults, and how far they lag behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.matrices import as_positive, as_vector
+from reobserve.series import Series
+
+Array = NDArray[np.float64]
+Score = tuple[str, float, str]
+
+FAULTS = {"actuator": "V", "sensor": "rad/s"}
+
+
+def check_rules(rules: dict[str, Any], horizon: float) -> None:
+    """Refuse windows that no sample is in, and a longest lag that is none."""
+    with located("metrics"):
+        for name in FAULTS:
+            for what in ("varying", "constant"):
+                key = f"{name}_{what}"
+                first, last = as_vector(key, rules[key], 2)
+                if not 0 <= first < last or first >= horizon:
+                    raise InputError(
+                        key, f"[{first:g}, {last:g}] s must rise from 0 or more, within the horizon"
+                    )
+        as_positive("longest_lag", rules["longest_lag"])
+
+
+def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
+    """The samples from the first bound to just before the second [s]."""
+    chosen: NDArray[np.bool_] = (time > bounds[0] - 1e-9) & (time < bounds[1] - 1e-9)
+    return chosen
+
+
+def root_mean_square(values: Array) -> float:
+    """Over samples; nan for none."""
+    return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
+
+
+def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> float:
+    """By how much later the estimate is: the shift that leaves the least error [s].
+
+    Shifts are whole samples, refined by a parabola through the least squared error and its
+    neighbours; at most ``longest`` seconds. An estimate is looked at up to that much after the
+    window, which the record must hold; if it does not, the shifts end there.
+    """
+    rows = np.flatnonzero(window(time, bounds))
+    step = time[1] - time[0]
+    most = min(round(longest / step), len(time) - 1 - rows[-1])
+    errors = np.array(
+        [np.mean((estimate[rows + shift] - truth[rows]) ** 2) for shift in range(most + 1)]
+    )
+    best = int(np.argmin(errors))
+    if not 0 < best < most:
+        return float(best * step)
+    before, least, after = errors[best - 1 : best + 2]
+    return float((best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step)
+
+
+def scores(rules: dict[str, Any], plant: Series, estimate: Series) -> Iterator[Score]:
+    """Of both faults: errors where they vary and where they are constant, and the lag."""
+    for name, unit in FAULTS.items():
+        truth, found = plant[f"{name}_fault"][::2], estimate[f"{name}_fault"]
+        error, time = found - truth, estimate.time
+        for what in ("varying", "constant"):
+            chosen = error[window(time, rules[f"{name}_{what}"])]
+            yield f"rms_{name}_error_{what}", root_mean_square(chosen), unit
+            yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
+        bounds = rules[f"{name}_varying"]
+        yield f"{name}_lag", lag(time, truth, found, bounds, rules["longest_lag"]), "s"

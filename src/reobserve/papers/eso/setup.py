@@ -1,0 +1,129 @@
+"""From the ledger's values to the motor, its control, the augmented system and the signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.grid import multiple, plant_grid
+from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve.signals import Signal
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+Settings = dict[str, Any]
+Array = NDArray[np.float64]
+
+MOST_STEPS = 2_000_000  # of a plant's record
+
+CONSTANTS = (
+    "inertia",
+    "friction",
+    "torque_constant",
+    "emf_constant",
+    "resistance",
+    "inductance",
+)
+
+
+def motor(plant: Settings) -> DCMotor:
+    """The motor; `InputError` names the constant that is wrong."""
+    with located("plant"):
+        return DCMotor(*(plant[name] for name in CONSTANTS))
+
+
+def controlled_motor(plant: Settings) -> ControlledMotor:
+    """The motor in its speed control, with what disturbs it."""
+    driven = motor(plant)
+    with located("plant"):
+        real, imaginary, third = as_vector("controller_poles", plant["controller_poles"], 3)
+        try:
+            control = SpeedControl.placed(
+                driven, [complex(real, imaginary), complex(real, -imaginary), third]
+            )
+        except InputError as error:
+            raise InputError("controller_poles", error.problem) from None
+        return ControlledMotor(
+            driven, control, *(_matrix(plant, name) for name in ("disturbance", "noise", "sensor"))
+        )
+
+
+def augmented(plant: Settings, filter_rate: Any) -> AugmentedSystem:
+    """The system (7) that observers of the motor are designed for, with both states measured."""
+    driven = controlled_motor(plant)
+    rate = as_positive("filter_rate", filter_rate)
+    B = driven.motor.B
+    return AugmentedSystem(
+        driven.motor.A, B, np.eye(2), driven.Dd, driven.Dw, B, driven.Fs, np.array(rate)
+    )
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A scenario, checked: signals, and disturbance and noise as they are drawn.
+
+    ``low`` and ``high`` are the bounds of the uniform disturbances, shape (2,); ``deviation`` is
+    that of the normal noise; both are held for ``hold`` steps of ``step`` [s].
+    """
+
+    plant: ControlledMotor
+    reference: Signal
+    actuator_fault: Signal
+    sensor_fault: Signal
+    low: Array
+    high: Array
+    deviation: float
+    hold: int
+    steps: int
+    step: float
+
+
+def experiment(plant: Settings, scenario: Settings) -> Experiment:
+    """What a scenario states.
+
+    Raises
+    ------
+    InputError
+        If one of its values cannot be used, with its key.
+    """
+    steps, step = plant_grid(plant, MOST_STEPS)
+    driven = controlled_motor(plant)
+    with located("plant"):
+        if steps % 2:
+            raise InputError("horizon", "must be an even number of steps: observers take two")
+        period = as_positive("hold_period", plant["hold_period"])
+        hold = multiple("hold_period", period, step, "the step")
+        if hold % 2:
+            raise InputError("hold_period", f"{period:g} s must be an even number of steps")
+        # Jumps fall between steps of the observers, which are two of the plant's.
+        reference = _signal("reference", plant["reference"], 2 * step, steps * step)
+    with located("scenario"):
+        actuator, sensor = (
+            _signal(name, scenario[name], 2 * step, steps * step)
+            for name in ("actuator_fault", "sensor_fault")
+        )
+        low = as_vector("disturbance_low", scenario["disturbance_low"], 2)
+        high = as_vector("disturbance_high", scenario["disturbance_high"], 2)
+        if (low > high).any():
+            raise InputError(
+                "disturbance_low", f"{low.tolist()} must not be above {high.tolist()}, the high one"
+            )
+        power = as_scalar("noise_power", scenario["noise_power"])
+        if power < 0:
+            raise InputError("noise_power", f"{power:g} must not be negative")
+    deviation = float(np.sqrt(power / period))
+    return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
+
+
+def _signal(name: str, terms: Any, step: float, horizon: float) -> Signal:
+    signal = Signal.parse(name, terms, 1)
+    signal.check_jumps(name, step, horizon)
+    return signal
+
+
+def _matrix(plant: Settings, name: str) -> Array:
+    return as_floats(f"{name}_matrix", plant[f"{name}_matrix"])
