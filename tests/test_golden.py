@@ -29,7 +29,7 @@ ONLY_REFUSED = {
     "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
     "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
     "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
-    "imm": (".period", ".share", ".clock", ".order"),
+    "imm": (".plain.period", ".step.period", ".share", ".clock", ".order"),
 }
 # Others are names in the form of numbers, no constants: whole keys, and places inside a value.
 NO_CONSTANTS = {
@@ -45,6 +45,14 @@ NO_CONSTANTS = {
         "closeness.noise_levels",
         "closeness.input",
         "closeness.horizon",
+    ),
+    # The longest lag is a bound that no lag comes near.
+    "eso": (
+        "designs.filter_rates",
+        "designs.decays",
+        "designs.factors",
+        "designs.pole_bounds",
+        "metrics.longest_lag",
     ),
 }
 NAMES = {"axis", "component", "powers"}

@@ -143,6 +143,8 @@ def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monke
     # The record is no exact motion of the pendulum, but near one.
     rate = names["motion"].estimate[1000:, 1]  # type: ignore[attr-defined]
     assert np.max(np.abs(rate - np.gradient(names["angle"], time)[::2][1000:])) < 0.01  # type: ignore[index, arg-type]
+    # It swings as the sound model does.
+    assert names["diagnosis"].probability[1000:, 0].mean() > 0.9  # type: ignore[attr-defined]
 
 
 def test_the_example_of_the_readme_is_accepted(tmp_path: Path) -> None:
@@ -205,6 +207,41 @@ def test_the_numbers_of_the_readme_on_delays_are_those_of_the_build() -> None:
                 for name in names
             ]
             assert f"| `{observer}`, Fig. {figure} |{'|'.join(numbers)}|" in README
+
+
+def test_the_numbers_of_the_readme_on_banks_are_those_of_the_build() -> None:
+    plain = {**golden("fig5_plain", "imm"), **golden("fig7_plain", "imm")}
+    tuned = {**golden("fig5", "imm"), **golden("fig7", "imm")}
+    for name in ("kalman", "svsf", "svsf_thin"):
+        columns = []
+        for found, observer in ((plain, name), (tuned, f"{name}_tuned")):
+            normal, leakage = (
+                percent(round(found[observer, f"{mode}_after"], 8))
+                for mode in ("normal", "leakage")
+            )
+            flips = ", flipping" if found[observer, "normal_spread"] > 0.1 else ""
+            columns.append(f"{normal} / {leakage}{flips}")
+        assert f" | {' | '.join(columns)} |" in README
+    near = golden("fig5_neighbourhood", "imm")
+    assert f"({near['search', 'trials']:g} trials," in README
+    low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
+    assert f"by {low * 100:.1g} % and +{high * 100:.2g} %" in README.replace("\n", " ")
+    assert tuned["svsf_thin_tuned", "outside_share"] == tuned["svsf_tuned", "outside_share"] == 0
+    gaps = golden("fig8_closeness", "imm")
+    needed = [gaps[name, "least_gap_at_noise_0.3"] for name in ("kalman", "kalman_unmixed")]
+    assert "needs a ν-gap of {:.2g}, without mixing {:.2g}".format(*needed) in README
+
+
+def test_the_numbers_of_the_readme_on_extended_observers_are_those_of_the_build() -> None:
+    actuator, sensor = golden("fig2", "eso"), golden("fig3", "eso")
+    for name in ("pi", "pd_pi"):
+        numbers = [
+            f"{actuator[name, 'actuator_lag']:.2g} s",
+            f"{sensor[name, 'sensor_lag']:.2g} s",
+            f"{actuator[name, 'rms_actuator_error_varying']:.2g} V",
+            f"{sensor[name, 'rms_sensor_error_varying']:.2g} rad/s",
+        ]
+        assert f"| `{name}` | {' | '.join(numbers)} |" in README
 
 
 @pytest.mark.parametrize("paper", PAPERS)

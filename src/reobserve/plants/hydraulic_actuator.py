@@ -14,7 +14,7 @@ since they would differ by ten orders of magnitude otherwise, and Ad have a cond
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -68,6 +68,9 @@ class ActuatorModel:
 
     numerator: ArrayLike
     denominator: ArrayLike
+    _sampled: dict[tuple[str, float, float], Sampled] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         for name in ("numerator", "denominator"):
@@ -136,7 +139,13 @@ class ActuatorModel:
             raise InputError(
                 "realisation", f"{realisation!r} must be one of {', '.join(REALISATIONS)}"
             )
-        scale = as_positive("frequency", frequency)
+        chosen = realisation, as_positive("period", period), as_positive("frequency", frequency)
+        # Banks that differ in their noise alone share the models, thousands of times in a search.
+        if chosen not in self._sampled:
+            self._sampled[chosen] = self._sample(*chosen)
+        return self._sampled[chosen]
+
+    def _sample(self, realisation: str, period: float, scale: float) -> Sampled:
         powers = scale ** np.arange(ORDER)
         # Position, then velocity and its derivatives, divided by frequency^-1, 1, frequency, ...
         A, B = np.zeros((ORDER + 1, ORDER + 1)), np.zeros((ORDER + 1, 1))

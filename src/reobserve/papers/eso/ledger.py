@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from reobserve.errors import located
+from reobserve.errors import InputError, located
 from reobserve.ledger import Ledger
 from reobserve.ledger_check import check_scenarios
 from reobserve.papers.eso import plant
 from reobserve.papers.eso.design import check_kind
+from reobserve.papers.eso.observe import check_algorithm
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented
 from reobserve.papers.eso.study import check_study
@@ -19,12 +20,20 @@ def check(ledger: Ledger) -> None:
     """
     settings = ledger.section("plant")
     check_scenarios(ledger, plant.build)
-    for name, body in ledger.section("designs").items():
+    designs = ledger.section("designs")
+    with located(ledger.paper):
+        augmented(settings, 1.0)  # what can be wrong with the plant is so with any filter
+    for name, body in designs.items():
         with located(f"{ledger.paper}.designs.{name}"):
             check_kind(body["kind"])
             augmented(settings, body["filter_rate"])
+    for name, body in ledger.section("observers").items():
+        with located(f"{ledger.paper}.observers.{name}"):
+            check_algorithm(body)
+            if "design" not in body:
+                raise InputError("design", f"is missing, must be one of {', '.join(designs)}")
     with located(ledger.paper):
-        check_rules(ledger.section("metrics"), settings["horizon"])
+        check_rules(ledger.section("metrics"), settings)
     for name, study in ledger.section("studies").items():
         with located(f"{ledger.paper}.studies.{name}"):
             check_study(study)

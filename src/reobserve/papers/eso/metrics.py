@@ -25,7 +25,7 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    check_rules(settings["metrics"], settings["plant"]["horizon"])
+    check_rules(settings["metrics"], settings["plant"])
     found = []
     for name, estimate in estimates.items():
         found += [Metric(name, *score) for score in scores(settings["metrics"], plant, estimate)]

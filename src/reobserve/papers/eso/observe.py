@@ -21,14 +21,17 @@ def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObse
     InputError
         If a setting cannot be used.
     """
-    if settings["observer"]["algorithm"] != "extended_state":
-        raise InputError(
-            "algorithm", f"{settings['observer']['algorithm']!r} must be extended_state"
-        )
+    check_algorithm(settings["observer"])
     system = augmented(settings["plant"], design["filter_rate"])
     gains = Gains(np.array(design["L"]), np.array(design["Ld"]))
     # Parabolas through the record's value in the middle of each step.
     return ExtendedStateObserver(system, gains, 2.0 * settings["plant"]["step"], "second")
+
+
+def check_algorithm(observer: dict[str, Any]) -> None:
+    """Refuse an algorithm that there is not."""
+    if observer["algorithm"] != "extended_state":
+        raise InputError("algorithm", f"{observer['algorithm']!r} must be extended_state")
 
 
 def estimate(settings: dict[str, Any], plant: Series, design: dict[str, Any]) -> Series:

@@ -18,8 +18,9 @@ Score = tuple[str, float, str]
 FAULTS = {"actuator": "V", "sensor": "rad/s"}
 
 
-def check_rules(rules: dict[str, Any], horizon: float) -> None:
+def check_rules(rules: dict[str, Any], plant: dict[str, Any]) -> None:
     """Refuse windows that no sample is in, and a longest lag that is none."""
+    horizon, period = plant["horizon"], 2.0 * plant["step"]
     with located("metrics"):
         for name in FAULTS:
             for what in ("varying", "constant"):
@@ -28,6 +29,12 @@ def check_rules(rules: dict[str, Any], horizon: float) -> None:
                 if not 0 <= first < last or first >= horizon:
                     raise InputError(
                         key, f"[{first:g}, {last:g}] s must rise from 0 or more, within the horizon"
+                    )
+                if last - first < 2.0 * period - 1e-9:
+                    raise InputError(
+                        key,
+                        f"[{first:.9g}, {last:.9g}] s must hold two samples of the estimates, "
+                        f"which are {period:g} s apart",
                     )
         as_positive("longest_lag", rules["longest_lag"])
 
@@ -47,14 +54,15 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     """By how much later the estimate is: the shift that leaves the least error [s].
 
     Shifts are whole samples, refined by a parabola through the least squared error and its
-    neighbours; at most ``longest`` seconds. An estimate is looked at up to that much after the
-    window, which the record must hold; if it does not, the shifts end there.
+    neighbours; at most ``longest`` seconds, and half the window. Neither truth nor estimate counts
+    outside the window: what the estimate does after it may be an answer to a jump at its end.
     """
-    rows = np.flatnonzero(window(time, bounds))
-    step = time[1] - time[0]
-    most = min(round(longest / step), len(time) - 1 - rows[-1])
+    chosen = window(time, bounds)
+    truth, estimate = truth[chosen], estimate[chosen]
+    step, count = time[1] - time[0], len(truth)
+    most = min(round(longest / step), count // 2)
     errors = np.array(
-        [np.mean((estimate[rows + shift] - truth[rows]) ** 2) for shift in range(most + 1)]
+        [np.mean((estimate[shift:] - truth[: count - shift]) ** 2) for shift in range(most + 1)]
     )
     best = int(np.argmin(errors))
     if not 0 < best < most:

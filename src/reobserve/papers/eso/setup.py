@@ -48,7 +48,11 @@ def controlled_motor(plant: Settings) -> ControlledMotor:
         except InputError as error:
             raise InputError("controller_poles", error.problem) from None
         return ControlledMotor(
-            driven, control, *(_matrix(plant, name) for name in ("disturbance", "noise", "sensor"))
+            driven,
+            control,
+            _matrix(plant, "disturbance_matrix", 2),
+            _matrix(plant, "noise_matrix", 1),
+            _matrix(plant, "sensor_matrix", 1),
         )
 
 
@@ -57,9 +61,15 @@ def augmented(plant: Settings, filter_rate: Any) -> AugmentedSystem:
     driven = controlled_motor(plant)
     rate = as_positive("filter_rate", filter_rate)
     B = driven.motor.B
-    return AugmentedSystem(
-        driven.motor.A, B, np.eye(2), driven.Dd, driven.Dw, B, driven.Fs, np.array(rate)
-    )
+    try:
+        return AugmentedSystem(
+            driven.motor.A, B, np.eye(2), driven.Dd, driven.Dw, B, driven.Fs, np.array(rate)
+        )
+    except InputError as error:
+        raise InputError(
+            "plant.sensor_matrix",
+            f"{driven.Fs.tolist()} hides faults: {error.parameter} {error.problem}",
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -125,5 +135,9 @@ def _signal(name: str, terms: Any, step: float, horizon: float) -> Signal:
     return signal
 
 
-def _matrix(plant: Settings, name: str) -> Array:
-    return as_floats(f"{name}_matrix", plant[f"{name}_matrix"])
+def _matrix(plant: Settings, name: str, columns: int) -> Array:
+    """Of as many columns as the ledger has disturbances, noises or sensor faults."""
+    matrix = as_floats(name, plant[name])
+    if matrix.shape != (2, columns):
+        raise InputError(name, f"has shape {matrix.shape}, must be (2, {columns})")
+    return matrix

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError
 from reobserve.matrices import as_vector
 from reobserve.papers.imm.scoring import quoted_distance, window
-from reobserve.papers.imm.setup import bank, measured_columns, run
+from reobserve.papers.imm.setup import bank, measured_columns, modes, run
+from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
@@ -97,8 +99,12 @@ class Calibration:
             weights.append(3 if high else 2)
         return Trial(means, float(np.sqrt(np.average(squares, weights=weights))))
 
+    @cached_property
+    def _models(self) -> list[ActuatorModel]:
+        return modes(self.plant)
+
     def _probability(self, observer: dict[str, Any]) -> Array | None:
-        chosen = bank(self.plant, observer, self.record.step)
+        chosen = bank(self.plant, observer, self.record.step, self._models)
         measured = self.record["measured"][1:, measured_columns(observer)]
         found = run(chosen, observer, measured, self.record["input"][:-1])
         return None if found.diverged_at is not None else found.probability
