@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "delays", "filters", "normal_forms", "build")
+NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "build")
 
 
 def main() -> int:
@@ -17,9 +17,9 @@ def main() -> int:
         prog="python -m benchmarks",
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
-            "against C, numpy, scipy and filterpy, normal forms against sympy and DACE, the cold "
-            "build against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
-            "computes other numbers."
+            "against C, numpy, scipy, control and filterpy, designs by Clarabel against SCS, "
+            "normal forms against sympy and DACE, the cold build against its bare imports. Slow "
+            "is no failure; the exit code is 1 only if a peer computes other numbers."
         ),
     )
     parser.add_argument(
@@ -32,13 +32,14 @@ def main() -> int:
     # As the command line does it, before numpy is imported.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from benchmarks import build, delays, filters, kernels, normal_forms
+    from benchmarks import build, delays, designs, filters, kernels, normal_forms
     from benchmarks.report import write
 
     runs = {
         "kernels": kernels.run,
         "delays": delays.run,
         "filters": filters.run,
+        "designs": designs.run,
         "normal_forms": normal_forms.run,
         "build": build.run,
     }

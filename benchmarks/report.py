@@ -131,7 +131,7 @@ def _columns(table: Sequence[Sequence[str]]) -> Iterable[str]:
 
 def write(path: Path, sections: dict[str, Section], quick: bool) -> None:
     """All sections as JSON, with the versions that decide the speed."""
-    packages = ("numpy", "scipy", "numba", "llvmlite", "snakemake")
+    packages = ("numpy", "scipy", "numba", "llvmlite", "snakemake", "cvxpy", "clarabel", "scs")
     stored = {
         "quick": quick,
         "python": platform.python_version(),
