@@ -143,6 +143,8 @@ def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monke
     # The record is no exact motion of the pendulum, but near one.
     rate = names["motion"].estimate[1000:, 1]  # type: ignore[attr-defined]
     assert np.max(np.abs(rate - np.gradient(names["angle"], time)[::2][1000:])) < 0.01  # type: ignore[index, arg-type]
+    # A motor at rest under half a volt has lost half a volt.
+    assert abs(names["found"].actuator_fault[-1, 0] + 0.5) < 1e-6  # type: ignore[attr-defined]
     # It swings as the sound model does.
     assert names["diagnosis"].probability[1000:, 0].mean() > 0.9  # type: ignore[attr-defined]
 
