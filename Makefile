@@ -24,7 +24,7 @@ report: figures  ## one HTML file with every figure and its caption
 	snakemake --report results/report.snakemake.html
 
 test: check  ## everything below `check`, then the whole test suite
-	pytest
+	pytest --numprocesses $(CORES)
 
 check: $(STAMP)  ## style, types, workflow lint
 	ruff check .

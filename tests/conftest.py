@@ -1,7 +1,41 @@
 """Before numpy is imported: as in the command line, so that sums round alike, and two test
-processes on two cores do not fight over threads for matrices of five rows."""
+processes on two cores do not fight over threads for matrices of five rows.
+
+And which tests share a process where several run them: those that share what is dear to make.
+"""
+
+from __future__ import annotations
 
 import os
+from typing import Any
+
+import pytest
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+
+def group(test: str) -> str:
+    """The tests of a file, of a paper's golden numbers or of the built project, kept together."""
+    file, _, name = test.partition("::")
+    if file == "tests/test_golden.py":
+        return f"{file} {name.partition('[')[2].partition('-')[0]}"
+    if file.startswith("tests/pipeline/") and file != "tests/pipeline/test_toy.py":
+        return "tests/pipeline"
+    return file
+
+
+# Where nothing asks for several processes, nobody asks for this, nor is pytest-xdist needed.
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Hand out whole groups, those of many tests first.
+
+    Not by the marks of `--dist loadgroup`, which pytest 9.2 and pytest-xdist 3.8 ignore together.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group(nodeid)
+
+    return Scheduling(config, log)

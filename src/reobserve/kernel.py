@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import warnings
@@ -53,9 +54,28 @@ def _compiled(compiler: Any, function: Any) -> Any:
     before = config.CACHE_DIR
     config.CACHE_DIR = _cache_folder()
     try:
-        return compiler(function)
+        compiled = compiler(function)
     finally:
         config.CACHE_DIR = before
+    _save_alone(compiled._cache)
+    return compiled
+
+
+def _save_alone(cache: Any) -> None:
+    """Let one process at a time save machine code of a kernel.
+
+    numba reads the index of a kernel, adds a name to it and writes the code under that name. Each
+    file is replaced whole, but two processes with two signatures can choose one name, and then
+    one signature runs the code of the other.
+    """
+    save = cache.save_overload
+
+    def save_alone(signature: Any, compiled: Any) -> None:
+        with (Path(cache.cache_path) / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            save(signature, compiled)
+
+    cache.save_overload = save_alone
 
 
 @cache

@@ -109,7 +109,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "unknown kind of fault": (
         {"scenarios": {"constant": {"fault": [{"kind": "stepp", "axis": 1}]}}},
         "ilo.scenarios.constant.fault[0].kind:",
-        "must be one of constant, sine, ramp, samples",
+        "must be one of constant, sine, growing_sine, ramp, square, prbs, sweep, samples",
     ),
     "unknown scenario of a figure": (
         {"figures": {"fig1": {"scenario": "constnat"}}},
