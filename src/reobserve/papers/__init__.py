@@ -10,6 +10,8 @@ of the others fresh:
     table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
+                                                      (made by `reobserve.layouts.by_layout`)
+    search.run(settings, plant, progress) -> dict     (only papers that have searches)
     ledger.check(ledger) -> None                      (builds everything once, runs nothing)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from matplotlib.figure import Figure
-
-from reobserve.errors import InputError
-from reobserve.metrics import Metric
+from reobserve.layouts import by_layout
 from reobserve.papers.delay import plot_comparison, plot_states, plot_tradeoff, plot_tuning
-from reobserve.series import Series
 
 LAYOUTS = {
     "states": plot_states.draw,
@@ -19,25 +12,4 @@ LAYOUTS = {
     "tuning": plot_tuning.draw,
 }
 
-
-def draw(
-    settings: dict[str, Any],
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]] | None,
-    metrics: Sequence[Metric],
-) -> Figure:
-    """The figure in the layout that the ledger names.
-
-    Raises
-    ------
-    InputError
-        If there is no such layout, or it draws a study of another method.
-    """
-    layout = settings["figure"]["layout"]
-    if layout not in LAYOUTS:
-        raise InputError("layout", f"{layout!r} must be one of {', '.join(LAYOUTS)}")
-    method = settings["study"]["method"] if "study" in settings else None
-    if layout in ("tradeoff", "tuning") and method != layout:
-        raise InputError("study", f"must be one of the method {layout}, as the layout is")
-    return LAYOUTS[layout](settings, plant, estimates, study or [], metrics)
+draw = by_layout(LAYOUTS, ("tradeoff", "tuning"))

@@ -115,7 +115,9 @@ def _deviations(
 
 
 def check_study(study: dict[str, Any]) -> None:
-    """Refuse levels that are no numbers of zero or more."""
+    """Refuse a method that there is not, and levels that are no numbers of zero or more."""
+    if study.get("method") != "designs":
+        raise InputError("method", f"{study.get('method')!r} must be designs")
     for name in ("filter_rates", "decays", "factors", "pole_bounds"):
         levels = as_floats(name, study[name])
         if levels.ndim != 1 or (levels < 0).any():

@@ -1,0 +1,55 @@
+"""The stage plot of a paper: one drawing for each layout that its ledger may name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from reobserve.errors import InputError
+from reobserve.metrics import Metric
+from reobserve.series import Series
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Settings = dict[str, Any]
+Rows = Sequence[Mapping[str, Any]]
+Drawing = Callable[[Settings, Series, Mapping[str, Series], Rows, Sequence[Metric]], "Figure"]
+
+
+def by_layout(
+    layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()
+) -> Callable[[Settings, Series, Mapping[str, Series], Rows | None, Sequence[Metric]], Figure]:
+    """A paper's `draw`: the drawing of the layout that the figure names.
+
+    Parameters
+    ----------
+    layouts
+        The drawings by their names; each gets settings, plant, estimates, study and metrics.
+    of_studies
+        Those that draw the study of the method of the same name.
+    """
+
+    def draw(
+        settings: Settings,
+        plant: Series,
+        estimates: Mapping[str, Series],
+        study: Rows | None,
+        metrics: Sequence[Metric],
+    ) -> Figure:
+        """The figure in the layout that the ledger names.
+
+        Raises
+        ------
+        InputError
+            If there is no such layout, or it draws a study of another method.
+        """
+        layout = settings["figure"]["layout"]
+        if layout not in layouts:
+            raise InputError("layout", f"{layout!r} must be one of {', '.join(layouts)}")
+        method = settings["study"]["method"] if "study" in settings else None
+        if layout in of_studies and method != layout:
+            raise InputError("study", f"must be one of the method {layout}, as the layout is")
+        return layouts[layout](settings, plant, estimates, study or [], metrics)
+
+    return draw
