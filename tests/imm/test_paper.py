@@ -178,15 +178,16 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
 
 
 def test_friction_as_the_fault() -> None:
-    """Without mixing it is diagnosed. With it never: each step begins anew from a wrong mode.
+    """With little process noise it is diagnosed without mixing, and with it never.
 
-    The filter of a mode whose probability is next to nothing starts from what others estimate,
-    here normal and leakage, which take turns.
+    Each step the filter of a mode whose probability is next to nothing starts anew from what others
+    estimate, here normal and leakage, which take turns.
     """
     friction = {"scenarios": {"plain": {"fault": "friction"}}}
     found = {}
     for mixing in (False, True):
-        changed = ledger({**friction, "observers": {"kalman": {"mixing": mixing}}})
+        little = {"mixing": mixing, "process_noise": [1e-6] * 5}
+        changed = ledger({**friction, "observers": {"kalman": little}})
         estimate = Evaluator(changed).figure("fig5_plain").estimates["kalman"]
         found[mixing] = estimate["probability"]
         assert estimate.events["fault"] == (5.0,)
