@@ -221,8 +221,7 @@ def test_the_numbers_of_the_readme_on_banks_are_those_of_the_build() -> None:
                 percent(round(found[observer, f"{mode}_after"], 8))
                 for mode in ("normal", "leakage")
             )
-            flips = ", flipping" if found[observer, "normal_spread"] > 0.1 else ""
-            columns.append(f"{normal} / {leakage}{flips}")
+            columns.append(f"{normal} / {leakage}")
         assert f" | {' | '.join(columns)} |" in README
     near = golden("fig5_neighbourhood", "imm")
     assert f"({near['search', 'trials']:g} trials," in README
@@ -230,8 +229,8 @@ def test_the_numbers_of_the_readme_on_banks_are_those_of_the_build() -> None:
     assert f"by {low * 100:.1g} % and +{high * 100:.2g} %" in README.replace("\n", " ")
     assert tuned["svsf_thin_tuned", "outside_share"] == tuned["svsf_tuned", "outside_share"] == 0
     gaps = golden("fig8_closeness", "imm")
-    needed = [gaps[name, "least_gap_at_noise_0.3"] for name in ("kalman", "kalman_unmixed")]
-    assert "needs a ν-gap of {:.2g}, without mixing {:.2g}".format(*needed) in README
+    needed = [gaps[name, "least_gap_at_noise_0.1"] for name in ("kalman", "svsf")]
+    assert "the KF-IMM needs a ν-gap of {:.2g}, the SVSF-IMM {:.2g}".format(*needed) in README
 
 
 def test_the_numbers_of_the_readme_on_extended_observers_are_those_of_the_build() -> None:
