@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from reobserve.errors import InputError
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Settings = dict[str, Any]
 Rows = Sequence[Mapping[str, Any]]
-Drawing = Callable[[Settings, Series, Mapping[str, Series], Rows, Sequence[Metric]], "Figure"]
+# Both return matplotlib's Figure, which is for those who draw to import.
+Drawing = Callable[[Settings, Series, Mapping[str, Series], Rows, Sequence[Metric]], Any]
+Draw = Callable[[Settings, Series, Mapping[str, Series], Rows | None, Sequence[Metric]], Any]
 
 
 def by_layout(
@@ -36,7 +35,7 @@ def by_layout(
         estimates: Mapping[str, Series],
         study: Rows | None,
         metrics: Sequence[Metric],
-    ) -> Figure:
+    ) -> Any:
         """The figure in the layout that the ledger names.
 
         Raises
