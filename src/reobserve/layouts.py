@@ -16,9 +16,7 @@ Drawing = Callable[[Settings, Series, Mapping[str, Series], Rows, Sequence[Metri
 Draw = Callable[[Settings, Series, Mapping[str, Series], Rows | None, Sequence[Metric]], Any]
 
 
-def by_layout(
-    layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()
-) -> Callable[[Settings, Series, Mapping[str, Series], Rows | None, Sequence[Metric]], Figure]:
+def by_layout(layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()) -> Draw:
     """A paper's `draw`: the drawing of the layout that the figure names.
 
     Parameters
