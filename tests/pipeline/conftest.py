@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import shutil
@@ -87,10 +88,20 @@ def copy_project(target: Path) -> Project:
 
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """A copy with everything built on two cores. Tests leave it as they find it."""
-    project = copy_project(tmp_path_factory.mktemp("built"))
-    project.snakemake()
-    return project
+    """A copy with everything built on two cores. Tests leave it as they find it.
+
+    Where several processes test, the first that needs it builds it for all.
+    """
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    folder, whole = shared / "built", shared / "built.whole"
+    with (shared / "built.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not whole.exists():
+            copy_project(folder).snakemake()
+            whole.touch()
+    return Project(folder)
 
 
 @pytest.fixture
