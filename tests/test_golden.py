@@ -155,7 +155,7 @@ def test_the_list_of_constants_is_long_enough() -> None:
     keys = {key for paper, key, _ in CONSTANTS if paper == "ilo"}
     assert len(keys) > 30
     assert {"plant.inertia", "observers.sampled.K2", "observers.matched.integral_gain"} <= keys
-    assert sum(key == "plant.inertia" for _, key, _ in CONSTANTS) == 4
+    assert sum((paper, key) == ("ilo", "plant.inertia") for paper, key, _ in CONSTANTS) == 4
 
 
 @pytest.mark.parametrize(("paper", "key", "path"), CONSTANTS)
