@@ -31,14 +31,23 @@ def group(test: str) -> str:
 # Where nothing asks for several processes, nobody asks for this, nor is pytest-xdist needed.
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hand out whole groups, those of many tests first.
+    """Hand out whole groups, in the order of `pytest_collection_modifyitems`.
 
     Not by the marks of `--dist loadgroup`, which pytest 9.2 and pytest-xdist 3.8 ignore together.
     """
     from xdist.scheduler import LoadScopeScheduling
+
+    config.option.loadscopereorder = False
 
     class Scheduling(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             return group(nodeid)
 
     return Scheduling(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Where several processes test, begin with what takes longest, so that none ends alone."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        first = ("tests/pipeline/test_determinism.py", "tests/pipeline")
+        items.sort(key=lambda item: [group(item.nodeid) != name for name in first])
