@@ -90,7 +90,8 @@ def copy_project(target: Path) -> Project:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A copy with everything built on two cores. Tests leave it as they find it.
 
-    Where several processes test, the first that needs it builds it for all.
+    Where several processes test, the first that needs it builds it for all. Tests of one process
+    may then run jobs in it; those of another compare with `as_built`.
     """
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -100,8 +101,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
             copy_project(folder).snakemake()
-            whole.touch()
+            shutil.copytree(folder / "results", whole / "results")
     return Project(folder)
+
+
+@pytest.fixture(scope="session")
+def as_built(built: Project) -> Project:
+    """What `built` had in its results when it was built, and nothing else."""
+    return Project(built.folder.with_name("built.whole"))
 
 
 @pytest.fixture

@@ -15,23 +15,23 @@ def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None
     assert [name for name in first if first[name] != second[name]] == []
 
 
-def test_one_core_and_two_give_the_same_bytes(built: Project, fresh: Project) -> None:
+def test_one_core_and_two_give_the_same_bytes(as_built: Project, fresh: Project) -> None:
     fresh.run("snakemake", "--cores", "1")
     results = fresh.results()
     assert {name.rpartition(".")[2] for name in results} == {
         "parquet", "csv", "png", "svg", "pdf", "rst", "json",
     }  # fmt: skip
-    assert_same_files(built.results(), results)
+    assert_same_files(as_built.results(), results)
 
 
 def built_of_ilo(project: Project) -> int:
     return sum(path.is_file() for path in (project.folder / "results/ilo").rglob("*"))
 
 
-def test_a_killed_build_ends_with_the_same_bytes(built: Project, fresh: Project) -> None:
+def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Project) -> None:
     """SIGKILL of the whole process group, again and again, as the results of one paper grow."""
-    ledgers = {name: text for name, text in built.results().items() if "/ledger.json" in name}
-    mine = {name: text for name, text in built.results().items() if name.startswith("ilo/")}
+    ledgers = {name: text for name, text in as_built.results().items() if "/ledger.json" in name}
+    mine = {name: text for name, text in as_built.results().items() if name.startswith("ilo/")}
     whole = ledgers | mine
     for wanted in (1, 4, 9, 14, 19, 24, 29):
         build = subprocess.Popen(
