@@ -47,7 +47,6 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
         low, high = bounds(body)
     nearby = _nearby(settings["seed"], int(body["neighbour_pairs"]), float(body["spread"]))
     history: list[list[float]] = []
-    count = 0
 
     def distance(logarithms: Array) -> float:
         worst = 0.0
@@ -57,10 +56,9 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
         return worst
 
     def told(intermediate_result: Any) -> None:
-        nonlocal count
-        count = int(intermediate_result.nfev)
-        history.append([count, round(float(intermediate_result.fun), 6)])
-        progress(f"{count} trials, best distance {intermediate_result.fun:.4f}")
+        count, best = int(intermediate_result.nfev), float(intermediate_result.fun)
+        history.append([count, round(best, 6)])
+        progress(f"{count} trials, best distance {best:.4f}")
 
     from scipy.optimize import differential_evolution
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from reobserve.errors import InputError
 from reobserve.papers.imm import plant as plant_stage
-from reobserve.papers.imm.study_neighbourhood import QUANTITIES
+from reobserve.papers.imm.study_neighbourhood import trial_rows
 from reobserve.papers.imm.tuning import Calibration
 from reobserve.series import Series
 
@@ -92,10 +92,4 @@ def _rows(settings: dict[str, Any], plant: Series, change: Change) -> list[Row]:
             body.update(observer)
     calibration = Calibration(settings["plant"], observers, settings["metrics"], record)
     trial = calibration.try_out(calibration.stated())
-    rows: list[Row] = [("all", sweep, level, 0, "distance", trial.distance, "1")]
-    for name, means in trial.means.items():
-        rows += [
-            (name, sweep, level, 0, quantity, mean, "1")
-            for quantity, mean in zip(QUANTITIES, means, strict=True)
-        ]
-    return rows
+    return list(trial_rows(sweep, level, trial))

@@ -53,8 +53,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     """
     study, observers = settings["study"], _with_unmixed(settings["observers"])
     period = settings["scenario"]["period"]
-    normal = modes(settings["plant"])[0]
-    leakage = modes(settings["plant"])[2]
+    normal, _, leakage = modes(settings["plant"])
     steps, begin, judged = _grid(study, period)
     control = Signal.parse("input", study["input"], 1)(np.arange(steps) * period)[:, 0]
     late = (np.arange(steps) >= begin).astype(np.int64)
@@ -62,13 +61,17 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     healthy = simulate([normal], rest, control, period)
     columns = measured_columns(next(iter(observers.values())))
     size = np.sqrt(np.mean(healthy[:, columns] ** 2, axis=0))
+    # Noise changes neither the models nor the record that it is added to.
+    pairs = []
+    for share in study["shares"]:
+        faulty = normal.blended(leakage, share)
+        gap = nu_gap(*(_fraction(model) for model in (normal, faulty)))
+        motion = simulate([normal, faulty], late, control, period)[1:, columns]
+        pairs.append((share, faulty, gap, motion))
     rows: list[Row] = []
     for level in study["noise_levels"]:
         tasks = []
-        for share in study["shares"]:
-            faulty = normal.blended(leakage, share)
-            gap = nu_gap(*(_fraction(model) for model in (normal, faulty)))
-            motion = simulate([normal, faulty], late, control, period)[1:, columns]
+        for share, faulty, gap, motion in pairs:
             banks = {}
             for name, body in observers.items():
                 told = {**body, "measurement_noise": ((level * size) ** 2).tolist()}

@@ -56,7 +56,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
 
     with ThreadPoolExecutor(THREADS) as pool:
         for (index, level), found in zip(tasks, pool.map(trial, tasks), strict=True):
-            rows += _rows("stated" if index is None else TUNED[index], level, found)
+            rows += trial_rows("stated" if index is None else TUNED[index], level, found)
     return rows
 
 
@@ -67,7 +67,8 @@ def check(settings: dict[str, Any]) -> None:
         raise InputError("kept", f"{kept!r} must be the path of a file")
 
 
-def _rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
+def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
+    """What came of a trial: the distance, and the mean probabilities of each bank."""
     yield "all", sweep, level, 0, "distance", trial.distance, "1"
     for name, means in trial.means.items():
         for quantity, mean in zip(QUANTITIES, means, strict=True):
