@@ -57,6 +57,27 @@ class Evaluator:
                 plant, estimates, study, module.measure(settings, plant, estimates, study)
             )
 
+    def theory(self) -> list[Metric]:
+        """The numbers of the paper's theory; none if the ledger has no section for it.
+
+        Raises
+        ------
+        InputError
+            If a value of the ledger cannot be used.
+        """
+        if "theory" not in self.ledger.tree:
+            return []
+        settings = self.ledger.settings("theory")
+        key = digest(["theory", settings])
+        if key not in self._done:
+            designs = {name: self._design({"design": name})[0] for name in settings["designs"]}
+            with located(f"{self.ledger.paper}.theory"):
+                self._done[key] = paper_module(self.ledger.paper, "theory").measure(
+                    settings, designs
+                )
+        found: list[Metric] = self._done[key]
+        return found
+
     def table(self, table: str) -> list[dict[str, Any]]:
         """The rows of one table.
 

@@ -114,11 +114,11 @@ class Ledger:
         """All entries with their dotted paths, in file order."""
         yield from _entries(self.tree, "")
 
-    def settings(self, stage: str, name: str, observer: str = "") -> Tree:
+    def settings(self, stage: str, name: str = "", observer: str = "") -> Tree:
         """What one job of a stage depends on, as plain values.
 
         ``name`` is the scenario (plant, observe), the design, the study, the search, the table or
-        the figure (metrics, plot).
+        the figure (metrics, plot); the theory has no name, it sees all but scenarios and figures.
 
         Raises
         ------
@@ -144,6 +144,11 @@ class Ledger:
         if stage == "observe":
             body = self.section("observers", observer)
             return {"plant": plant, "observer": body, **self._design(body)}
+        if stage == "theory":
+            sections = ("observers", "designs", "metrics", "theory")
+            return {"plant": plant} | {
+                name: self.section(name) if name in self.tree else {} for name in sections
+            }
         if stage == "table":
             body = self.section("tables", name)
             return {"plant": plant, "table": body, **self._design(body)}

@@ -8,6 +8,7 @@ of the others fresh:
     observe.estimate(settings, plant) -> Series
     study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
     table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
+    theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
                                                       (made by `reobserve.layouts.by_layout`)
