@@ -54,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     _add_overview(commands)
     _add_stages(commands)
+    _add_evidence(commands)
     _add_golden(commands)
     return parser
 
@@ -142,6 +143,46 @@ def _add_stages(commands: Any) -> None:
     plot.add_argument(
         "--outputs", type=Path, nargs="+", required=True, help="files, .pdf, .svg or .png"
     )
+
+
+def _add_evidence(commands: Any) -> None:
+    theory = _command(commands, "theory", "stages.theory:run", "the numbers of a paper's theory")
+    _ledger_file(theory)
+    theory.add_argument(
+        "--design-files", type=Path, nargs="*", default=[],
+        help="by `reobserve design`, in the order of the ledger",
+    )  # fmt: skip
+    _output(theory, "the table, CSV")
+
+    robustness = _command(
+        commands, "robustness", "stages.robustness:run",
+        "decide a paper's claims over draws of what it leaves open",
+    )  # fmt: skip
+    _ledger_file(robustness)
+    robustness.add_argument("--draws", type=int, required=True, help="for each claim")
+    _output(robustness, "shares and smallest changes, JSON")
+    _project(robustness)
+
+    claims = _command(commands, "claims", "stages.claims:run", "the verdicts on all claims")
+    claims.add_argument("paper", nargs="+", help="papers whose figures are built")
+    claims.add_argument(
+        "--results", type=Path, default=Path("results"), help="where they are (default: results)"
+    )
+    _output(claims, "the table, CSV")
+    _project(claims)
+
+    verdicts = _command(
+        commands, "verdicts", "stages.verdicts:run", "count verdicts; fail if a claim is broken"
+    )
+    verdicts.add_argument("claims_file", type=Path, help="by `reobserve claims`")
+    _output(verdicts, "the counts, Markdown")
+
+    report = _command(
+        commands, "report", "replication_report:report_command",
+        "the replication report of what is built, gaps shown",
+    )  # fmt: skip
+    _output(report, "the page, HTML")
+    _project(report)
 
 
 def _add_golden(commands: Any) -> None:

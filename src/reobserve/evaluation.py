@@ -98,6 +98,13 @@ class Evaluator:
         """The same with every numerical step halved; what no step enters is not computed again."""
         return Evaluator(self.ledger.refined(), self._done)
 
+    def sibling(self, ledger: Ledger) -> Evaluator:
+        """For another ledger of the paper: it starts from what is computed here, and keeps its own.
+
+        What differs from this one's ledger is computed anew and forgotten with the sibling.
+        """
+        return Evaluator(ledger, dict(self._done))
+
     def _design(self, body: dict[str, Any]) -> list[dict[str, Any]]:
         """The design that an observer, a study or a table names; empty without one."""
         if "design" not in body:

@@ -19,12 +19,17 @@ _PACKAGE = "reobserve"
 _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clarabel", "sympy")
 
 
+# What a job runs that evaluates figures in its own process.
+_EVALUATED = ("plant", "design", "observe", "study", "theory", "metrics")
+
+
 def stage_modules(stage: str, paper: str) -> list[str]:
     """The modules a job of a stage starts from: the command line, the stage, the paper's part."""
+    parts = _EVALUATED if stage == "robustness" else (stage,)
     return [
         f"{_PACKAGE}.__main__",
         f"{_PACKAGE}.stages.{stage}",
-        f"{_PACKAGE}.papers.{paper}.{stage}",
+        *(f"{_PACKAGE}.papers.{paper}.{part}" for part in parts),
     ]
 
 
@@ -48,8 +53,13 @@ def import_closure(modules: Iterable[str]) -> list[str]:
 
 def code_digest(stage: str, paper: str) -> str:
     """A short hash of the source of everything that a stage of a paper imports from here."""
+    return closure_digest(stage_modules(stage, paper))
+
+
+def closure_digest(modules: Iterable[str]) -> str:
+    """A short hash of the source of ``modules`` and of everything that they import from here."""
     whole = hashlib.sha256()
-    for module in import_closure(stage_modules(stage, paper)):
+    for module in import_closure(modules):
         path = _source(module)
         assert path is not None
         whole.update(module.encode())

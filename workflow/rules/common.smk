@@ -5,9 +5,10 @@ import sys
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
-from reobserve.config import check_config, known_papers
+from reobserve.config import check_config, known_papers, read_yaml
+from reobserve.claims.registry import claims_file, decisive
 from reobserve.ledger import Ledger, digest
-from reobserve.provenance import code_digest, versions
+from reobserve.provenance import code_digest, closure_digest, versions
 from reobserve.signals import sample_files
 
 PROJECT = Path()  # the working directory, as everywhere in Snakemake
@@ -37,8 +38,14 @@ LEDGERS = load_ledgers()
 REPORTED = next(kind for kind in ("svg", "png", "pdf") if kind in config["formats"])
 
 
+# Papers that are built and have a registry of claims; one of the user's own need not.
+CLAIMED = [
+    paper for paper in config["papers"] if claims_file(PROJECT, paper).exists()
+]
+
+
 def products():
-    """The files that a plain `snakemake` builds: figures with their numbers, and tables."""
+    """The figures with their numbers, and the tables."""
     figures = [
         f"results/{paper}/{figure}.{suffix}"
         for paper in config["papers"]
@@ -51,6 +58,63 @@ def products():
         for table in LEDGERS[paper].tree.get("tables", {})
     ]
     return figures + tables
+
+
+def numbers():
+    """The numbers that claims may name: those of all figures and of the theory."""
+    figures = [
+        f"results/{paper}/{figure}.metrics.csv"
+        for paper in CLAIMED
+        for figure in LEDGERS[paper].tree["figures"]
+    ]
+    return figures + [
+        f"results/{paper}/theory.metrics.csv"
+        for paper in CLAIMED
+        if "theory" in LEDGERS[paper].tree
+    ]
+
+
+def claims_of(paper):
+    """A registry as it stands; what is wrong with one is said by those who read it in earnest."""
+    try:
+        return read_yaml(claims_file(PROJECT, paper))
+    except ReobserveError as error:
+        return {"problem": str(error)}
+
+
+def drawn_from(paper):
+    """What the robustness of a paper's claims depends on: the ledger, its ranges, the checks."""
+    entries = {
+        key: {name: part for name, part in entry.items() if name not in ("why", "source")}
+        for key, entry in LEDGERS[paper].entries()
+    }
+    return [entries, LEDGERS[paper].seed, decisive(claims_of(paper))]
+
+
+def told_of_claims():
+    """What the table of claims depends on besides numbers."""
+    return [
+        [claims_of(paper), dict(LEDGERS[paper].entries())] for paper in CLAIMED
+    ]
+
+
+def told_in_report():
+    """What the report shows besides results: the wording of config and its own template."""
+    folders = [PROJECT / "config", PROJECT / "workflow" / "report"]
+    files = sorted(path for folder in folders for path in folder.rglob("*.*"))
+    return [
+        [path.as_posix(), path.read_text(encoding="utf-8")]
+        for path in files
+        if path.is_file()
+    ]
+
+
+def all_designs(paper):
+    """All designs of a paper, in the order of its ledger."""
+    return [
+        f"results/{paper}/{design}.design.json"
+        for design in LEDGERS[paper].tree.get("designs", {})
+    ]
 
 
 def names(section):
@@ -76,6 +140,11 @@ def settings(stage, name, observer=None):
 def code(stage):
     """A params function: the digest of all modules that the stage of this paper imports."""
     return lambda wildcards: code_digest(stage, wildcards.paper)
+
+
+def digest_of(module):
+    """The digest of a module that serves all papers, and of all that it imports."""
+    return closure_digest(["reobserve.__main__", module])
 
 
 def packages(wildcards):

@@ -1,0 +1,50 @@
+"""Stage claims: the verdicts on all claims of the papers that are built, in one table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from reobserve.claims.checks import THEORY
+from reobserve.claims.registry import read_registry
+from reobserve.claims.robustness import Robustness
+from reobserve.claims.table import HEADER, broken_row, read_robustness, row
+from reobserve.errors import InputError
+from reobserve.files import write_table
+from reobserve.ledger import Ledger
+from reobserve.metrics import lookup, read_metrics
+
+
+def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> None:
+    """Decide and write: from the numbers of each figure, the theory's and the robustness.
+
+    A claim or a registry that is wrong gets a row that says what is wrong with it.
+    """
+    rows: list[dict[str, Any]] = []
+    for name in paper:
+        try:
+            rows += _rows(project, results / name)
+        except InputError as error:
+            rows.append(broken_row(name, str(error)))
+    write_table(output, rows, HEADER)
+
+
+def _rows(project: Path, folder: Path) -> list[dict[str, Any]]:
+    ledger = Ledger.read(folder / "ledger.json")
+    claims = read_registry(project, ledger).claims
+    figures = [*ledger.tree["figures"], *([THEORY] if "theory" in ledger.tree else [])]
+    numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in figures}
+    robustness = _read_robustness(folder / "robustness.json")
+    return [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+
+
+def _read_robustness(path: Path) -> dict[str, Robustness]:
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return {name: read_robustness(one) for name, one in stored["claims"].items()}
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(str(path), "holds no robustness of claims; build it anew") from None

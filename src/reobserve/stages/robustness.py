@@ -1,0 +1,26 @@
+"""Stage robustness: how firmly the claims of a paper stand, in this one process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from reobserve.claims.registry import read_registry
+from reobserve.claims.robustness import assess
+from reobserve.claims.table import robustness_data
+from reobserve.files import write_text
+from reobserve.ledger import Ledger
+
+
+def run(ledger_file: Path, draws: int, output: Path, project: Path) -> None:
+    """Draw, move, decide and write; a claim that is broken is left to the table of claims."""
+    ledger = Ledger.read(ledger_file)
+    claims = {claim.name: claim for claim in read_registry(project, ledger).claims}
+    found = assess(ledger, list(claims.values()), draws)
+    stored = {
+        "paper": ledger.paper,
+        "seed": ledger.seed,
+        "draws": draws,
+        "claims": {name: robustness_data(one, claims[name]) for name, one in found.items()},
+    }
+    write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
