@@ -52,9 +52,7 @@ def test_a_check_holds_where_arithmetic_says_so(body: dict[str, Any], holds: boo
 
 
 def test_one_reference_serves_a_whole_list() -> None:
-    both = check(
-        value=["fig1 a error", "fig1 b error"], over="fig1 b error", within=[0.2, 1]
-    )
+    both = check(value=["fig1 a error", "fig1 b error"], over="fig1 b error", within=[0.2, 1])
     assert both.values(NUMBERS) == pytest.approx([0.2, 1.0])
     assert both.references == (
         Reference("fig1", "a", "error"),

@@ -146,11 +146,9 @@ def fed(claim: Claim, broken: Check | None = None) -> Numbers:
         if check is not broken and broken and set(check.references) & set(broken.references):
             continue
         for k, (reference, value) in enumerate(zip(check.value, goal(check), strict=True)):
-            if check is broken:
-                value = wrong(check, k, value)
             if check.how:
                 put(check.other[k], 1.0 if check.how == "over" else 0.0)
-            put(reference, value)
+            put(reference, wrong(check, k, value) if check is broken else value)
     for reference in (ref for check in claim.checks for ref in check.references):
         numbers.setdefault(reference.figure, {}).setdefault(reference[1:], 1.0)
     return numbers
@@ -185,7 +183,7 @@ def satisfied(claim: Claim, numbers: Numbers) -> list[bool]:
 
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
-    """Fed with what satisfies it a check holds, and with what just does not the claim is refuted."""
+    """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
         ledger = Ledger.load(ROOT, claim.paper)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,9 @@ from reobserve.provenance import import_closure, stage_modules
 from .conftest import LEDGERS, PAPERS, Project
 
 # Stages that a paper has if its ledger has the section.
-OPTIONAL = {"design": "designs", "study": "studies", "table": "tables"}
+OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
+ALWAYS = {"plant", "observe", "metrics", "plot"}
+ALL_STAGES = ALWAYS | set(OPTIONAL)
 ALL = {"plant": 4, "observe": 14, "study": 1, "metrics": 6, "plot": 6}
 FROM_OBSERVE = {"observe": 14, "study": 1, "metrics": 6, "plot": 6}
 
@@ -58,7 +61,8 @@ def test_an_edit_makes_its_stage_and_what_follows_stale(built: Project, module: 
     # Other papers have their share in what is common, and none in what is of `ilo`.
     shared = "ilo" not in module
     with edited(built.folder / "src" / "reobserve" / module):
-        assert built.stale(config=["papers=[ilo]"] if shared else []) == EDITS[module]
+        stale = built.stale("figures", config=["papers=[ilo]"] if shared else [])
+    assert stale == EDITS[module]
 
 
 def test_a_touch_makes_nothing_stale(built: Project) -> None:
@@ -73,8 +77,9 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
     """One observer's gain: its runs, the study and their figures, no plant and not Fig. 4."""
     gain = "ilo={observers: {forgetting: {K2: 1900}}}"
     label = "ilo={observers: {forgetting: {label: another name}}}"
-    assert built.stale(config=[gain]) == {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
-    assert built.stale(config=[label]) == {"plot": 5}
+    observe = {"observe": 4, "study": 1, "metrics": 5, "plot": 5}
+    assert built.stale("figures", config=[gain]) == observe
+    assert built.stale("figures", config=[label]) == {"plot": 5}
 
 
 @pytest.mark.parametrize(
@@ -82,12 +87,36 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
 )
 def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name: str) -> None:
     title = f"ilo={{{section}: {{{name}: {{title: another title}}}}}}"
-    assert built.stale(config=[title]) == {"plot": 1}
+    assert built.stale("figures", config=[title]) == {"plot": 1}
 
 
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
-        assert built.stale() == {"plot": 1}
+        assert built.stale() == {"plot": 1, **TOLD}
+
+
+# What a claim's wording makes stale, and what its checks do.
+TOLD = {"report": 1, "verdicts": 1}
+DECIDED = {"robustness": 1, "claims": 1, **TOLD}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "stale"),
+    [
+        ("config/claims/ilo.yaml", "    says: ", "    says: In short, ", {"claims": 1, **TOLD}),
+        ("config/claims/ilo.yaml", "below: ", "below: 1", DECIDED),
+        ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", TOLD),
+        ("src/reobserve/replication_report/render.py", "", "# edited\n", TOLD),
+        ("src/reobserve/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
+        ("src/reobserve/stages/robustness.py", "", "# edited\n", DECIDED | {"robustness": 5}),
+        ("src/reobserve/papers/eso/theory.py", "", "# edited\n", {"theory": 1, **DECIDED}),
+    ],
+)
+def test_the_evidence_follows_what_it_is_made_of(
+    built: Project, file: str, old: str, new: str, stale: dict[str, int]
+) -> None:
+    with edited(built.folder / file, old, new):
+        assert built.stale() == stale
 
 
 def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
@@ -141,18 +170,19 @@ def test_the_closure_holds_every_module_that_a_stage_loads(built: Project, paper
 
     One job of each kind runs: with and without a design, with and without a study. Who reads a
     study's table asks the study's module for its columns; an edit there comes by way of the table.
+    The robustness imports what the other stages do, and would take too long here.
     """
     jobs: dict[tuple[str, bool, bool], str] = {}
     output = built.snakemake(
         "--dry-run", "--forceall", "--printshellcmds", "--config", f"papers=[{paper}]"
     ).stdout
-    for line in output.splitlines():
-        words = line.replace("Shell command:", "").split()
-        if words[:1] == ["reobserve"] and "figdiff" not in words:
-            kind = (words[1], "--design-file" in words, "--study-file" in words)
-            jobs.setdefault(kind, " ".join(words[1:]).partition(" > ")[0])
+    for command in re.findall(r"\(set -x; reobserve (.*?)\) ", output):
+        words = command.split()
+        if words[0] in ALL_STAGES:
+            kind = (words[0], "--design-file" in words, "--study-file" in words)
+            jobs.setdefault(kind, command)
     optional = {stage for stage, section in OPTIONAL.items() if section in LEDGERS[paper].tree}
-    assert {stage for stage, *_ in jobs} == {"plant", "observe", "metrics", "plot"} | optional
+    assert {stage for stage, *_ in jobs} == ALWAYS | optional
     for (stage, _, studied), job in jobs.items():
         loaded = set(json.loads(built.run("python", "-c", LOADED, *job.split()).stdout))
         closure = set(import_closure(stage_modules(stage, paper)))

@@ -7,20 +7,28 @@ from __future__ import annotations
 
 import json
 import shutil
+from html import escape, unescape
 from pathlib import Path
 
 import pytest
 
+from reobserve.claims.table import HEADER
 from reobserve.errors import InputError
+from reobserve.files import read_table
 from reobserve.series import Series
 from reobserve.stages.common import read_design
 
 from .conftest import Project, copy_project
-from .test_staleness import edited
+from .test_staleness import TOLD, edited
 
 TOY = Path(__file__).parent / "toy"
-ALL = {"design": 1, "plant": 1, "observe": 2, "study": 1, "table": 1, "metrics": 1, "plot": 1}
-FROM_DESIGN = {"design": 1, "observe": 1, "study": 1, "table": 1, "metrics": 1, "plot": 1}
+EVIDENCE = {"robustness": 1, "claims": 1, "report": 1, "verdicts": 1}
+ALL = {
+    "design": 1, "plant": 1, "observe": 2, "study": 1, "table": 1, "metrics": 1, "plot": 1,
+    "theory": 1, **EVIDENCE,
+}  # fmt: skip
+FROM_DESIGN = {key: min(number, 1) for key, number in ALL.items() if key != "plant"}
+STATIC = ("design", "table", "theory")  # without the plant's record
 LEDGER = "results/toy/ledger.json"
 PLANT = "results/toy/push/plant.parquet"
 DESIGN = "results/toy/gains.design.json"
@@ -35,7 +43,10 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
     shutil.copy(TOY / "toy.yaml", folder / "config/papers")
     (folder / "workflow/report/toy").mkdir()
     shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
-    (folder / "config/config.yaml").write_text("papers: [toy]\nformats: [svg]\nseed: 1\n")
+    shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
+    shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
+    config = "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\n"
+    (folder / "config/config.yaml").write_text(config)
     git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
     project.run("git", "init", "--quiet")
     project.run("git", "add", "--all")
@@ -57,6 +68,7 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     built = {name for name in toy.results() if name.startswith("toy/")}
     assert built == {
         "toy/ledger.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
+        "toy/theory.metrics.csv", "toy/robustness.json",
         *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
         *(f"toy/fig1.{suffix}" for suffix in ("svg", "caption.rst", "metrics.csv")),
     }  # fmt: skip
@@ -65,6 +77,89 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     caption = (toy.folder / "results/toy/fig1.caption.rst").read_text()
     assert "both poles at 4.0 1/s" in caption
     assert toy.stale() == {}
+
+
+def claims(toy: Project) -> dict[str, dict[str, str]]:
+    rows = read_table(toy.folder / "results/claims.csv", HEADER)
+    return {row["claim"]: row for row in rows}
+
+
+def test_claims_get_their_verdicts(toy: Project) -> None:
+    """The double pole is exact; whatever its gains the slow observer is not better, nor good."""
+    found = claims(toy)
+    assert {name: row["verdict"] for name, row in found.items()} == {
+        "double_pole": "reproduced",
+        "placed_is_better": "reproduced",
+        "slow_is_good": "contradicted",
+        "measured": "not testable",
+    }
+    assert found["double_pole"]["measured"].startswith("theory gains discriminant = ")
+    assert found["placed_is_better"]["held"] == "40"
+    assert (toy.folder / "results/verdicts.md").read_text().splitlines()[-1] == (
+        "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 1 |"
+    )
+    page = (toy.folder / "results/report.html").read_text()
+    for text in ("The slow observer errs by less than a thousandth, too.", "l₂ = 15.9", "[Re]"):
+        assert text in page
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "fig1 slow late_rms_error, below: 2",
+            "fig1 slow late_error, below: 2",
+            "metric: fig1 has no 'late_error' of slow; did you mean 'late_rms_error'?",
+        ),
+        (
+            "fig1 slow late_rms_error, below: 2",
+            "fig3 slow late_rms_error, below: 2",
+            "figure: there is no 'fig3'; did you mean 'fig1'?",
+        ),
+        (
+            "observers.slow.gains]",
+            "observers.slow.gain]",
+            "hangs_on: there is no 'observers.slow.gain'; did you mean 'observers.slow.gains'?",
+        ),
+    ],
+)
+def test_a_broken_claim_fails_the_build_and_shows_in_the_report(
+    toy: Project, old: str, new: str, said: str
+) -> None:
+    with edited(toy.folder / "config/claims/toy.yaml", old, new):
+        done = toy.snakemake(check=False)
+        assert done.returncode != 0
+        sentence = f"claims.toy.slow_is_good: {said}"
+        assert sentence in done.stderr
+        assert "Traceback" not in done.stderr
+        found = claims(toy)
+        assert found["double_pole"]["verdict"] == "reproduced"
+        assert found["slow_is_good"]["verdict"] == "broken"
+        page = (toy.folder / "results/report.html").read_text()
+        assert escape(said, quote=False) in unescape(page)
+        assert not (toy.folder / "results/verdicts.md").exists()
+    toy.snakemake()
+
+
+def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
+    """The build stops with the sentence of its stage, and the page is written with what there is."""
+    refusing = """from reobserve.errors import InputError
+
+
+def draw(settings, plant, estimates, study, metrics):
+    raise InputError("layout", "cannot be drawn today")
+"""
+    plot = toy.folder / "src/reobserve/papers/toy/plot.py"
+    with edited(plot, plot.read_text(), refusing):
+        done = toy.snakemake(check=False)
+        assert done.returncode != 0
+        assert "reobserve: toy.figures.fig1.layout: cannot be drawn today" in done.stderr
+        page = (toy.folder / "results/report.html").read_text()
+        assert "fig1" in page
+        assert "Both poles are in one place." in page
+        assert "data:image/svg+xml" not in page
+    toy.snakemake()
+    assert "data:image/svg+xml" in (toy.folder / "results/report.html").read_text()
 
 
 def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
@@ -111,9 +206,9 @@ def test_one_process_computes_what_the_pipeline_does(toy: Project) -> None:
     [
         ("papers/toy/design.py", FROM_DESIGN),
         ("stages/design.py", FROM_DESIGN),
-        ("papers/toy/table.py", {"table": 1}),
-        ("stages/table.py", {"table": 1}),
-        ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in ("design", "table")}),
+        ("papers/toy/table.py", {"table": 1, **TOLD}),
+        ("stages/table.py", {"table": 1, **TOLD}),
+        ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
         ("stages/common.py", ALL),
     ],
 )
@@ -128,8 +223,8 @@ def test_an_edit_makes_stale_what_reads_the_design(
     ("config", "stale"),
     [
         ("{designs: {gains: {pole: 5}}}", FROM_DESIGN),
-        ("{designs: {gains: {title: other words}}}", {"plot": 1}),
-        ("{tables: {table1: {printed: [7.5, 16]}}}", {"table": 1}),
+        ("{designs: {gains: {title: other words}}}", {"plot": 1, **TOLD}),
+        ("{tables: {table1: {printed: [7.5, 16]}}}", {"table": 1, **EVIDENCE}),
         ("{tables: {table1: {title: other words}}}", {}),
         # Another design of one observer leaves the first to the study and the table.
         (

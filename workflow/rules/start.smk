@@ -1,6 +1,11 @@
-# Before the first job: hold the folder, and put the ledgers where the stages read them.
+# Before the first job: hold the folder, and put the ledgers where the stages read them. After a
+# failure: the report of what there is, with the gaps shown.
 
 
 onstart:
     take_build_lock()
     write_ledgers()
+
+
+onerror:
+    shell("reobserve report --output results/report.html >&2")

@@ -24,9 +24,11 @@ _DECADE = 10.0  # a range that spans as much is one of magnitudes
 class Knob:
     """One number (or word) of a choice, and where it may stand.
 
-    ``span`` is the interval of a number, ``words`` the alternatives of anything else.
+    ``pattern`` is how the choice is named, ``keys`` are the entries that it stands for; ``span``
+    is the interval of a number, ``words`` are the alternatives of anything else.
     """
 
+    pattern: str
     keys: tuple[str, ...]
     path: tuple[str | int, ...]
     value: Any
@@ -36,8 +38,8 @@ class Knob:
 
     @property
     def name(self) -> str:
-        """The ledger key, with the place inside its value; of several the first."""
-        return ".".join((self.keys[0], *map(str, self.path)))
+        """The ledger key or the pattern, with the place inside the value."""
+        return ".".join((self.pattern, *map(str, self.path)))
 
     @property
     def logarithmic(self) -> bool:
@@ -100,7 +102,7 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
             raise InputError("hangs_on", f"{key} is stated ({entries[key]['source']}), no choice")
         if entries[key].get("numerical"):
             raise InputError("hangs_on", f"{key} is a numerical resolution, no choice")
-    return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
+    return Choice(keys, tuple(_knobs(pattern, keys, entries[keys[0]])))
 
 
 def draw(ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator) -> Ledger:
@@ -121,25 +123,25 @@ def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
     return Ledger(ledger.paper, tree, ledger.seed)
 
 
-def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
+def _knobs(pattern: str, keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
     allowed, value = entry["range"], entry["value"]
     if isinstance(allowed, dict) and "choices" in allowed:
-        yield Knob(keys, (), value, words=tuple(allowed["choices"]))
+        yield Knob(pattern, keys, (), value, words=tuple(allowed["choices"]))
         return
     intervals = allowed if isinstance(allowed, dict) else {"": allowed}
     grids = entry.get("multiple_of", {})
     if not isinstance(grids, dict):
         grids = dict.fromkeys(intervals, grids)
     for path, leaf in leaves(value):
-        spans = [span for pattern, span in intervals.items() if _matches(pattern, path)]
+        spans = [span for place, span in intervals.items() if _matches(place, path)]
         if spans:
             span = max(low for low, _ in spans), min(high for _, high in spans)
-            multiple = [grid for pattern, grid in grids.items() if _matches(pattern, path)]
-            yield Knob(keys, path, leaf, span, *multiple[:1])
+            multiple = [grid for place, grid in grids.items() if _matches(place, path)]
+            yield Knob(pattern, keys, path, leaf, span, *multiple[:1])
 
 
-def _matches(pattern: str, path: tuple[str | int, ...]) -> bool:
-    wanted = pattern.split(".") if pattern else []
+def _matches(place: str, path: tuple[str | int, ...]) -> bool:
+    wanted = place.split(".") if place else []
     return len(wanted) == len(path) and all(
         word in ("*", str(step)) for word, step in zip(wanted, path, strict=True)
     )
