@@ -175,7 +175,8 @@ def _add_evidence(commands: Any) -> None:
         commands, "verdicts", "stages.verdicts:run", "count verdicts; fail if a claim is broken"
     )
     verdicts.add_argument("claims_file", type=Path, help="by `reobserve claims`")
-    _output(verdicts, "the counts, Markdown")
+    _output(verdicts, "the counts and a gallery, Markdown")
+    _project(verdicts)
 
     report = _command(
         commands, "report", "replication_report:report_command",

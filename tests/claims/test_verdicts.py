@@ -109,15 +109,18 @@ def test_a_replication_stands_or_falls_with_its_headlines() -> None:
 
 def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
-    rows[0]["headline"] = "yes"
+    rows[0] |= {"headline": "yes", "figures": "fig1 theory"}
+    rows = [row | {"paper": "ilo"} for row in rows]
     write_table(tmp_path / "claims.csv", rows, HEADER)
-    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md")
-    *_, last = (tmp_path / "verdicts.md").read_text().splitlines()
-    assert last == "| `a` | [Re] | 2 | 1 | 0 | 0 | 0 | 1 |"
+    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md", ROOT)
+    written = (tmp_path / "verdicts.md").read_text().splitlines()
+    assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 1 |"
+    assert written[4].count("tests/reference/ilo/fig") == 2 * 5
+    assert written[6].startswith("| `fig1`: 1 reproduced | `fig2`: decides no claim |")
     rows.append(dict.fromkeys(HEADER, "") | {"paper": "b", "verdict": "broken", "problem": "No x."})
     write_table(tmp_path / "claims.csv", rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
-        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md")
+        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md", ROOT)
     assert not (tmp_path / "none.md").exists()
     assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
 

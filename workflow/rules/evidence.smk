@@ -122,6 +122,7 @@ rule verdicts:
     conda:
         "../envs/reobserve.yaml"
     params:
+        settings=digest([LEDGERS[paper].section("figures") for paper in CLAIMED]),
         code=digest_of("reobserve.stages.verdicts"),
     message:
         "count the verdicts"

@@ -1,17 +1,19 @@
-"""Stage verdicts: how many claims of each paper got which verdict; fails if a claim is broken."""
+"""Stage verdicts: how the claims of each paper fared, for readers; fails if a claim is broken."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from reobserve.claims.gallery import gallery, table
 from reobserve.claims.table import HEADER
-from reobserve.claims.verdicts import BROKEN, VERDICTS, count, replicated
+from reobserve.claims.verdicts import BROKEN
 from reobserve.errors import ReobserveError
 from reobserve.files import read_table, write_text
+from reobserve.ledger import Ledger
 
 
-def run(claims_file: Path, output: Path) -> None:
-    """Count and write, as a table in Markdown.
+def run(claims_file: Path, output: Path, project: Path) -> None:
+    """Count and write, in Markdown: a table, and the papers' figures with their verdicts.
 
     Raises
     ------
@@ -22,13 +24,6 @@ def run(claims_file: Path, output: Path) -> None:
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:
         raise ReobserveError("; ".join(broken))
-    lines = [
-        f"| paper | replication | claims | {' | '.join(VERDICTS)} |",
-        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}",
-    ]
-    for paper, found in count(rows).items():
-        title = "[Re]" if replicated([row for row in rows if row["paper"] == paper]) else "[¬Re]"
-        cells = [str(found[word]) for word in VERDICTS]
-        total = sum(found.values())
-        lines.append(f"| `{paper}` | {title} | {total} | {' | '.join(cells)} |")
-    write_text(output, "\n".join(lines) + "\n")
+    papers = dict.fromkeys(row["paper"] for row in rows)
+    ledgers = [Ledger.load(project, paper) for paper in papers]
+    write_text(output, f"{table(rows)}\n{gallery(rows, ledgers)}")

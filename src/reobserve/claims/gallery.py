@@ -1,0 +1,60 @@
+"""Verdicts in Markdown: a table of counts, and the papers' figures with what they decide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from reobserve.claims.verdicts import BROKEN, VERDICTS, count, replicated
+from reobserve.ledger import Ledger
+
+Rows = Sequence[Mapping[str, str]]
+
+REFERENCES = "tests/reference"  # where the pictures are
+
+
+def table(rows: Rows) -> str:
+    """Papers, their titles in the way of ReScience, and how many claims got which verdict."""
+    lines = [
+        f"| paper | replication | claims | {' | '.join(VERDICTS)} |",
+        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}",
+    ]
+    for paper, found in count(rows).items():
+        title = "[Re]" if replicated([row for row in rows if row["paper"] == paper]) else "[¬Re]"
+        cells = [str(found[word]) for word in VERDICTS]
+        total = sum(found.values())
+        lines.append(f"| `{paper}` | {title} | {total} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def gallery(rows: Rows, ledgers: Sequence[Ledger]) -> str:
+    """The figures that the papers themselves have, with the verdicts on the claims they decide."""
+    return "\n".join(_of_paper(rows, ledger) for ledger in ledgers)
+
+
+def _of_paper(rows: Rows, ledger: Ledger) -> str:
+    figures = {
+        name: body["source"]
+        for name, body in ledger.tree["figures"].items()
+        if body["source"].startswith("Fig.")
+    }
+    pictures, told = [], []
+    for name, source in figures.items():
+        path = f"{REFERENCES}/{ledger.paper}/{name}.png"
+        pictures.append(f"[![{source} of {ledger.paper}]({path})]({path})")
+        told.append(f"`{name}`: {_verdicts(rows, ledger.paper, name)}")
+    return "\n".join(
+        [
+            f"| {' | '.join(pictures)} |",
+            f"|{'---|' * len(figures)}",
+            f"| {' | '.join(told)} |",
+            "",
+        ]
+    )
+
+
+def _verdicts(rows: Rows, paper: str, figure: str) -> str:
+    words = [
+        row["verdict"] for row in rows if row["paper"] == paper and figure in row["figures"].split()
+    ]
+    counts = [f"{words.count(word)} {word}" for word in (*VERDICTS, BROKEN) if word in words]
+    return ", ".join(counts) or "decides no claim"
