@@ -1,0 +1,151 @@
+"""Limits of stability and accuracy of the ledger's observers, linearised at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.metrics import Metric
+from reobserve.papers.ilo.setup import known_body
+from reobserve.rigid_body import RigidBody
+from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer
+from reobserve.synthesis.ilo_error_system import error_system
+from reobserve.synthesis.ilo_sampled_stability import (
+    held_blocks,
+    sampled_limit_gain,
+    sampled_map,
+)
+from reobserve.synthesis.ilo_stability import continuous_stability
+
+Array = NDArray[np.float64]
+Law = tuple[Any, Any, Any, Any, Any, float]  # J, Lambda, B_f, K1, K2, tau
+
+_SHORTEST = 1e-6  # [s] from here on the largest accurate interval is sought
+
+
+def measure(settings: dict[str, Any]) -> Iterator[Metric]:
+    """The numbers of `reobserve.papers.ilo.theory` that need no run.
+
+    Raises
+    ------
+    InputError
+        If a value of the ledger cannot be used.
+    """
+    theory, observers = settings["theory"], settings["observers"]
+    body, axis = known_body(settings["plant"]), settings["metrics"]["axis"] - 1
+    yield from _sampled(_law(body, observers["sampled"]), theory["multiples"], axis)
+    for name in ("continuous", "forgetting"):
+        stability = continuous_stability(*_law(body, observers[name]))
+        count = stability.unstable_roots
+        yield Metric(name, "unstable_roots", float("nan") if count is None else count, "1")
+        yield Metric(name, "worst_round_gain", stability.worst_round_gain, "1")
+    learning = observers["continuous"]
+    for K1 in theory["excessive_learning_gains"]:
+        rate = continuous_stability(*_law(body, {**learning, "K1": K1})).growth_rate
+        found = float("nan") if rate is None else rate
+        yield Metric("continuous", f"growth_rate_at_K1_{K1:g}", found, "1/s")
+    yield from _accuracy(_law(body, learning), theory, axis)
+    yield from _resemblance(_law(body, learning), theory["frequency"], axis)
+    rate = _decay_rate(body, observers["adaptive"])
+    yield Metric("adaptive", "decay_rate_at_rest", rate, "1/s")
+
+
+def _law(body: RigidBody, observer: dict[str, Any]) -> Law:
+    gains = (observer["K1"], observer["K2"], observer["interval"])
+    return (body.inertia, observer["damping"], body.fault_matrix, *gains)
+
+
+def _sampled(law: Law, multiples: list[int], axis: int) -> Iterator[Metric]:
+    for multiple in multiples:
+        slower = (*law[:-1], multiple * law[-1])
+        margin = sampled_limit_gain(*slower)
+        yield Metric("sampled", f"gain_margin_at_multiple_{multiple:g}", margin, "1")
+        gain = _noise_gain(slower, axis) if margin > 1 else float("nan")
+        yield Metric("sampled", f"noise_gain_at_multiple_{multiple:g}", gain, "N m s/rad")
+
+
+def _noise_gain(law: Law, axis: int) -> float:
+    """Standard deviation of v over that of a white noise on the rates at the updates.
+
+    The noise n enters v_k = K1 v_{k-1} + K2 (w~_k + n_k) and, through v_k, the next w~.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    system = error_system(*law)
+    _, drive = held_blocks(system)
+    size = len(drive)
+    # v in units of K2 per rate, lest the covariance be badly scaled.
+    scale = np.repeat([1.0, 1.0 / np.linalg.norm(system.K2, 2)], size)
+    entry = scale[:, None] * np.vstack([-drive @ system.K2, system.K2])
+    step = scale[:, None] * sampled_map(*law) / scale
+    covariance = solve_discrete_lyapunov(step, entry @ entry.T)
+    return float(np.sqrt(covariance[size + axis, size + axis]) / scale[-1])
+
+
+def _accuracy(law: Law, theory: dict[str, Any], axis: int) -> Iterator[Metric]:
+    """How the error under a sine follows the interval and the frequency."""
+
+    def error(omega: float, interval: float) -> float:
+        return float(abs(error_transfer(omega, *law[:-1], interval)[0, axis, axis]))
+
+    intervals, omega = theory["intervals"], theory["frequency"]
+    errors = [error(omega, interval) for interval in intervals]
+    for interval, value in zip(intervals, errors, strict=True):
+        yield Metric("continuous", f"sine_error_at_interval_{interval:g}", value, "1")
+    slope = float(np.polyfit(np.log(intervals), np.log(errors), 1)[0])
+    yield Metric("continuous", "sine_error_slope", slope, "1")
+    for frequency in theory["frequencies"]:
+        longest = _largest_interval(error, frequency, theory["accuracy"])
+        yield Metric("continuous", f"largest_interval_at_{frequency:g}", longest, "s")
+
+
+def _largest_interval(
+    error: Callable[[float, float], float], omega: float, accuracy: float
+) -> float:
+    """The longest interval, up to half a period of the sine, with an error below ``accuracy``."""
+    from scipy.optimize import brentq
+
+    def excess(logarithm: float) -> float:
+        return float(np.log(error(omega, float(np.exp(logarithm))) / accuracy))
+
+    grid = np.log(np.geomspace(_SHORTEST, np.pi / omega, 61))
+    if excess(grid[0]) > 0:
+        return float("nan")
+    for low, high in pairwise(grid):
+        if excess(high) > 0:
+            return float(np.exp(brentq(excess, low, high)))
+    return float(np.pi / omega)
+
+
+def _resemblance(law: Law, omega: float, axis: int) -> Iterator[Metric]:
+    """How far the errors of the learning law are from those of an integrator with K2 / tau."""
+    learning = error_transfer(omega, *law)[0, :, axis]
+    gains = matched_integrator(law[4], law[5])
+    integral = pi_error_transfer(omega, *law[:3], gains.integral_gain, gains.proportional_gain)[
+        0, :, axis
+    ]
+    distance = float(np.linalg.norm(learning - integral) / np.linalg.norm(learning))
+    yield Metric("continuous", "distance_from_integrator", distance, "1")
+
+
+def _decay_rate(body: RigidBody, observer: dict[str, Any]) -> float:
+    """The slowest decay [1/s] of the adaptive observer's errors, at rest and without a torque."""
+    if observer["algorithm"] != "adaptive":
+        raise InputError("observers.adaptive.algorithm", "must be adaptive")
+    one = np.eye(3)
+    feedthrough = body.fault_matrix * observer["proportional_gain"]
+    matrix = np.block(
+        [
+            [
+                -body.inverse @ (observer["damping"] * one + feedthrough),
+                body.inverse @ body.fault_matrix,
+            ],
+            [-observer["integral_gain"] * one, np.zeros((3, 3))],
+        ]
+    )
+    return -float(np.max(np.linalg.eigvals(matrix).real))
