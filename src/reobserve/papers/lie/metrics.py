@@ -105,12 +105,13 @@ def _ensemble(_: dict[str, Any], study: Rows) -> Iterator[Metric]:
             diverged = float(np.mean(values[form, "diverged"][order]))
             with np.errstate(invalid="ignore"):
                 better = float(np.mean(ise < reference))
-            ratio = float(np.median(np.where(np.isnan(ise), np.inf, ise) / reference))
+            ratios = np.where(np.isnan(ise), np.inf, ise) / reference
             yield Metric(form, f"share_better_{order}", better, "1")
             yield Metric(form, f"share_settled_{order}", settled, "1")
             yield Metric(form, f"share_diverged_{order}", diverged, "1")
-            median = ratio if np.isfinite(ratio) else float("nan")
-            yield Metric(form, f"median_ise_ratio_{order}", median, "1")
+            for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
+                value = float(ratio) if np.isfinite(ratio) else float("nan")
+                yield Metric(form, f"{name}_ise_ratio_{order}", value, "1")
 
 
 _FROM_STUDY = {"orders": _orders, "ensemble": _ensemble, "domain": _domain}
