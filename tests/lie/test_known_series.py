@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import mpmath
@@ -17,9 +18,11 @@ from sympy.polys.rings import PolyElement
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
+from reobserve.power_series.monomials import monomials
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
+from reobserve.synthesis.normal_form.homological_exact import RationalSolver
 from reobserve.synthesis.normal_form.lie_transform import lie_transform
 from reobserve.synthesis.normal_form.solver import solver_for
 from tests.lie.systems import (
@@ -286,3 +289,12 @@ def test_resonance_is_refused_from_its_degree_on(poles: tuple[int, int], degree:
         solve(case, degree)
     S, _ = solve(case, degree - 1)
     assert max(sum(m) for p in S for m in p.monoms()) == degree - 1
+
+
+def test_a_row_in_which_everything_cancels_is_resonance_too() -> None:
+    """F = A = diag(-1, -3): -3 = 3 * -1, so the coefficient of x1^3 in the second row is free."""
+    matrix = np.array([[Fraction(-1), Fraction(0)], [Fraction(0), Fraction(-3)]], dtype=object)
+    basis = monomials(2, 3)
+    right = np.full((2, 4), Fraction(0), dtype=object)
+    with pytest.raises(InputError, match="an eigenvalue of A is a sum of 3 eigenvalues"):
+        RationalSolver(matrix, matrix)(basis, right, 3)

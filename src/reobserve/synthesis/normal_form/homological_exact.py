@@ -57,7 +57,9 @@ class RationalSolver:
                 for b in range(n):
                     add(c * width + k, b * width + k, -self._A[c, b])
                 add(c * width + k, size, Fraction(right[c, k]))
-        rows = {row: {j: v for j, v in entries.items() if v} for row, entries in rows.items()}
+        # A row in which everything cancels is one equation less: sympy wants it left out.
+        kept = {row: {j: v for j, v in entries.items() if v} for row, entries in rows.items()}
+        rows = {row: entries for row, entries in kept.items() if entries}
         reduced, pivots = DomainMatrix(rows, (size, size + 1), QQ).rref()
         if pivots != tuple(range(size)):
             raise InputError(
