@@ -1,0 +1,111 @@
+"""Stage theory: the conditions, the inequality and the promises of the paper, as numbers.
+
+Whose numbers they are stands in the column ``observer``: an observer of the ledger, or what is
+judged, such as the motor or the inequality (19).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.matrices import as_floats, as_positive
+from reobserve.metrics import Metric, settling_time
+from reobserve.papers.eso.setup import augmented, controlled_motor, motor
+from reobserve.papers.eso.theory_inequality import agreement
+from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
+from reobserve.signals import Signal
+from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+Settings = dict[str, Any]
+
+_STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
+_BAND = 0.02  # of the step: what counts as settled
+
+
+def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
+    """The numbers of the theory; see ``results/README.md`` for their names.
+
+    Raises
+    ------
+    InputError
+        If a value of the ledger cannot be used.
+    """
+    plant, theory = settings["plant"], settings["theory"]
+    system = augmented(plant, 1.0)
+    found = [*_motors(plant), *_conditions(system), *_step_response(plant)]
+    found += _floors(plant, theory["filter_rates"])
+    found += agreement(system, theory["cases"])
+    noise = float(np.sqrt(as_positive("noise_power", theory["noise_power"]) / plant["hold_period"]))
+    found.append(Metric("noise", "deviation", noise, "rad/s"))
+    records = records_of_two_controllers(plant, theory["other_poles"])
+    for name, body in settings["observers"].items():
+        found += measures(name, designs[body["design"]], plant, theory, noise, records)
+    return found
+
+
+def _motors(plant: Settings) -> Iterator[Metric]:
+    """Stability and observability of (A, C), with both signs of the back electromotive force."""
+    driven = motor(plant)
+    for name, printed in (("motor", False), ("motor_as_printed", True)):
+        A = replace(driven, printed=printed).A
+        yield Metric(name, "slowest_pole", -float(np.linalg.eigvals(A).real.max()), "1/s")
+        yield Metric(name, "unobservable_states", _unobservable(A, np.eye(2)), "1")
+
+
+def _unobservable(A: Any, C: Any) -> float:
+    """n minus the rank of the observability matrix of (A, C)."""
+    size = len(A)
+    rows = [C @ np.linalg.matrix_power(A, power) for power in range(size)]
+    return float(size - np.linalg.matrix_rank(np.vstack(rows)))
+
+
+def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
+    """What constant faults can be told from: both outputs, the speed alone, and a look-alike.
+
+    The look-alike sensor fault enters both outputs in the ratio in which a constant actuator fault
+    moves them: C A^-1 Fa.
+    """
+    A, C, Fa, Fs = system.A, system.C, system.Fa, system.Fs
+    for name, outputs, sensor in (
+        ("two_outputs", C, Fs),
+        ("one_output", C[:1], Fs[:1]),
+        ("look_alike", C, C @ np.linalg.solve(A, Fa)),
+    ):
+        corner = np.zeros((len(A), sensor.shape[1])), np.zeros((len(outputs), Fa.shape[1]))
+        rosenbrock = np.block([[A, Fa, corner[0]], [outputs, corner[1], sensor]])
+        missing = rosenbrock.shape[1] - np.linalg.matrix_rank(rosenbrock)
+        yield Metric(name, "unobservable_states", _unobservable(A, outputs), "1")
+        yield Metric(name, "undetermined_faults", float(missing), "1")
+
+
+def _step_response(plant: Settings) -> Iterator[Metric]:
+    """Of the speed to a step of the reference by one."""
+    driven, steps = controlled_motor(plant), round(_DURATION / _STEP)
+    step = Signal.parse("reference", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
+    none, still = Signal(1, ()), (np.zeros((steps, 2)), np.zeros((steps, 1)))
+    speed = driven.simulate(step, none, none, *still, _STEP).state[:, 0]
+    time = np.arange(steps + 1, dtype=np.float64) * _STEP
+    error = speed - 1.0
+    settled = settling_time(time, error[:-1], error[1:], _BAND)
+    yield Metric("controller", "overshoot", max(0.0, float(error.max())), "1")
+    yield Metric("controller", "settling_time", settled, "s")
+
+
+def _floors(plant: Settings, filter_rates: Any) -> Iterator[Metric]:
+    """Of gamma, with and without noise, and by how much the filter's rate changes it."""
+    quiet = {**plant, "noise_matrix": np.zeros((2, 1)).tolist()}
+    floor = gamma_floor(augmented(plant, 1.0))
+    yield Metric("any_observer", "gamma_floor", floor, "1")
+    yield Metric("any_observer", "disturbance_floor", gamma_floor(augmented(quiet, 1.0)), "1")
+    rates = as_floats("filter_rates", filter_rates)
+    if rates.ndim != 1 or rates.size == 0 or (rates <= 0).any():
+        raise InputError("filter_rates", f"{filter_rates} must be a list of numbers above zero")
+    others = [gamma_floor(augmented(plant, rate)) for rate in rates.tolist()]
+    change = float(np.abs(np.array(others) / floor - 1.0).max())
+    yield Metric("any_observer", "filter_rate_effect", change, "1")
