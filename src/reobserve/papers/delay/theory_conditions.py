@@ -1,0 +1,182 @@
+"""The conditions of the paper's theorems, for its pendulum, its inputs and its delay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.metrics import Metric
+from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
+from reobserve.plants.delayed_input import DelayedInputPlant
+from reobserve.random_streams import random_stream
+from reobserve.series import Series
+from reobserve.signals import Signal
+from reobserve.triangular_model import TriangularModel
+
+Array = NDArray[np.float64]
+Settings = dict[str, Any]
+
+SEED = 0
+ORDERS = (1, 2)
+DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central differences
+
+
+def measure(settings: Settings, ramp: Series, sine: Series) -> Iterator[Metric]:
+    """Numbers on Theorem 1, on Assumptions 1 to 4 and on the expansion (6) with its bound (7)."""
+    yield from _pendulum(settings)
+    yield from _delay(settings, sine)
+    for name, plant in (("ramp", ramp), ("sine", sine)):
+        signals = input_and_derivatives(name, _signal(settings, name), max(ORDERS) + 1)
+        yield from _input(settings, name, signals, plant)
+        yield from _remainder(settings, name, signals, plant)
+    yield from _printed_instants(settings, sine)
+    yield from _xi(settings, sine)
+
+
+def _signal(settings: Settings, name: str) -> Signal:
+    return Signal.parse(name, settings["theory"][name], 1)
+
+
+def _pendulum(settings: Settings) -> Iterator[Metric]:
+    model = build_model(settings["plant"], "pendulum")
+    stream = random_stream(SEED, "delay", "theory", "conditions")
+    cases = int(settings["theory"]["cases"])
+    points = stream.normal(scale=np.pi, size=(cases, 2, model.states))
+    ratios = [
+        np.linalg.norm(_drift(model, x) - _drift(model, z)) / np.linalg.norm(x - z)
+        for x, z in points
+    ]
+    stiffness, friction, _ = model.parameters
+    constant = float(np.hypot(stiffness, friction))
+    yield Metric("pendulum", "lipschitz_constant", constant, "1/s^2")
+    yield Metric("pendulum", "drift_over_lipschitz", float(np.max(ratios)) / constant, "1")
+    gains = [abs(_gain(model, x[0])) for x, _ in points]
+    yield Metric("pendulum", "least_input_gain", float(np.min(gains)), "1/(kg m^2)")
+    yield Metric("pendulum", "greatest_input_gain", float(np.max(gains)), "1/(kg m^2)")
+    u = input_and_derivatives("sine", _signal(settings, "sine"), 1)
+    most = delay_bounds(settings["plant"])[1]
+    wrong = []
+    for x, _ in points:
+        t, tau = stream.uniform(0, settings["plant"]["horizon"]), stream.uniform(0, most)
+        slope = u[1](np.array([t - tau]))[0, 0]
+        expected = -_gain(model, x[0]) * slope
+        wrong.append(abs(_determinant(model, u[0], x, t, tau) - expected))
+    size = max(gains) * float(np.max(np.abs(u[1](np.linspace(0, settings["plant"]["horizon"])))))
+    yield Metric("pendulum", "determinant_error", float(np.max(wrong)) / size, "1")
+    held = Signal.parse("held", [{"kind": "constant", "axis": 1, "from": -most, "size": 0.5}], 1)
+    step = settings["plant"]["step"]
+    apart = [
+        DelayedInputPlant(model).simulate(
+            settings["theory"]["initial_state"], held, delay, step, round(10.0 / step)
+        )
+        for delay in (_constant(0.2 * most), _constant(0.8 * most))
+    ]
+    value = float(np.max(np.abs(apart[0] - apart[1])))
+    yield Metric("pendulum", "difference_under_constant_input", value, "rad, rad/s")
+
+
+def _constant(size: float) -> Signal:
+    return Signal.parse("delay", [{"kind": "constant", "axis": 1, "size": size}], 1)
+
+
+def _drift(model: TriangularModel, x: Array) -> Array:
+    f = np.empty(model.states)
+    model.drift(np.ascontiguousarray(x), model.parameters, f)
+    return f
+
+
+def _gain(model: TriangularModel, y: float) -> float:
+    G = np.empty(1)
+    model.input_gain(np.array([y]), model.parameters, G)
+    return float(G[0])
+
+
+def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: float) -> float:
+    """Of the Jacobian of y, y' and y'' by x1, x2 and tau, by central differences (Theorem 1).
+
+    Without a drift in its first row the pendulum has y' = x2 and y'' = x2'.
+    """
+
+    def outputs(z: Array) -> Array:
+        force = _gain(model, z[0]) * u(np.array([t - z[2]]))[0, 0]
+        first, second = _drift(model, z[:2])
+        return np.array([z[0], z[1] + first, second + force])
+
+    at = np.array([*x, tau])
+    steps = DIFFERENCE * np.eye(3)
+    columns = [(outputs(at + d) - outputs(at - d)) / (2 * DIFFERENCE) for d in steps]
+    return float(np.linalg.det(np.array(columns).T))
+
+
+def _delay(settings: Settings, plant: Series) -> Iterator[Metric]:
+    delay, before = plant["delay"], plant["delay_before"]
+    leaps = np.abs(delay - before)[1:]
+    yield Metric("delay", "least_delay", float(np.min(delay)), "s")
+    yield Metric("delay", "greatest_delay", float(np.max(delay)), "s")
+    yield Metric("delay", "jumps", float(np.count_nonzero(leaps > 1e-9)), "1")
+    yield Metric("delay", "largest_jump", float(np.max(leaps)), "s")
+
+
+def _input(settings: Settings, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+    """How smooth and how bounded an input is (Assumption 4), and where it does not change (4)."""
+    most = delay_bounds(settings["plant"])[1]
+    inside = {b for s in signals for b in s.breaks if -most + 1e-9 < b <= plant.time[-1]}
+    yield Metric(name, "breaks", float(len(inside)), "1")
+    time = np.concatenate([plant.time[plant.time < most] - most, plant.time])
+    for i, signal in enumerate(signals[1:], start=1):
+        largest = float(np.max(np.abs(signal(time))))
+        yield Metric(name, f"largest_derivative_{i}", largest, f"N m/s^{i}")
+    rate = signals[1](time)[:, 0]
+    changes = np.count_nonzero(np.sign(rate[1:]) != np.sign(rate[:-1]))
+    least = 0.0 if changes else float(np.min(np.abs(rate)))
+    yield Metric(name, "least_rate", least, "N m/s")
+    yield Metric(name, "singular_instants", float(changes), "1")
+    still = np.abs(rate) < 1e-9 * np.max(np.abs(rate))
+    yield Metric(name, "singular_share", float(np.mean(still)), "1")
+
+
+def _remainder(
+    settings: Settings, name: str, signals: list[Signal], plant: Series
+) -> Iterator[Metric]:
+    """|gamma_m| of (6) at its largest, and over its bound (7)."""
+    most = delay_bounds(settings["plant"])[1]
+    time = np.linspace(0.0, plant.time[-1], 1201)
+    values = [signal(time)[:, 0] for signal in signals]
+    for order in ORDERS:
+        largest = float(np.max(np.abs(signals[order + 1](plant.time))))
+        sizes, ratios = [], []
+        for tau in np.linspace(0.1, 1.0, 10) * most:
+            terms = [(-tau) ** i / factorial(i) * values[i] for i in range(order + 1)]
+            gamma = np.abs(signals[0](time - tau)[:, 0] - np.sum(terms, axis=0))
+            sizes.append(float(np.max(gamma)))
+            bound = float(tau) ** (order + 1) / factorial(order + 1) * largest
+            ratios.append(sizes[-1] / bound if bound else float("nan"))
+        yield Metric(name, f"remainder_order_{order}", max(sizes), "N m")
+        if largest:
+            yield Metric(name, f"remainder_over_bound_order_{order}", max(ratios), "1")
+
+
+def _printed_instants(settings: Settings, sine: Series) -> Iterator[Metric]:
+    """|u'| where the paper says that it is zero, over its greatest value."""
+    frequency, phase, period = settings["theory"]["printed_singular"]
+    instants = np.pi * np.arange(phase, frequency * sine.time[-1] / np.pi, period) / frequency
+    rate = _signal(settings, "sine").derivative("sine")
+    size = float(np.max(np.abs(rate(sine.time))))
+    share = float(np.min(np.abs(rate(instants)))) / size
+    yield Metric("sine", "least_rate_at_printed_instants", share, "1")
+
+
+def _xi(settings: Settings, sine: Series) -> Iterator[Metric]:
+    """How often xi of (10) passes zero with the true delay where that varies smoothly."""
+    model = build_model(settings["plant"], "pendulum")
+    smooth = sine.time > max(sine.events["jumps"], default=0.0)
+    tau, rates = sine["delay"], sine["input_derivatives"]
+    for order in ORDERS:
+        terms = [(-1) ** i * tau ** (i - 1) / factorial(i) * rates[:, i - 1] for i in (1, 2)]
+        xi = _gain(model, 0.0) * np.sum(terms[:order], axis=0)
+        passed = np.count_nonzero(np.diff(np.sign(xi[smooth])))
+        yield Metric(f"order_{order}", "xi_zeros", float(passed), "1")

@@ -1,0 +1,95 @@
+"""The differentiator (37), as it is printed and with L in its last line, and the Taylor order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.metrics import Metric
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.papers.delay.scoring import root_mean_square
+from reobserve.papers.delay.setup import MOST_DERIVATIVES, input_and_derivatives
+from reobserve.series import Series
+from reobserve.signals import Signal
+
+Array = NDArray[np.float64]
+Settings = dict[str, Any]
+
+
+def measure(settings: Settings, sine: Series, away: Any) -> Iterator[Metric]:
+    """Errors of derivatives, and of the delay that the expansion (6) makes; ``away`` is a mask."""
+    body = settings["observers"]["order2_noise"]
+    period = body["sampling"]
+    time = np.arange(0.0, sine.time[-1] + 0.5 * period, period)
+    terms = settings["theory"]["sine"]
+    signals = input_and_derivatives("sine", Signal.parse("sine", terms, 1), MOST_DERIVATIVES + 1)
+    truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
+    late = time >= settings["metrics"]["start"]
+    sizes = root_mean_square(truth[late])
+    for name, printed in (("levant", False), ("levant_printed", True)):
+        errors = _errors(body, truth, np.zeros(len(time)), printed)[late]
+        shares = root_mean_square(errors) / sizes
+        for i in range(1, MOST_DERIVATIVES + 1):
+            yield Metric(name, f"relative_rms_error_{i}", float(shares[i]), "1")
+    largest = float(np.max(np.abs(signals[-1](time))))
+    yield Metric("levant", "bound_share", largest / body["L"], "1")
+    bounds = np.array(settings["theory"]["noises"], dtype=np.float64)
+    # A sine whose last derivative is L: no differentiator can tell such a noise from the input.
+    noises = [b * np.sin(time * (body["L"] / b) ** (1 / (MOST_DERIVATIVES + 1))) for b in bounds]
+    found = [np.max(np.abs(_errors(body, truth, n, False)[late]), axis=0) for n in noises]
+    for i in range(1, MOST_DERIVATIVES + 1):
+        power = np.polyfit(np.log(bounds), np.log(np.array(found)[:, i]), 1)[0]
+        yield Metric("levant", f"noise_exponent_{i}", float(power), "1")
+    factor = settings["theory"]["faster"]
+    quick = Signal.parse("sine", [_faster(term, factor) for term in terms], 1)
+    rapid = input_and_derivatives("sine", quick, MOST_DERIVATIVES)
+    at, tau = sine.time[away], sine["delay"][away]
+    for order in (1, 2):
+        bias = taylor_delay(signals, at, tau, order) - tau
+        yield Metric(f"order_{order}", "rms_bias", float(root_mean_square(bias)), "s")
+        share = float(root_mean_square(bias / tau))
+        yield Metric(f"order_{order}", "relative_rms_bias", share, "1")
+        bias = taylor_delay(rapid, at / factor, tau / factor, order) - tau / factor
+        share = float(root_mean_square(factor * bias / tau))
+        yield Metric(f"order_{order}", "relative_rms_bias_faster", share, "1")
+
+
+def _errors(body: Settings, truth: Array, noise: Array, printed: bool) -> Array:
+    law = LevantDifferentiator(
+        body["L"], body["sampling"], MOST_DERIVATIVES, body["lambdas"], printed
+    )
+    found: Array = law.run(truth[:, 0] + noise, law.init()).estimate - truth
+    return found
+
+
+def _faster(term: dict[str, Any], factor: float) -> dict[str, Any]:
+    """A term of the input with time run through ``factor`` times as fast."""
+    changed = dict(term)
+    for key, power in (("frequency", 1), ("slope", 1), ("from", -1), ("until", -1)):
+        if key in term:
+            changed[key] = term[key] * factor**power
+    return changed
+
+
+def taylor_delay(signals: list[Signal], time: Array, delay: Array, order: int) -> Array:
+    """The delay with which the expansion (6) up to an order, 1 or 2, gives u(t - tau) [s].
+
+    Of two such delays the one that is nearer to the true one; nan where there is none.
+    """
+    origins = time - delay
+    back = np.argsort(origins, kind="stable")
+    w = np.empty(len(time))
+    w[back] = signals[0](origins[back])[:, 0]
+    u, first = (s(time)[:, 0] for s in signals[:2])
+    if order == 1:
+        found: Array = (u - w) / first
+    else:
+        second = signals[2](time)[:, 0]
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(first**2 - 2 * second * (u - w))
+        # The roots of second d^2 / 2 - first d + u - w, the nearer one without cancellation.
+        found = 2 * (u - w) / (first + np.sign(first) * root)
+    return found
