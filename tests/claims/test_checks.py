@@ -62,14 +62,16 @@ def test_one_reference_serves_a_whole_list() -> None:
 
 def test_a_reader_is_told_the_number_and_what_is_asked() -> None:
     one = check(value="fig1 a error", below=0.03)
-    assert one.told(NUMBERS) == "fig1 a error = 0.02, below 0.03"
+    assert one.told(NUMBERS) == "fig1 a error = 0.02, must be below 0.03"
     ratio = check(value="fig1 a error", over="fig1 b error", above=1)
-    assert ratio.told(NUMBERS) == "fig1 a error / fig1 b error = 0.2, above 1"
+    assert ratio.told(NUMBERS) == "fig1 a error / fig1 b error = 0.2, must be above 1"
     listed = check(value=["fig1 a error", "fig1 b error"], below=0.05, share=0.5)
     assert listed.told(NUMBERS) == (
         "fig1 a error and so on: 1 of 2 are below 0.05, for at least 50%; the worst is 0.1"
     )
-    assert check(value="fig1 b delay", exists=False).told(NUMBERS) == "fig1 b delay = nan, never"
+    assert (
+        check(value="fig1 b delay", exists=False).told(NUMBERS) == "fig1 b delay = nan, must be nan"
+    )
     row = check(value=["fig1 a error", "fig1 b error"], falling=True)
     assert row.told(NUMBERS) == "fig1 a error = 0.02, 0.1: must be falling"
 

@@ -73,7 +73,7 @@ def test_the_table_tells_what_was_found() -> None:
     stands = Robustness(draws=32, held=31, flip=flip)
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
     assert told["verdict"] == "reproduced"
-    assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, below 0.05")
+    assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
     assert (told["draws"], told["held"], told["share"]) == (32, 31, "0.9688")
     assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (0.43 of its range)"
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)

@@ -39,9 +39,7 @@ REPORTED = next(kind for kind in ("svg", "png", "pdf") if kind in config["format
 
 
 # Papers that are built and have a registry of claims; one of the user's own need not.
-CLAIMED = [
-    paper for paper in config["papers"] if claims_file(PROJECT, paper).exists()
-]
+CLAIMED = [paper for paper in config["papers"] if claims_file(PROJECT, paper).exists()]
 
 
 def products():
@@ -85,7 +83,9 @@ def claims_of(paper):
 def drawn_from(paper):
     """What the robustness of a paper's claims depends on: the ledger, its ranges, the checks."""
     entries = {
-        key: {name: part for name, part in entry.items() if name not in ("why", "source")}
+        key: {
+            name: part for name, part in entry.items() if name not in ("why", "source")
+        }
         for key, entry in LEDGERS[paper].entries()
     }
     return [entries, LEDGERS[paper].seed, decisive(claims_of(paper))]
@@ -93,9 +93,7 @@ def drawn_from(paper):
 
 def told_of_claims():
     """What the table of claims depends on besides numbers."""
-    return [
-        [claims_of(paper), dict(LEDGERS[paper].entries())] for paper in CLAIMED
-    ]
+    return [[claims_of(paper), dict(LEDGERS[paper].entries())] for paper in CLAIMED]
 
 
 def told_in_report():
@@ -107,6 +105,13 @@ def told_in_report():
         for path in files
         if path.is_file()
     ]
+
+
+def report_options():
+    """What this call builds, where it may differ from the config."""
+    return (
+        f"--papers {' '.join(config['papers'])} --formats {' '.join(config['formats'])}"
+    )
 
 
 def all_designs(paper):

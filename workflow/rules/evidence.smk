@@ -101,13 +101,14 @@ rule report:
     conda:
         "../envs/reobserve.yaml"
     params:
+        built=report_options(),
         settings=digest(told_in_report()),
         code=digest_of("reobserve.replication_report"),
         packages=packages,
     message:
         "write the replication report"
     shell:
-        "(set -x; reobserve report --output {output}) > {log} 2>&1"
+        "(set -x; reobserve report {params.built} --output {output}) > {log} 2>&1"
 
 
 # After the report, which shows what is broken: this is what fails then.

@@ -8,4 +8,4 @@ onstart:
 
 
 onerror:
-    shell("reobserve report --output results/report.html >&2")
+    shell(f"reobserve report {report_options()} --output results/report.html >&2")

@@ -137,7 +137,7 @@ class Check:
             return f"{name} = {listed}: must be {self.relation}"
         asked = _asked(self.relation, self.bound)
         if len(values) == 1:
-            return f"{name} = {values[0]:.3g}, {asked}"
+            return f"{name} = {values[0]:.3g}, must be {asked}"
         satisfied = self._satisfied(values)
         worst = min(values, key=self._margin)
         part = f", for at least {self.share:.0%}" if self.share < 1 else ""
@@ -199,5 +199,5 @@ def _asked(relation: str, bound: Any) -> str:
     if relation == "within":
         return f"within {bound[0]:g} and {bound[1]:g}"
     if relation == "exists":
-        return "finite" if bound else "never"
+        return "finite" if bound else "nan"
     return f"{relation} {bound:g}"

@@ -1,0 +1,113 @@
+"""Claims with their verdicts as the build computed them, and what they add up to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from reobserve.claims.table import HEADER
+from reobserve.claims.verdicts import BROKEN, VERDICTS
+from reobserve.claims.verdicts import replicated as rows_replicated
+from reobserve.errors import InputError
+from reobserve.replication_report.model import Claim, Gap, Robustness
+from reobserve.replication_report.reading import Project
+
+CLAIMS_FILE = "results/claims.csv"
+
+# In the order in which the page counts them.
+ALL_VERDICTS = (*VERDICTS, BROKEN)
+
+
+def read_claims(project: Project) -> list[dict[str, str]] | Gap:
+    """The rows of all papers' claims, or why there are none."""
+    try:
+        return project.table(CLAIMS_FILE, HEADER)
+    except InputError as error:
+        return project.gaps.add("summary", error)
+
+
+def paper_claims(
+    project: Project, paper: str, rows: list[dict[str, str]] | Gap
+) -> tuple[tuple[Claim, ...] | Gap, Gap | None]:
+    """The claims of a paper or why there are none, and why their robustness is not told in full."""
+    if isinstance(rows, Gap):
+        return rows, None
+    own = [row for row in rows if row["paper"] == paper]
+    if not own:
+        return project.gaps.add(f"{paper}-claims", f"{CLAIMS_FILE}: has no claim of {paper}"), None
+    path = f"results/{paper}/robustness.json"
+    missing = None
+    draws: Mapping[str, Any] = {}
+    try:
+        draws = project.json(path)["claims"]
+    except (InputError, KeyError) as error:
+        sentence = error if isinstance(error, InputError) else f"{path}: has no claims"
+        missing = project.gaps.add(f"{paper}-claims", sentence)
+    claims: list[Claim] = []
+    for row in own:
+        try:
+            claims.append(_claim(project, row, draws.get(row["claim"], {})))
+        except ValueError as error:
+            problem = f"{CLAIMS_FILE}: {paper}.{row['claim']} cannot be read ({error})"
+            damaged = {**row, "draws": "", "verdict": BROKEN, "problem": problem}
+            claims.append(_claim(project, damaged, {}))
+    return tuple(claims), missing
+
+
+def _claim(project: Project, row: Mapping[str, str], draws: Mapping[str, Any]) -> Claim:
+    if row["verdict"] not in ALL_VERDICTS:
+        raise ValueError(f"{row['verdict']!r} is no verdict")
+    problem = None
+    if row["verdict"] == BROKEN:
+        sentence = row["problem"] or f"{row['paper']}.{row['claim']}: cannot be decided"
+        problem = project.gaps.add(f"{row['paper']}-claim-{row['claim']}", sentence)
+    return Claim(
+        name=row["claim"],
+        headline=row["headline"] == "yes",
+        place=row["place"],
+        says=row["says"],
+        verdict=row["verdict"],
+        holds=row["holds"],
+        measured=_checks(row["measured"]),
+        why=row["why"],
+        figures=tuple(row["figures"].split()),
+        hangs_on=tuple(row["hangs_on"].split()),
+        robustness=_robustness(row, draws),
+        problem=problem,
+    )
+
+
+def _checks(measured: str) -> tuple[str, ...]:
+    """What was measured, check by check: each begins with the figure or the theory it names."""
+    return tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", measured)))
+
+
+def _robustness(row: Mapping[str, str], draws: Mapping[str, Any]) -> Robustness | None:
+    if not row["draws"] or int(row["draws"]) == 0:
+        return None
+    key, _, moved = row["flip"].partition(" ")
+    return Robustness(
+        draws=int(row["draws"]),
+        held=int(row["held"]),
+        share=float(row["share"]),
+        low=float(row["low"]),
+        high=float(row["high"]),
+        flip_key=key,
+        flip=moved,
+        diverged=int(draws.get("diverged", 0)),
+        refused=int(draws.get("refused", 0)),
+    )
+
+
+def counts(claims: Sequence[Claim]) -> dict[str, int]:
+    """How many claims have each verdict."""
+    return {verdict: sum(c.verdict == verdict for c in claims) for verdict in ALL_VERDICTS}
+
+
+def replicated(claims: Sequence[Claim]) -> bool | None:
+    """Whether a replication succeeded, [Re] or [¬Re]; None without claims."""
+    rows = [
+        {"headline": "yes" if claim.headline else "", "verdict": claim.verdict} for claim in claims
+    ]
+    return rows_replicated(rows) if rows else None
