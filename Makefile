@@ -14,7 +14,7 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report test check bench golden lock env clean distclean help
+.PHONY: figures report test check bench figdiff accept lock env clean distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## build every figure (the default); CORES=4 for more cores
@@ -36,8 +36,11 @@ check: $(STAMP)  ## style, types, workflow lint
 bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
-golden: $(STAMP)  ## renew the golden numbers: make golden REASON="why they moved"
-	reobserve golden update --reason "$(REASON)"
+figdiff: $(STAMP)  ## build all from nothing elsewhere, compare with the accepted figures, write figdiff/
+	reobserve figdiff --build --cores $(CORES)
+
+accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved"
+	reobserve accept --reason "$(REASON)" --cores $(CORES)
 
 env: $(STAMP)  ## set up .venv and nothing else
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import resource
 import shutil
 import subprocess
@@ -12,6 +11,8 @@ import time
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
+
+from reobserve.figure_diff.project_copy import copy_environment, copy_project
 
 PROJECT = Path(__file__).parents[1]
 _MADE = ("results", "logs", ".snakemake")
@@ -38,13 +39,7 @@ class ProjectCopy:
         self.notes = folder / "notes"
         self.reference = folder / "reference"
         self.notes.mkdir(parents=True)
-        command = ["git", "ls-files", "-z", "-co", "--exclude-standard"]
-        listed = subprocess.run(command, cwd=PROJECT, check=True, capture_output=True, text=True)
-        for name in listed.stdout.split("\0"):
-            source, target = PROJECT / name, self.folder / name
-            if name and source.is_file():
-                target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(source, target)
+        copy_project(PROJECT, self.folder)
 
     def build(self, cache: str, stand_in: str = "") -> Build:
         """Build all figures with two cores, from nothing but the numba cache named ``cache``.
@@ -91,9 +86,7 @@ class ProjectCopy:
 
     def _environment(self, cache: str, stand_in: str) -> dict[str, str]:
         environment = {
-            **os.environ,
-            "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
-            "PYTHONPATH": str(self.folder / "src"),
+            **copy_environment(self.folder),
             "NUMBA_CACHE_DIR": str(self.folder.parent / cache),
             "BENCHMARK_NOTES": str(self.notes),
             "BENCHMARK_REFERENCE": str(self.reference),

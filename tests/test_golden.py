@@ -17,8 +17,9 @@ import pytest
 from reobserve import golden_tables
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation, Evaluator
-from reobserve.golden import compare, folder, write
+from reobserve.golden import THEORY, compare, compare_metrics, folder, write, write_theory
 from reobserve.ledger import Ledger, leaves
+from reobserve.metrics import Metric
 from reobserve.series import Channel, Series
 
 from .pipeline.conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project, copy_project
@@ -65,13 +66,27 @@ EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 
 @pytest.mark.parametrize(("paper", "figure"), FIGURES)
 def test_the_numbers_are_golden(paper: str, figure: str) -> None:
-    assert list(map(str, compare(EVALUATORS[paper], figure, folder(ROOT, paper)))) == []
+    assert (
+        list(
+            map(str, compare(EVALUATORS[paper].figure(figure), paper, figure, folder(ROOT, paper)))
+        )
+        == []
+    )
 
 
 def test_the_tables_are_golden() -> None:
     for paper, table in TABLES:
         found = golden_tables.compare(EVALUATORS[paper], table, folder(ROOT, paper))
         assert list(map(str, found)) == []
+
+
+THEORIES = [paper for paper in PAPERS if THEORY in LEDGERS[paper].tree]
+
+
+@pytest.mark.parametrize("paper", THEORIES)
+def test_the_theory_is_golden(paper: str) -> None:
+    found = compare_metrics(EVALUATORS[paper].theory(), paper, THEORY, folder(ROOT, paper))
+    assert list(map(str, found)) == []
 
 
 Path_ = tuple[str | int, ...]
@@ -91,8 +106,9 @@ def constants() -> Iterator[tuple[str, str, Path_]]:
     for paper in PAPERS:
         end = LEDGERS[paper].section("plant").get("horizon", np.inf)
         for key, entry in LEDGERS[paper].entries():
-            # What a search looks at makes no figure: that is what it finds.
-            searched = key.startswith("searches.")
+            # What a search looks at makes no figure: that is what it finds. Nor does what a theory
+            # is tried on, and each try would compute the whole theory.
+            searched = key.startswith(("searches.", "theory."))
             if searched or entry.get("numerical") or key.endswith(NO_CONSTANTS.get(paper, ())):
                 continue
             for path, value in leaves(entry["value"]):
@@ -140,7 +156,7 @@ def deviates(ledger: Ledger) -> str:
             # A figure that sees nothing of the change cannot deviate; plot sees most.
             if ledger.settings("plot", figure) == unchanged.settings("plot", figure):
                 continue
-            for deviation in compare(evaluator, figure, kept):
+            for deviation in compare(evaluator.figure(figure), ledger.paper, figure, kept):
                 return str(deviation)
         for table in ledger.tree.get("tables", {}):
             if ledger.settings("table", table) != unchanged.settings("table", table):
@@ -277,11 +293,11 @@ def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, 
     path = tmp_path / name
     path.write_text(damage(path.read_text()))
     with pytest.raises(InputError, match=said) as caught:
-        list(compare(EVALUATORS["ilo"], "fig1", tmp_path))
+        list(compare(EVALUATORS["ilo"].figure("fig1"), "ilo", "fig1", tmp_path))
     assert str(path) in str(caught.value)
     os.remove(path)
     with pytest.raises(InputError, match="cannot be read"):
-        list(compare(EVALUATORS["ilo"], "fig1", tmp_path))
+        list(compare(EVALUATORS["ilo"].figure("fig1"), "ilo", "fig1", tmp_path))
 
 
 class OneSeries(Evaluator):
@@ -301,3 +317,36 @@ def test_a_unit_must_have_a_rounding(tmp_path: Path) -> None:
     assert "plant.x,1/s,2e-09," in (tmp_path / "fig1.tolerances.csv").read_text()
     with pytest.raises(InputError, match=r"plant\.x: has the unit 'kg', of which .* 1/s"):
         write(OneSeries("kg"), OneSeries("kg"), "fig1", tmp_path)
+
+
+class Theory(Evaluator):
+    """An evaluator whose theory is one number, and a ratio that does not exist."""
+
+    def __init__(self, value: float, unit: str = "1/s") -> None:
+        super().__init__(LEDGERS["ilo"])
+        self.metrics = [Metric("law", "pole", value, unit), Metric("law", "ratio", np.nan, "1")]
+
+    def theory(self) -> list[Metric]:
+        return self.metrics
+
+
+@pytest.mark.parametrize(
+    ("found", "moved"),
+    [
+        (-2.0, []),
+        (-2.0 + 1.9e-3, []),
+        (
+            -2.0 + 2.1e-3,
+            ["ilo theory, law:pole: golden -2, found -1.9979, off by 0.0021, allowed 0.002"],
+        ),
+    ],
+)
+def test_the_numbers_of_a_theory_have_tolerances(
+    tmp_path: Path, found: float, moved: list[str]
+) -> None:
+    """Twice what halving the steps changes: here from -2 to -2.001."""
+    write_theory(Theory(-2.0), Theory(-2.001), tmp_path)
+    metrics = Theory(found).theory()
+    assert list(map(str, compare_metrics(metrics, "ilo", THEORY, tmp_path))) == moved
+    with pytest.raises(InputError, match=r"theory\.metrics\.csv: does not fit"):
+        list(compare_metrics(metrics[:1], "ilo", THEORY, tmp_path))

@@ -56,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_stages(commands)
     _add_evidence(commands)
     _add_golden(commands)
+    _add_figure_diff(commands)
     return parser
 
 
@@ -182,6 +183,8 @@ def _add_evidence(commands: Any) -> None:
         commands, "report", "replication_report:report_command",
         "the replication report of what is built, gaps shown",
     )  # fmt: skip
+    for name, text in (("papers", "papers that are built"), ("formats", "formats of figures")):
+        report.add_argument(f"--{name}", nargs="+", help=f"{text} (default: those of the config)")
     _output(report, "the page, HTML")
     _project(report)
 
@@ -205,6 +208,34 @@ def _add_golden(commands: Any) -> None:
     update.add_argument("--reason", required=True, help="why they moved; kept beside them")
     update.add_argument("paper", nargs="*", help="only these papers (default: all)")
     _project(update)
+
+
+def _add_figure_diff(commands: Any) -> None:
+    diff = _command(
+        commands, "figdiff", "figure_diff.commands:figdiff_command",
+        "compare figures, and the numbers behind them, with the accepted ones; writes a page",
+    )  # fmt: skip
+    for name, default, text in (
+        ("reference", "tests/reference", "the accepted figures"),
+        ("results", "results", "what is built"),
+        ("output", "figdiff", "where the page and its summaries go"),
+    ):
+        diff.add_argument(
+            f"--{name}", type=Path, default=Path(default), metavar="DIR",
+            help=f"{text} (default: {default})",
+        )  # fmt: skip
+    diff.add_argument(
+        "--build", action="store_true",
+        help="build everything from nothing in a temporary folder, and compare that",
+    )  # fmt: skip
+    accept = _command(
+        commands, "accept", "figure_diff.commands:accept_command",
+        "build, and accept figures and golden numbers; refuses in CI and on a dirty tree",
+    )  # fmt: skip
+    accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
+    for command in (diff, accept):
+        command.add_argument("--cores", type=int, default=2, help="to build with (default: 2)")
+        _project(command)
 
 
 def _command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:

@@ -1,12 +1,13 @@
 """Golden numbers: what stands behind each figure, kept with tolerances and compared.
 
 For each figure ``tests/golden/<paper>`` holds the series, one row every `PERIOD` seconds, and the
-metrics, each with the tolerance found by halving every numerical step when it was written.
+metrics, each with the tolerance found by halving every numerical step when it was written. The
+numbers of a paper's theory are kept like the metrics of a figure of that name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,12 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.files import read_table, write_table
+from reobserve.metrics import Metric
 from reobserve.series import Channel, Series
 
 Array = NDArray[np.float64]
 
+THEORY = "theory"
 PERIOD = 0.1  # [s] between the rows kept of each series
 
 # What another processor may round differently: kernels of BLAS, sines of the C library. A rate is
@@ -28,6 +31,8 @@ PERIOD = 0.1  # [s] between the rows kept of each series
 _ROUNDING = {
     **dict.fromkeys(("N m", "N m/s, N m/s^2", "rad", "rad, rad/s", "1", "s"), 1e-9),
     **dict.fromkeys(("1/s", "1/s, 1/s^2", "V", "y", "y s"), 1e-9),
+    **dict.fromkeys(("1/s^2", "1/(kg m^2)", "s/rad", "N m s/rad", "N m/s"), 1e-9),
+    **dict.fromkeys(("N m/s^1", "N m/s^2", "N m/s^3"), 1e-9),
     "y s, y, y/s, y/s^2": 1e-8,  # a jerk of thousands among them
     "rad/s, A": 1e-8,
     "rad/s": 1e-12,
@@ -43,13 +48,14 @@ _TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")
 
 @dataclass(frozen=True)
 class Deviation:
-    """A number that is not within its tolerance of the golden one."""
+    """A number that is not within its tolerance of the golden one, of the series ``column``."""
 
     figure: str
     what: str
     golden: float
     found: float
     tolerance: float
+    column: str = ""
 
     def __str__(self) -> str:
         """One line: where, what it was, what it is, what is allowed."""
@@ -64,7 +70,7 @@ def folder(project: Path, paper: str) -> Path:
     return project / "tests" / "golden" / paper
 
 
-def compare(evaluator: Evaluator, figure: str, golden: Path) -> Iterator[Deviation]:
+def compare(evaluation: Evaluation, paper: str, figure: str, golden: Path) -> Iterator[Deviation]:
     """The deviations of a figure from the golden numbers in the folder ``golden``.
 
     Raises
@@ -72,33 +78,50 @@ def compare(evaluator: Evaluator, figure: str, golden: Path) -> Iterator[Deviati
     InputError
         If a golden file is missing, damaged or holds other columns or metrics than the figure.
     """
-    name = f"{evaluator.ledger.paper} {figure}"
-    series, metrics = _numbers(evaluator.figure(figure))
-    columns, tolerances = _read_series(golden, figure)
-    _same_names(golden / f"{figure}.series.csv", columns, series)
-    for column, number in series.items():
+    yield from compare_series(kept_rows(evaluation), paper, figure, golden)
+    yield from compare_metrics(evaluation.metrics, paper, figure, golden)
+
+
+def compare_series(
+    found: Mapping[str, Channel], paper: str, figure: str, golden: Path
+) -> Iterator[Deviation]:
+    """The deviations of the series of a figure, as `kept_rows` gives them; raises as `compare`."""
+    columns, tolerances = read_series(golden, figure)
+    _same_names(golden / f"{figure}.series.csv", columns, found)
+    for column, number in found.items():
         if len(number.values) != len(columns[column]):
-            yield Deviation(name, f"rows of {column}", len(columns[column]), len(number.values), 0)
+            yield Deviation(
+                f"{paper} {figure}", f"rows of {column}",
+                len(columns[column]), len(number.values), 0, column,
+            )  # fmt: skip
             continue
         off = np.abs(number.values - columns[column])
         worst = int(np.argmax(off))
         if not off[worst] <= tolerances[column]:
             yield Deviation(
-                name,
+                f"{paper} {figure}",
                 f"{column} at {worst * PERIOD:g} s",
                 float(columns[column][worst]),
                 float(number.values[worst]),
                 tolerances[column],
+                column,
             )
+
+
+def compare_metrics(
+    found: Iterable[Metric], paper: str, figure: str, golden: Path
+) -> Iterator[Deviation]:
+    """The deviations of metrics, of a figure or of the theory; raises as `compare`."""
     kept = _read_metrics(golden, figure)
+    metrics = _by_name(found)
     _same_names(golden / f"{figure}.metrics.csv", kept, metrics)
     for metric, number in metrics.items():
         value, tolerance = kept[metric]
-        found = float(number.values)
-        if np.isnan(value) and np.isnan(found):
+        new = float(number.values)
+        if np.isnan(value) and np.isnan(new):
             continue
-        if not abs(found - value) <= tolerance:
-            yield Deviation(name, metric, value, found, tolerance)
+        if not (new == value or abs(new - value) <= tolerance):
+            yield Deviation(f"{paper} {figure}", metric, value, new, tolerance)
 
 
 def write(evaluator: Evaluator, refined: Evaluator, figure: str, golden: Path) -> None:
@@ -110,8 +133,8 @@ def write(evaluator: Evaluator, refined: Evaluator, figure: str, golden: Path) -
         If a unit is none of those of which it is known how well their numbers are.
     """
     least = _SOLVED.get(evaluator.ledger.paper, 0.0)
-    series, metrics = _numbers(evaluator.figure(figure))
-    fine_series, fine_metrics = _numbers(refined.figure(figure))
+    evaluation, fine = evaluator.figure(figure), refined.figure(figure)
+    series, fine_series = kept_rows(evaluation), kept_rows(fine)
     time = np.arange(len(next(iter(series.values())).values)) * PERIOD
     rows = (
         {"time": f"{t:.6g}"} | {name: f"{n.values[i]:.14g}" for name, n in series.items()}
@@ -127,28 +150,45 @@ def write(evaluator: Evaluator, refined: Evaluator, figure: str, golden: Path) -
         ),
         _TOLERANCE_HEADER,
     )
+    _write_metrics(evaluation.metrics, fine.metrics, least, golden / f"{figure}.metrics.csv")
+
+
+def write_theory(evaluator: Evaluator, refined: Evaluator, golden: Path) -> None:
+    """Write the golden numbers of a paper's theory, like the metrics of a figure; see `write`."""
+    least = _SOLVED.get(evaluator.ledger.paper, 0.0)
+    path = golden / f"{THEORY}.metrics.csv"
+    _write_metrics(evaluator.theory(), refined.theory(), least, path)
+
+
+def kept_rows(evaluation: Evaluation) -> dict[str, Channel]:
+    """The rows of all series of a figure that golden numbers keep, by owner and column."""
+    series = dict(_columns("plant", evaluation.plant))
+    for observer, estimate in evaluation.estimates.items():
+        series.update(_columns(observer, estimate))
+    return series
+
+
+def _write_metrics(
+    metrics: Iterable[Metric], fine: Iterable[Metric], least: float, path: Path
+) -> None:
+    refined = _by_name(fine)
     write_table(
-        golden / f"{figure}.metrics.csv",
+        path,
         (
             dict(zip(("observer", "metric"), name.split(":"), strict=True))
             | {"value": f"{float(number.values):.14g}", "unit": number.unit}
-            | _tolerance(name, number, fine_metrics[name], least)
-            for name, number in metrics.items()
+            | _tolerance(name, number, refined[name], least)
+            for name, number in _by_name(metrics).items()
         ),
         _METRIC_HEADER,
     )
 
 
-def _numbers(evaluation: Evaluation) -> tuple[dict[str, Channel], dict[str, Channel]]:
-    """The kept rows of all series, and all metrics, by name."""
-    series = dict(_columns("plant", evaluation.plant))
-    for observer, estimate in evaluation.estimates.items():
-        series.update(_columns(observer, estimate))
-    metrics = {
+def _by_name(metrics: Iterable[Metric]) -> dict[str, Channel]:
+    return {
         f"{metric.observer}:{metric.metric}": Channel(np.array(metric.value), metric.unit)
-        for metric in evaluation.metrics
+        for metric in metrics
     }
-    return series, metrics
 
 
 def _columns(owner: str, series: Series) -> Iterator[tuple[str, Channel]]:
@@ -187,7 +227,8 @@ def _same_names(path: Path, golden: Any, found: Any) -> None:
         )
 
 
-def _read_series(golden: Path, figure: str) -> tuple[dict[str, Array], dict[str, float]]:
+def read_series(golden: Path, figure: str) -> tuple[dict[str, Array], dict[str, float]]:
+    """The golden columns of a figure, and their tolerances; raises as `compare`."""
     path = golden / f"{figure}.tolerances.csv"
     rows = read_table(path, _TOLERANCE_HEADER)
     tolerances = {row["column"]: _number(path, row["tolerance"]) for row in rows}

@@ -33,8 +33,11 @@ def check_may_renew(project: Path, reason: str) -> None:
         )
 
 
-def keep_reason(project: Path, reason: str, moved: int) -> None:
-    """Add the reason to the log beside the golden numbers, with the commit that it belongs to."""
+def keep_reason(project: Path, reason: str, moved: str) -> None:
+    """Add the reason to the log beside the golden numbers, with the commit that it belongs to.
+
+    ``moved`` says in a few words how much did.
+    """
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"],
         cwd=project, capture_output=True, text=True, check=True,
@@ -42,4 +45,4 @@ def keep_reason(project: Path, reason: str, moved: int) -> None:
     log = project / "tests" / "golden" / "REASONS.md"
     today = datetime.now(tz=UTC).date().isoformat()
     with log.open("a", encoding="utf-8") as stream:
-        stream.write(f"- {today}, at {commit}: {' '.join(reason.split())} ({moved} moved)\n")
+        stream.write(f"- {today}, at {commit}: {' '.join(reason.split())} ({moved})\n")

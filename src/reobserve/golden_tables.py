@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from reobserve.evaluation import Evaluator
 from reobserve.files import cell, read_table, write_table
@@ -39,10 +40,16 @@ def compare(evaluator: Evaluator, table: str, golden: Path) -> Iterator[Deviatio
     InputError
         If the golden table is missing, damaged or has other columns.
     """
-    name = f"{evaluator.ledger.paper} {table}"
-    header = paper_module(evaluator.ledger.paper, "table").HEADER
+    yield from compare_rows(evaluator.table(table), evaluator.ledger.paper, table, golden)
+
+
+def compare_rows(
+    rows: Sequence[Mapping[str, Any]], paper: str, table: str, golden: Path
+) -> Iterator[Deviation | OtherCell]:
+    """The deviations of a table's rows, computed or read from its file; raises as `compare`."""
+    name = f"{paper} {table}"
+    header = table_header(paper)
     kept = read_table(golden / f"{table}.csv", header)
-    rows = evaluator.table(table)
     if len(rows) != len(kept):
         yield Deviation(name, "rows", len(kept), len(rows), 0)
         return
@@ -57,8 +64,14 @@ def compare(evaluator: Evaluator, table: str, golden: Path) -> Iterator[Deviatio
 
 def write(evaluator: Evaluator, table: str, golden: Path) -> None:
     """Write the golden table, the same file that the stage writes."""
-    header = paper_module(evaluator.ledger.paper, "table").HEADER
+    header = table_header(evaluator.ledger.paper)
     write_table(golden / f"{table}.csv", evaluator.table(table), header)
+
+
+def table_header(paper: str) -> Sequence[str]:
+    """The columns of the tables of a paper."""
+    header: Sequence[str] = paper_module(paper, "table").HEADER
+    return header
 
 
 def _difference(

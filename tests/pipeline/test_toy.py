@@ -142,7 +142,7 @@ def test_a_broken_claim_fails_the_build_and_shows_in_the_report(
 
 
 def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
-    """The build stops with the sentence of its stage, and the page is written with what there is."""
+    """The build stops with the sentence of its stage, and the page shows what there is."""
     refusing = """from reobserve.errors import InputError
 
 

@@ -1,0 +1,143 @@
+"""The commands: compare what is built with what was accepted, and accept what is built."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from reobserve import golden
+from reobserve.config import known_papers, read_yaml
+from reobserve.errors import InputError, ReobserveError
+from reobserve.figure_diff import page, pixels, summary
+from reobserve.figure_diff.comparison import compare_all
+from reobserve.figure_diff.model import Diff, Origin
+from reobserve.figure_diff.origin import origin_here, read_origin, write_origin
+from reobserve.figure_diff.project_copy import build, copy_project
+from reobserve.files import write_text
+from reobserve.golden_commands import renew
+from reobserve.golden_guard import check_may_renew, keep_reason
+from reobserve.ledger import Ledger
+
+_BUILD_LOG = "build.log"
+
+
+def figdiff_command(
+    project: Path, reference: Path, results: Path, output: Path, build: bool, cores: int
+) -> None:
+    """Compare, write page and summaries to ``output``; fail if anything does not agree.
+
+    With ``build`` everything is built from nothing in a temporary folder, and ``results`` is not
+    looked at.
+    """
+    if not build:
+        _compare(project, reference, results, output, [])
+        return
+    with _built_copy(project, cores, output / _BUILD_LOG) as (copy, gaps):
+        _compare(project, reference, copy / "results", output, gaps)
+
+
+def accept_command(project: Path, reason: str, cores: int) -> None:
+    """Renew reference figures and golden numbers: refuses without a reason, in CI, on a dirty tree.
+
+    All is built and computed first, so that a failure leaves what was accepted as it was.
+    """
+    check_may_renew(project, reason)
+    reference = project / "tests" / "reference"
+    with _built_copy(project, cores, project / "figdiff" / _BUILD_LOG) as (copy, gaps):
+        if gaps:
+            raise ReobserveError(f"nothing is accepted: {gaps[0]}")
+        moved = renew(project, known_papers(project))
+        redrawn = _renew_references(reference, copy / "results")
+        _drop_golden_of_no_figure(project)
+    write_origin(reference, origin_here(project))
+    print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
+    keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
+
+
+@contextmanager
+def _built_copy(project: Path, cores: int, log: Path) -> Iterator[tuple[Path, list[str]]]:
+    """A copy of the project with everything built that can be; what failed, in a sentence."""
+    targets = _targets(project)
+    with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
+        copy = Path(folder)
+        copy_project(project, copy)
+        print("building everything from nothing in a temporary folder, some minutes", flush=True)
+        whole = build(copy, targets, cores, log)
+        yield copy, [] if whole else [f"the build failed in part; {log} has what it said"]
+
+
+def _targets(project: Path) -> list[str]:
+    """What is compared: the drawings, the numbers behind them, the tables and the theories."""
+    config = read_yaml(project / "config" / "config.yaml")
+    found = []
+    for paper in config["papers"]:
+        tree = Ledger.load(project, paper, seed=config["seed"]).tree
+        names = [f"{name}.{end}" for name in tree["figures"] for end in ("png", "metrics.csv")]
+        names += [f"{name}.csv" for name in tree.get("tables", {})]
+        names += [f"{golden.THEORY}.metrics.csv"] if golden.THEORY in tree else []
+        found += [f"results/{paper}/{name}" for name in names]
+    return found
+
+
+def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: list[str]) -> None:
+    for name, folder in (("--reference", reference), ("--results", results)):
+        if not folder.is_dir():
+            gaps = [*gaps, f"{name}: there is no folder {folder}"]
+    try:
+        accepted = read_origin(reference)
+    except InputError as error:
+        accepted, gaps = Origin({}), [*gaps, str(error)]
+    items = compare_all(project, reference, results)
+    diff = Diff(items, accepted, origin_here(project), gaps)
+    write_text(output / "summary.json", summary.to_json(diff))
+    write_text(output / "summary.md", summary.to_markdown(diff))
+    write_text(output / "index.html", page.render(diff, project / "workflow" / "report"))
+    for item in diff.failed:
+        print(f"{item.paper} {item.name}: {item.verdict}")
+        for sentence in (item.why_missing, *item.gaps, *map(str, item.deviations[:3])):
+            if sentence:
+                print(f"  {sentence}")
+    print(f"{len(items)} figures, tables and theories: {summary.counts(diff)}")
+    if diff.failed or gaps:
+        said = "; ".join([f"{len(diff.failed)} do not agree with what was accepted", *gaps])
+        raise ReobserveError(f"{said}; see {output / 'index.html'}")
+
+
+def _renew_references(reference: Path, results: Path) -> list[str]:
+    """Put the drawings in place of the references; what is different about each, a line each."""
+    said = []
+    built = {path.relative_to(results): path for path in sorted(results.glob("*/*.png"))}
+    for name, path in built.items():
+        kept, title = reference / name, f"{name.parent} {name.stem}"
+        try:
+            found = pixels.compare(pixels.read_pixels(kept), pixels.read_pixels(path), title)
+        except InputError as error:
+            said.append(f"{title}: accepted anew ({error})")
+        else:
+            if found.place is None:
+                continue
+            said.append(
+                f"{title}: RMS {found.rms:.3g} grey levels, "
+                f"least local similarity {found.similarity:.4f}"
+            )
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, kept)
+    for path in sorted(reference.glob("*/*.png")):
+        if path.relative_to(reference) not in built:
+            path.unlink()
+            said.append(f"{path.parent.name} {path.stem}: taken out, it is built no longer")
+    return said
+
+
+def _drop_golden_of_no_figure(project: Path) -> None:
+    """Remove the golden numbers of what the ledgers have no longer."""
+    for paper in known_papers(project):
+        tree = Ledger.load(project, paper).tree
+        names = {*tree["figures"], *tree.get("tables", {})}
+        names |= {golden.THEORY} & set(tree)
+        for path in golden.folder(project, paper).glob("*.csv"):
+            if path.name.partition(".")[0] not in names:
+                path.unlink()

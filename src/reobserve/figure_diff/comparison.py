@@ -1,0 +1,141 @@
+"""Every figure, table and theory that is expected or built, compared; nothing stops the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from reobserve import golden, golden_tables
+from reobserve.errors import InputError, ReobserveError
+from reobserve.figure_diff import pixels
+from reobserve.figure_diff.built import built_metrics, built_series, why_missing
+from reobserve.figure_diff.model import Item, MovedSeries
+from reobserve.files import read_table
+from reobserve.ledger import Ledger
+
+_PARTS = (".metrics.csv", ".series.csv", ".tolerances.csv")
+
+
+def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
+    """An item for each that is expected or built, paper by paper.
+
+    Expected are the drawings in ``reference/PAPER`` and the golden numbers of ``project``; what is
+    built stands in ``results/PAPER``, and the logs in a folder beside ``results``.
+    """
+    folders = [reference, results, project / "tests" / "golden"]
+    papers = {path.name for folder in folders for path in folder.glob("*/") if path.is_dir()}
+    items: list[Item] = []
+    for paper in sorted(papers):
+        comparison = _Paper(paper, project, reference, results)
+        items += comparison.items()
+    return items
+
+
+class _Paper:
+    """The comparison of one paper; without a ledger there is no way from a figure to its files."""
+
+    def __init__(self, paper: str, project: Path, reference: Path, results: Path) -> None:
+        self.paper = paper
+        self.golden = golden.folder(project, paper)
+        self.reference = reference / paper
+        self.results = results / paper
+        self.logs = results.parent / "logs" / paper
+        self.ledger: Ledger | None = None
+        self.no_ledger = ""
+        try:
+            self.ledger = Ledger.read(self.results / "ledger.json")
+        except InputError as error:
+            self.no_ledger = str(error)
+
+    def items(self) -> Iterable[Item]:
+        tree = self.ledger.tree if self.ledger else {}
+        kept = {path.name for path in self.golden.glob("*.csv")}
+        theory = f"{golden.THEORY}.metrics.csv"
+        figures = {path.stem for f in (self.reference, self.results) for path in f.glob("*.png")}
+        figures |= {name.removesuffix(_PARTS[0]) for name in kept - {theory} if _PARTS[0] in name}
+        for name in sorted(figures | set(tree.get("figures", {}))):
+            yield self._figure(name)
+        tables = {name.removesuffix(".csv") for name in kept if not name.endswith(_PARTS)}
+        for name in sorted(tables | set(tree.get("tables", {}))):
+            yield self._numbers_only(name, "table", f"{name}.csv")
+        if theory in kept or golden.THEORY in tree:
+            yield self._numbers_only(golden.THEORY, golden.THEORY, theory)
+
+    def _figure(self, name: str) -> Item:
+        drawings = [folder / f"{name}.png" for folder in (self.reference, self.results)]
+        reference, new = (path if path.is_file() else None for path in drawings)
+        item = Item(self.paper, name, reference=reference, new=new)
+        if new is None:
+            item.why_missing = self._why_missing(item)
+        elif reference is None:
+            item.extra = True
+        else:
+            with _gap_noted(item):
+                self._compare_pixels(item, reference, new)
+        if reference is None and not (self.golden / f"{name}{_PARTS[0]}").exists():
+            return item
+        # What is missing has said so; what it was to be drawn from may be there all the same.
+        metrics = self.results / f"{name}{_PARTS[0]}"
+        if new is None and not metrics.exists():
+            return item
+        with _gap_noted(item):
+            self._compare_series(item)
+        with _gap_noted(item):
+            self._compare_metrics(item, metrics)
+        return item
+
+    def _numbers_only(self, name: str, kind: str, file: str) -> Item:
+        item = Item(self.paper, name, kind)
+        if not (self.results / file).exists():
+            item.why_missing = self._why_missing(item)
+        elif not (self.golden / file).exists():
+            item.extra = True
+        elif kind == "table":
+            with _gap_noted(item):
+                self._compare_table(item, self.results / file)
+        else:
+            with _gap_noted(item):
+                self._compare_metrics(item, self.results / file)
+        return item
+
+    def _why_missing(self, item: Item) -> str:
+        if self.ledger is None:
+            return self.no_ledger
+        try:
+            return why_missing(self.ledger, item.name, item.kind, self.results, self.logs)
+        except InputError as error:
+            return str(error)
+
+    def _compare_pixels(self, item: Item, reference: Path, new: Path) -> None:
+        old, now = pixels.read_pixels(reference), pixels.read_pixels(new)
+        item.pixels = pixels.compare(old, now, f"{self.paper} {item.name}")
+
+    def _compare_series(self, item: Item) -> None:
+        if self.ledger is None:
+            raise ReobserveError(self.no_ledger)
+        found = golden.kept_rows(built_series(self.ledger, item.name, self.results))
+        columns, tolerances = golden.read_series(self.golden, item.name)
+        for moved in golden.compare_series(found, self.paper, item.name, self.golden):
+            item.deviations.append(moved)
+            name, number = moved.column, found[moved.column]
+            item.series.append(
+                MovedSeries(name, number.unit, columns[name], number.values, tolerances[name])
+            )
+
+    def _compare_metrics(self, item: Item, file: Path) -> None:
+        found = built_metrics(file)
+        item.deviations += golden.compare_metrics(found, self.paper, item.name, self.golden)
+
+    def _compare_table(self, item: Item, file: Path) -> None:
+        rows = read_table(file, golden_tables.table_header(self.paper))
+        item.deviations += golden_tables.compare_rows(rows, self.paper, item.name, self.golden)
+
+
+@contextmanager
+def _gap_noted(item: Item) -> Iterator[None]:
+    """What cannot be compared is a gap in the item and no reason to stop."""
+    try:
+        yield
+    except ReobserveError as error:
+        item.gaps.append(str(error))
