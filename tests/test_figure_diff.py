@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from reobserve import golden_tables
+from reobserve import golden_claims, golden_tables
+from reobserve.claims.table import HEADER
 from reobserve.cli import main
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.figure_diff import commands
@@ -98,6 +99,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (project / "tests/reference/made").mkdir(parents=True, exist_ok=True)
         shutil.copy2(results / f"{name}.png", project / "tests/reference/made")
     write_origin(project / "tests/reference", origin_here(project))
+    claim = {"paper": "made", "claim": "law_holds", "verdict": "reproduced"}
+    write_table(project / "results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
+    golden_claims.renew(project, project / "results")
+    (project / "results/verdicts.md").write_text("| made | [Re] |\n")
+    (project / "README.md").write_text("# Made\n<!-- verdicts -->\nold\n<!-- end -->\nmore\n")
     return project
 
 
@@ -119,18 +125,18 @@ def summary(project: Path) -> dict[str, Any]:
 def verdicts(project: Path) -> dict[str, str]:
     """What does not agree."""
     items = {item["name"]: item["verdict"] for item in summary(project)["items"]}
-    assert set(items) >= {"fig1", "fig2", "table1", "theory"}
+    assert set(items) >= {"fig1", "fig2", "table1", "theory", "claims"}
     return {name: verdict for name, verdict in items.items() if verdict != "agrees"}
 
 
 def test_what_agrees_is_quiet(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["figdiff"]) == 0
     said = capsys.readouterr()
-    assert said.out == "4 figures, tables and theories: 4 agree\n"
+    assert said.out == "5 figures, tables, theories and papers' claims: 5 agree\n"
     assert said.err == ""
     assert verdicts(project) == {}
     assert summary(project)["agrees"] is True
-    assert "4 compared: 4 agree." in (project / "figdiff/summary.md").read_text()
+    assert "5 compared: 5 agree." in (project / "figdiff/summary.md").read_text()
     page = (project / "figdiff/index.html").read_text()
     assert page.count("the same, pixel by pixel") == 2
     assert not re.search(r"(?:src|href)=\"(?!data:|#)|https?:|url\(", page)
@@ -366,15 +372,13 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     git(project, "add", "--all")
     git(project, "commit", "--quiet", "--message", "all")
 
-    def stand_in(folder: Path, targets: list[str], cores: int, log: Path) -> bool:
+    def stand_in(folder: Path, cores: int, log: Path) -> bool:
         assert not (folder / "results").exists()
-        assert "results/made/fig1.png" in targets
         shutil.copytree(project / "results", folder / "results")
         return (folder / "results/made/fig1.png").exists()
 
     monkeypatch.setattr(commands, "build", stand_in)
     monkeypatch.setattr(commands, "known_papers", lambda project: ["made"])
-    monkeypatch.setattr(commands, "read_yaml", lambda path: {"papers": ["made"], "seed": 0})
     monkeypatch.setattr(commands.Ledger, "load", lambda *arguments, **options: LEDGER)
     monkeypatch.setattr(commands, "renew", lambda project, papers: ["made fig1, x: moved"])
     return project
@@ -442,6 +446,43 @@ def test_accepting_renews_and_keeps_the_reason(
     assert (checkout / "tests/golden/made/fig1.series.csv").exists()
     log = (checkout / "tests/golden/REASONS.md").read_text()
     assert log.endswith("the axis has another name (1 numbers and 2 figures moved)\n")
+    readme = (checkout / "README.md").read_text()
+    assert readme == "# Made\n<!-- verdicts -->\n\n| made | [Re] |\n\n<!-- end -->\nmore\n"
+
+
+def rewrite(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "verdict", "said"),
+    [
+        (
+            "results/claims.csv", "reproduced", "contradicted", "moved",
+            "made claims, verdict on law_holds: golden 'reproduced', found 'contradicted'",
+        ),
+        (
+            "tests/golden/claims.csv", "law_holds", "other", "moved",
+            "made claims, verdict on other: golden 'reproduced', found 'none'",
+        ),
+        ("results/claims.csv", "paper,", "papers,", "missing", "claims.csv: has the columns"),
+        ("tests/golden/claims.csv", "paper,", "papers,", "gap", "claims.csv: has the columns"),
+    ],
+)  # fmt: skip
+def test_a_verdict_that_moves_is_seen(
+    project: Path, capsys: pytest.CaptureFixture[str],
+    file: str, old: str, new: str, verdict: str, said: str,
+) -> None:  # fmt: skip
+    rewrite(project / file, old, new)
+    assert main(["figdiff"]) == 1
+    assert verdicts(project) == {"claims": verdict}
+    assert said in capsys.readouterr().out
+    golden_claims.golden_file(project).unlink()
+    if file.startswith("tests"):
+        assert main(["figdiff"]) == 1
+        assert verdicts(project) == {"claims": "extra"}
 
 
 def test_a_build_goes_on_past_what_fails(tmp_path: Path) -> None:
@@ -451,13 +492,14 @@ def test_a_build_goes_on_past_what_fails(tmp_path: Path) -> None:
     (source / ".gitignore").write_text("kept_back\n")
     (source / "kept_back").touch()
     (source / "Snakefile").write_text(
+        "rule all:\n    input: 'bad', 'good'\n"
         "rule good:\n    output: 'good'\n    shell: 'touch {output}'\n"
         "rule bad:\n    output: 'bad'\n    shell: 'false'\n"
     )
     git(source, "init", "--quiet")
     copy_project(source, copy)
     assert sorted(path.name for path in copy.iterdir()) == [".gitignore", "Snakefile"]
-    assert not build(copy, ["bad", "good"], 1, tmp_path / "build.log")
+    assert not build(copy, 1, tmp_path / "build.log")
     assert (copy / "good").exists()
     assert "Error in rule bad" in (tmp_path / "build.log").read_text()
 

@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.config import read_yaml
+from reobserve.figure_diff import project_copy
 from reobserve.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
@@ -36,11 +36,7 @@ class Project:
     @property
     def environment(self) -> dict[str, str]:
         """The variables under which commands run in the copy."""
-        return {
-            **os.environ,
-            "PYTHONPATH": str(self.folder / "src"),
-            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-        }
+        return project_copy.copy_environment(self.folder)
 
     def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         """Run a command in the copy and keep what it prints."""
@@ -74,15 +70,8 @@ class Project:
 
 
 def copy_project(target: Path) -> Project:
-    """Copy what git tracks or would track."""
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
-    for name in filter(None, listed.split("\0")):
-        if (ROOT / name).is_file():
-            (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, target / name)
+    """A copy of what git tracks or would track."""
+    project_copy.copy_project(ROOT, target)
     return Project(target)
 
 

@@ -191,12 +191,13 @@ def test_what_a_person_can_look_up(built: Project) -> None:
     why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
     assert "chosen so that the contrast" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
-    stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot")
+    stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot", "theory")
+    stages += ("robustness", "claims", "verdicts", "report")
     for command in ("list", "params", *stages):
         assert command in usage
         assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")
     helped = built.run("make", "help").stdout
-    for target in ("figures", "test", "check", "bench", "golden", "lock", "clean"):
+    for target in ("figures", "test", "check", "bench", "figdiff", "accept", "lock", "clean"):
         assert target in helped
 
 

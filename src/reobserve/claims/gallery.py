@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from reobserve.claims.verdicts import BROKEN, VERDICTS, count, replicated
+from reobserve.errors import InputError
+from reobserve.files import write_text
 from reobserve.ledger import Ledger
 
 Rows = Sequence[Mapping[str, str]]
@@ -29,6 +32,29 @@ def table(rows: Rows) -> str:
 def gallery(rows: Rows, ledgers: Sequence[Ledger]) -> str:
     """The figures that the papers themselves have, with the verdicts on the claims they decide."""
     return "\n".join(_of_paper(rows, ledger) for ledger in ledgers)
+
+
+# Between these the README holds what `reobserve verdicts` writes.
+_BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
+
+
+def put_into(readme: Path, verdicts: Path) -> None:
+    """Put what `reobserve verdicts` wrote in its place in the README.
+
+    Raises
+    ------
+    InputError
+        If the README has no such place, or a file cannot be read.
+    """
+    try:
+        text, told = (path.read_text(encoding="utf-8") for path in (readme, verdicts))
+    except OSError as error:
+        raise InputError(str(error.filename), f"cannot be read ({error.strerror})") from None
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
+    write_text(readme, f"{before}{begin}\n{told}\n{end}{after}")
 
 
 def _of_paper(rows: Rows, ledger: Ledger) -> str:

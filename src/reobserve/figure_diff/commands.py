@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from reobserve import golden
-from reobserve.config import known_papers, read_yaml
+from reobserve import golden, golden_claims
+from reobserve.claims.gallery import put_into
+from reobserve.config import known_papers
 from reobserve.errors import InputError, ReobserveError
 from reobserve.figure_diff import page, pixels, summary
 from reobserve.figure_diff.comparison import compare_all
@@ -40,9 +41,10 @@ def figdiff_command(
 
 
 def accept_command(project: Path, reason: str, cores: int) -> None:
-    """Renew reference figures and golden numbers: refuses without a reason, in CI, on a dirty tree.
+    """Renew reference figures, golden numbers and verdicts, and the gallery of the README.
 
-    All is built and computed first, so that a failure leaves what was accepted as it was.
+    Refuses without a reason, in CI and on a dirty tree. All is built first, so that a build that
+    fails leaves what was accepted as it was.
     """
     check_may_renew(project, reason)
     reference = project / "tests" / "reference"
@@ -50,6 +52,8 @@ def accept_command(project: Path, reason: str, cores: int) -> None:
         if gaps:
             raise ReobserveError(f"nothing is accepted: {gaps[0]}")
         moved = renew(project, known_papers(project))
+        moved += golden_claims.renew(project, copy / "results")
+        put_into(project / "README.md", copy / "results" / "verdicts.md")
         redrawn = _renew_references(reference, copy / "results")
         _drop_golden_of_no_figure(project)
     write_origin(reference, origin_here(project))
@@ -60,26 +64,12 @@ def accept_command(project: Path, reason: str, cores: int) -> None:
 @contextmanager
 def _built_copy(project: Path, cores: int, log: Path) -> Iterator[tuple[Path, list[str]]]:
     """A copy of the project with everything built that can be; what failed, in a sentence."""
-    targets = _targets(project)
     with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
         copy = Path(folder)
         copy_project(project, copy)
         print("building everything from nothing in a temporary folder, some minutes", flush=True)
-        whole = build(copy, targets, cores, log)
+        whole = build(copy, cores, log)
         yield copy, [] if whole else [f"the build failed in part; {log} has what it said"]
-
-
-def _targets(project: Path) -> list[str]:
-    """What is compared: the drawings, the numbers behind them, the tables and the theories."""
-    config = read_yaml(project / "config" / "config.yaml")
-    found = []
-    for paper in config["papers"]:
-        tree = Ledger.load(project, paper, seed=config["seed"]).tree
-        names = [f"{name}.{end}" for name in tree["figures"] for end in ("png", "metrics.csv")]
-        names += [f"{name}.csv" for name in tree.get("tables", {})]
-        names += [f"{golden.THEORY}.metrics.csv"] if golden.THEORY in tree else []
-        found += [f"results/{paper}/{name}" for name in names]
-    return found
 
 
 def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: list[str]) -> None:
@@ -100,7 +90,7 @@ def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: 
         for sentence in (item.why_missing, *item.gaps, *map(str, item.deviations[:3])):
             if sentence:
                 print(f"  {sentence}")
-    print(f"{len(items)} figures, tables and theories: {summary.counts(diff)}")
+    print(f"{len(items)} figures, tables, theories and papers' claims: {summary.counts(diff)}")
     if diff.failed or gaps:
         said = "; ".join([f"{len(diff.failed)} do not agree with what was accepted", *gaps])
         raise ReobserveError(f"{said}; see {output / 'index.html'}")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from reobserve import golden, golden_tables
+from reobserve import golden, golden_claims, golden_tables
 from reobserve.errors import InputError, ReobserveError
 from reobserve.figure_diff import pixels
 from reobserve.figure_diff.built import built_metrics, built_series, why_missing
@@ -29,7 +29,31 @@ def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
     for paper in sorted(papers):
         comparison = _Paper(paper, project, reference, results)
         items += comparison.items()
-    return items
+    return items + list(_claims(project, results))
+
+
+def _claims(project: Path, results: Path) -> Iterator[Item]:
+    """The verdicts on the claims of each paper that has some, accepted or built."""
+    golden_verdicts, found, said = {}, {}, ""
+    try:
+        if golden_claims.golden_file(project).exists():
+            golden_verdicts = golden_claims.read_golden(project)
+    except InputError as error:
+        said = str(error)
+    missing = ""
+    try:
+        found = golden_claims.read_built(results)
+    except InputError as error:
+        missing = str(error)
+    for paper in dict.fromkeys([*golden_verdicts, *found]):
+        item = Item(paper, "claims", "claims", gaps=[said] if said else [])
+        if paper not in found:
+            item.why_missing = missing or "no claim was decided"
+        elif paper not in golden_verdicts and not said:
+            item.extra = True
+        elif not said:
+            item.deviations += golden_claims.compare(golden_verdicts, found, paper)
+        yield item
 
 
 class _Paper:

@@ -1,4 +1,4 @@
-"""What the figure diff found: one item for each figure and table, and for a paper's theory."""
+"""What the figure diff found: an item for each figure and table, a paper's theory and claims."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class MovedSeries:
 
 @dataclass
 class Item:
-    """A figure, a table or the theory of a paper, and what is different about it.
+    """A figure, a table, the theory or the claims of a paper, and what is different about it.
 
     ``reference`` and ``new`` are the drawings, None where there is none. ``gaps`` are sentences on
     what could not be compared, ``why_missing`` is one on why it was not built.

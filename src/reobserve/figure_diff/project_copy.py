@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
@@ -41,13 +40,12 @@ def copy_environment(folder: Path) -> dict[str, str]:
     }
 
 
-def build(folder: Path, targets: Sequence[str], cores: int, log: Path) -> bool:
-    """Build what can be built of ``targets`` in the copy ``folder``; whether nothing failed.
+def build(folder: Path, cores: int, log: Path) -> bool:
+    """Build everything that can be in the copy ``folder``; whether nothing failed.
 
     What Snakemake prints goes to ``log``.
     """
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--keep-going"]
-    command += ["--", *targets]
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w", encoding="utf-8") as stream:
         done = subprocess.run(

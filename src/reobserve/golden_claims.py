@@ -1,0 +1,76 @@
+"""Golden verdicts: what was found of each claim, kept and compared.
+
+They are decided from many runs and not from one evaluation, so they are compared with what a build
+left, in the pipeline's tests and by the figure diff.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from reobserve.claims.table import HEADER
+from reobserve.errors import InputError
+from reobserve.files import read_table, write_table
+from reobserve.golden_tables import OtherCell
+
+_HEADER = ("paper", "claim", "verdict")
+_NONE = "none"
+
+Verdicts = dict[str, dict[str, str]]  # by paper and claim
+
+
+def golden_file(project: Path) -> Path:
+    """Where the golden verdicts are."""
+    return project / "tests" / "golden" / "claims.csv"
+
+
+def read_golden(project: Path) -> Verdicts:
+    """What was accepted; `InputError` if the file is missing or damaged."""
+    return _by_paper(read_table(golden_file(project), _HEADER))
+
+
+def read_built(results: Path) -> Verdicts:
+    """What a build left; `InputError` if it left none, or the file is damaged."""
+    return _by_paper(read_table(results / "claims.csv", HEADER))
+
+
+def compare(golden: Verdicts, found: Verdicts, paper: str) -> Iterator[OtherCell]:
+    """The claims of a paper whose verdicts are others, that are new, or that are gone."""
+    before, now = golden.get(paper, {}), found.get(paper, {})
+    for claim in dict.fromkeys([*before, *now]):
+        old, new = before.get(claim, _NONE), now.get(claim, _NONE)
+        if old != new:
+            yield OtherCell(f"{paper} claims", f"verdict on {claim}", old, new)
+
+
+def renew(project: Path, results: Path) -> list[str]:
+    """Accept what a build left; what moved, a line each.
+
+    Raises
+    ------
+    InputError
+        If the build left no verdicts.
+    """
+    found = read_built(results)
+    try:
+        golden = read_golden(project)
+    except InputError as error:
+        moved = [f"claims: written anew ({error})"]
+    else:
+        papers = dict.fromkeys([*golden, *found])
+        moved = [str(cell) for paper in papers for cell in compare(golden, found, paper)]
+    rows = (
+        {"paper": paper, "claim": claim, "verdict": verdict}
+        for paper, claims in found.items()
+        for claim, verdict in claims.items()
+    )
+    write_table(golden_file(project), rows, _HEADER)
+    return moved
+
+
+def _by_paper(rows: list[dict[str, str]]) -> Verdicts:
+    verdicts: Verdicts = {}
+    for row in rows:
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = row["verdict"]
+    return verdicts
