@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reobserve import golden_claims
 from reobserve.config import known_papers
 from reobserve.evaluation import Evaluator
 from reobserve.files import write_table
@@ -18,7 +19,7 @@ from reobserve.metrics import read_metrics
 from reobserve.series import Series
 from reobserve.stages.common import paper_module
 
-from .conftest import FIGURES, LEDGERS, ROOT, TABLES, Project
+from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +200,30 @@ def test_what_a_person_can_look_up(built: Project) -> None:
     helped = built.run("make", "help").stdout
     for target in ("figures", "test", "check", "bench", "figdiff", "accept", "lock", "clean"):
         assert target in helped
+
+
+def test_the_verdicts_are_those_that_were_accepted(built: Project) -> None:
+    found = golden_claims.read_built(built.folder / "results")
+    golden = golden_claims.read_golden(ROOT)
+    moved = [str(cell) for paper in PAPERS for cell in golden_claims.compare(golden, found, paper)]
+    assert moved == []
+    assert list(found) == PAPERS
+
+
+def test_the_readme_shows_what_the_build_found(built: Project) -> None:
+    readme = (ROOT / "README.md").read_text()
+    assert (built.folder / "results/verdicts.md").read_text() in readme
+    output = built.snakemake("--dry-run", "--forceall").stdout
+    jobs = re.search(r"^total +(\d+)$", output, re.MULTILINE)
+    assert jobs
+    assert f"    {jobs[1]} of {jobs[1]} steps (100%) done\n" in readme
+
+
+def test_the_report_has_no_gaps(built: Project) -> None:
+    page = (built.folder / "results/report.html").read_text()
+    for paper, figure in FIGURES:
+        assert f'id="{paper}-{figure}"' in page
+    assert (built.folder / "logs/report.log").read_text().endswith("results/report.html: no gaps\n")
 
 
 def test_benchmark_and_logs_stand_beside(built: Project) -> None:

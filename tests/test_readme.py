@@ -1,0 +1,200 @@
+"""The README: its code runs, its example is accepted, and it has no number of its own."""
+
+from __future__ import annotations
+
+import csv
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from reobserve.ledger import Ledger
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+PAPERS = yaml.safe_load((ROOT / "config/config.yaml").read_text())["papers"]
+
+
+def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    blocks = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert len(blocks) >= 2
+    for block in blocks[:2]:
+        exec(compile(block, "README.md", "exec"), names)
+    # J w' of the record is all "fault" here: the first axis moves, and 1.5 of it couples over.
+    time, fault = names["time"], names["run"].fault  # type: ignore[attr-defined]
+    expected = 0.01 * np.cos(time[::2])[:, None] * [36, 1.5, 0]  # type: ignore[index]
+    assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
+    for block in blocks[2:]:
+        exec(compile(block, "README.md", "exec"), names)
+    # The record is no exact motion of the pendulum, but near one.
+    rate = names["motion"].estimate[1000:, 1]  # type: ignore[attr-defined]
+    assert np.max(np.abs(rate - np.gradient(names["angle"], time)[::2][1000:])) < 0.01  # type: ignore[index, arg-type]
+    # A motor at rest under half a volt has lost half a volt.
+    assert abs(names["found"].actuator_fault[-1, 0] + 0.5) < 1e-6  # type: ignore[attr-defined]
+    # It swings as the sound model does.
+    assert names["diagnosis"].probability[1000:, 0].mean() > 0.9  # type: ignore[attr-defined]
+
+
+def test_the_example_of_the_readme_is_accepted(tmp_path: Path) -> None:
+    block = re.search(r"```yaml\n(.*?)```", README, re.DOTALL)
+    assert block
+    overrides = yaml.safe_load(block[1])["ilo"]
+    ledger = Ledger.load(ROOT, "ilo", overrides)
+    assert ledger.section("observers", "eager")["K2"] == 4000
+    assert ledger.section("observers", "eager")["damping"] == 1000
+    assert ledger.section("observers", "sampled")["K2"] == 1500
+    assert ledger.section("figures", "fig9")["observers"] == ["sampled", "eager"]
+
+
+def golden_metrics(paper: str, figure: str) -> dict[tuple[str, str], float]:
+    with (ROOT / f"tests/golden/{paper}/{figure}.metrics.csv").open() as stream:
+        return {
+            (row["observer"], row["metric"]): float(row["value"]) for row in csv.DictReader(stream)
+        }
+
+
+def percent(number: float, digits: int = 2) -> str:
+    return f"{float(f'{100 * number:.{digits}g}'):g} %"
+
+
+def of_ilo() -> Iterator[str]:
+    figures = [golden_metrics("ilo", name) for name in ("fig1", "fig2", "fig3", "fig5")]
+    for observer in ("sampled", "continuous", "forgetting"):
+        scores = [percent(figure[observer, "relative_rms_error"]) for figure in figures]
+        yield f"| `{observer}` | {' | '.join(scores)} |"
+    fig4 = golden_metrics("ilo", "fig4")
+    yield f"errs by {percent(fig4['adaptive', 'relative_rms_error'], 3)}, but"
+    yield f"matched gains by {percent(fig4['matched', 'relative_rms_error'])}:"
+
+
+def of_lie() -> Iterator[str]:
+    fig1 = golden_metrics("lie", "fig1")
+    for observer in ("constant", "order4", "injection"):
+        names = ("ise", "settling_time", "floquet_exponent")
+        numbers = [f"{fig1[observer, name]:.3g}" for name in names]
+        yield f"| `{observer}` | {' | '.join(numbers)} |"
+    share = golden_metrics("lie", "fig1_ensemble")["series", "share_better_4"]
+    yield f"Order 4 is better from {percent(share)} of the initial states"
+    with (ROOT / "tests/golden/lie/table_coefficients.csv").open() as stream:
+        agree = [row["agrees"] for row in csv.DictReader(stream) if row["printed"]]
+    assert agree == ["yes"] * 10
+    yield "All ten nonlinear coefficients"
+
+
+def of_delay() -> Iterator[str]:
+    names = ("rms_delay_error", "rms_error_1", "rms_error_2")
+    figures = {"1": ("order2", "standard"), "2": ("order2_noise", "standard_noise")}
+    for figure, observers in figures.items():
+        found = golden_metrics("delay", f"fig{figure}")
+        for observer in observers:
+            numbers = [
+                f" {found[observer, name]:.2g} " if (observer, name) in found else " "
+                for name in names
+            ]
+            yield f"| `{observer}`, Fig. {figure} |{'|'.join(numbers)}|"
+    start = Ledger.load(ROOT, "delay").section("metrics")["start"]
+    yield f"RMS errors from {start:g} s on:"
+
+
+def of_imm() -> Iterator[str]:
+    plain = {**golden_metrics("imm", "fig5_plain"), **golden_metrics("imm", "fig7_plain")}
+    tuned = {**golden_metrics("imm", "fig5"), **golden_metrics("imm", "fig7")}
+    observers = Ledger.load(ROOT, "imm").section("observers")
+    for name in ("kalman", "svsf", "svsf_thin"):
+        normal, leak = observers[name]["quoted"]
+        columns = [f"{100 * normal:g} % / {100 * leak:g} %"]
+        for found, observer in ((plain, name), (tuned, f"{name}_tuned")):
+            values = [found[observer, f"{mode}_after"] for mode in ("normal", "leakage")]
+            columns.append(" / ".join(percent(round(value, 8)) for value in values))
+        yield f"| `{name}` | {' | '.join(columns)} |"
+    near = golden_metrics("imm", "fig5_neighbourhood")
+    yield f"({near['search', 'trials']:g} trials,"
+    low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
+    yield f"by {low * 100:.1g} % and +{high * 100:.2g} %"
+    assert tuned["svsf_thin_tuned", "outside_share"] == tuned["svsf_tuned", "outside_share"] == 0
+    yield "no innovation leaves the boundary layers"
+    gaps = golden_metrics("imm", "fig8_closeness")
+    needed = [f"{gaps[name, 'least_gap_at_noise_0.1']:.2g}" for name in ("kalman", "svsf")]
+    yield f"noise of 10 % the KF-IMM needs a ν-gap of {needed[0]}, the SVSF-IMM {needed[1]}."
+
+
+def of_eso() -> Iterator[str]:
+    actuator, sensor = golden_metrics("eso", "fig2"), golden_metrics("eso", "fig3")
+    for name in ("pi", "pd_pi"):
+        numbers = [
+            f"{actuator[name, 'actuator_lag']:.2g} s",
+            f"{sensor[name, 'sensor_lag']:.2g} s",
+            f"{actuator[name, 'rms_actuator_error_varying']:.2g} V",
+            f"{sensor[name, 'rms_sensor_error_varying']:.2g} rad/s",
+        ]
+        yield f"| `{name}` | {' | '.join(numbers)} |"
+    factor = Ledger.load(ROOT, "eso").section("designs", "pd_pi")["factor"]
+    yield f"With gamma {100 * (factor - 1):g} % above it"
+
+
+def of_verdicts() -> Iterator[str]:
+    """The rows of the table; the pictures' words are compared with the build, in the pipeline."""
+    with (ROOT / "tests/golden/claims.csv").open() as stream:
+        found = [(row["paper"], row["verdict"]) for row in csv.DictReader(stream)]
+    words = (
+        "reproduced", "reproduced only by calibration", "depends on unstated choices",
+        "contradicted", "not testable",
+    )  # fmt: skip
+    for paper in PAPERS:
+        verdicts = [verdict for name, verdict in found if name == paper]
+        counts = " | ".join(str(verdicts.count(word)) for word in words)
+        yield f"| {len(verdicts)} | {counts} |"
+
+
+def of_the_project() -> Iterator[str]:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["requires-python"] == ">=3.11"
+    assert "3.15" in (ROOT / "Makefile").read_text().replace("(3, 15)", "3.15")
+    yield "Python 3.11 or newer (up to 3.14, as long as cvxpy has no wheels for 3.15)"
+    for paper in PAPERS:
+        year = Ledger.load(ROOT, paper).tree["about"].get("year")
+        if year:
+            yield f"({year}):"
+
+
+NUMBERS = [
+    pytest.param(text, id=f"{told.__name__}-{k}")
+    for told in (of_ilo, of_lie, of_delay, of_imm, of_eso, of_verdicts, of_the_project)
+    for k, text in enumerate(told())
+]
+
+# Digits that are names: figures, equations, remarks, gains, orders, licences.
+NAMES = re.compile(
+    r"Figs?\. \d|\(\d+\)|Remark \d\.\d|Theorem \d|\bK[12]\b|\bm = \d|\border \d|BSD 3-Clause"
+    r"|`[^`]*`|!\[.*?\]\(.*?\)|\]\(tests/reference/.*?\)",
+    re.IGNORECASE,
+)
+
+
+def squeezed(text: str) -> str:
+    return re.sub(r"\s+", " ", text)
+
+
+@pytest.mark.parametrize("text", NUMBERS)
+def test_the_numbers_of_the_readme_are_those_of_the_build(text: str) -> None:
+    assert text in squeezed(README)
+
+
+def test_the_readme_has_no_other_numbers() -> None:
+    """Without code, names and what is compared above, no digit is left."""
+    prose = re.sub(r"```.*?```", " ", README, flags=re.DOTALL)
+    prose = "\n".join(line for line in prose.splitlines() if not line.startswith("    "))
+    before, _, rest = prose.partition("<!-- verdicts -->")
+    verdicts, _, after = rest.partition("<!-- end -->")
+    pictures = re.sub(r"\d+ (reproduced|depends|contradicted|not testable)", "", verdicts)
+    left = squeezed(before + pictures + after)
+    for parameter in NUMBERS:
+        left = left.replace(str(parameter.values[0]), " ")
+    left = NAMES.sub(" ", left)
+    assert re.findall(r".{0,30}\d.{0,30}", left) == []
