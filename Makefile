@@ -17,10 +17,10 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 .PHONY: figures report test check bench figdiff accept lock env clean distclean help
 .DEFAULT_GOAL := figures
 
-figures: $(STAMP)  ## build every figure (the default); CORES=4 for more cores
+figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
 	snakemake --cores $(CORES)
 
-report: figures  ## one HTML file with every figure and its caption
+report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html
 
 test: check  ## everything below `check`, then the whole test suite
@@ -64,10 +64,10 @@ lock:  ## renew the locks from pyproject.toml
 
 clean:  ## remove what was built
 	find results -mindepth 1 -not -name README.md -delete
-	rm -rf .snakemake
+	rm -rf logs .snakemake
 
 distclean: clean  ## remove the environment and every cache, too
-	rm -rf $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache
+	rm -rf figdiff benchmarks/results $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help:  ## this list

@@ -44,6 +44,12 @@ def lookup(metrics: Iterable[Metric]) -> dict[tuple[str, str], float]:
     return {(metric.observer, metric.metric): metric.value for metric in metrics}
 
 
+def window(time: Array, start: float, end: float) -> NDArray[np.bool_]:
+    """The samples from ``start`` to just before ``end`` [s]."""
+    chosen: NDArray[np.bool_] = (time > start - 1e-9) & (time < end - 1e-9)
+    return chosen
+
+
 def root_mean_square(start: Array, end: Array) -> float:
     """Over time, of a signal that runs straight from ``start`` to ``end`` in each step.
 

@@ -15,12 +15,12 @@ from reobserve.config import read_yaml
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
-from reobserve.metrics import lookup
+from reobserve.metrics import lookup, window
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
 from reobserve.papers.eso import design as design_stage
 from reobserve.papers.eso import ledger as eso_ledger
 from reobserve.papers.eso import metrics, observe, plant, study
-from reobserve.papers.eso.scoring import lag, scores, window
+from reobserve.papers.eso.scoring import lag, scores
 from reobserve.papers.eso.setup import experiment
 from reobserve.random_streams import random_stream
 from reobserve.series import Channel, Series
@@ -368,7 +368,7 @@ def test_scores_of_known_errors() -> None:
         assert found[name][1] == unit
     assert found["actuator_lag"] == (pytest.approx(0.3, abs=1e-3), "s")
     assert len(found) == 10
-    np.testing.assert_array_equal(np.flatnonzero(window(time, [1.0, 1.3])), [10, 11, 12])
+    np.testing.assert_array_equal(np.flatnonzero(window(time, 1.0, 1.3)), [10, 11, 12])
 
 
 # --- Deviations of what is held -----------------------------------------------------------------

@@ -9,14 +9,13 @@ import numpy as np
 
 from reobserve.errors import InputError, located
 from reobserve.matrices import as_positive, as_vector
-from reobserve.metrics import Metric
+from reobserve.metrics import Metric, window
 from reobserve.papers.delay.scoring import (
     constant_segments,
     errors,
     ripple,
     root_mean_square,
     turned_over_at,
-    window,
 )
 from reobserve.papers.delay.setup import UNITS
 from reobserve.series import Series

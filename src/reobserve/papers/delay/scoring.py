@@ -22,12 +22,6 @@ def errors(plant: Series, estimate: Series) -> dict[str, Array]:
     }
 
 
-def window(time: Array, start: float, end: float) -> NDArray[np.bool_]:
-    """The samples from ``start`` to just before ``end`` [s]."""
-    chosen: NDArray[np.bool_] = (time > start - 1e-9) & (time < end - 1e-9)
-    return chosen
-
-
 def root_mean_square(values: Array) -> Array:
     """Over samples, of each column; nan for none."""
     if not len(values):

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.metrics import window
 from reobserve.papers.delay.observe import estimate
-from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square, window
+from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square
 from reobserve.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]

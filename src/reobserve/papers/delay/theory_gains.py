@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from reobserve.metrics import Metric
-from reobserve.papers.delay.scoring import window
+from reobserve.metrics import Metric, window
 from reobserve.papers.delay.setup import build_model
 from reobserve.series import Series
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.grid import stride
-from reobserve.metrics import Metric
+from reobserve.metrics import Metric, window
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
@@ -17,7 +17,6 @@ from reobserve.papers.delay.scoring import (
     constant_segments,
     errors,
     root_mean_square,
-    window,
 )
 from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.random_streams import random_stream

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.matrices import as_positive, as_vector
+from reobserve.metrics import window
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
@@ -39,12 +40,6 @@ def check_rules(rules: dict[str, Any], plant: dict[str, Any]) -> None:
         as_positive("longest_lag", rules["longest_lag"])
 
 
-def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
-    """The samples from the first bound to just before the second [s]."""
-    chosen: NDArray[np.bool_] = (time > bounds[0] - 1e-9) & (time < bounds[1] - 1e-9)
-    return chosen
-
-
 def root_mean_square(values: Array) -> float:
     """Over samples; nan for none."""
     return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
@@ -57,7 +52,7 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     neighbours; at most ``longest`` seconds, and half the window. Neither truth nor estimate counts
     outside the window: what the estimate does after it may be an answer to a jump at its end.
     """
-    chosen = window(time, bounds)
+    chosen = window(time, *bounds)
     truth, estimate = truth[chosen], estimate[chosen]
     step, count = time[1] - time[0], len(truth)
     most = min(round(longest / step), count // 2)
@@ -77,7 +72,7 @@ def scores(rules: dict[str, Any], plant: Series, estimate: Series) -> Iterator[S
         truth, found = plant[f"{name}_fault"][::2], estimate[f"{name}_fault"]
         error, time = found - truth, estimate.time
         for what in ("varying", "constant"):
-            chosen = error[window(time, rules[f"{name}_{what}"])]
+            chosen = error[window(time, *rules[f"{name}_{what}"])]
             yield f"rms_{name}_error_{what}", root_mean_square(chosen), unit
             yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
         bounds = rules[f"{name}_varying"]
