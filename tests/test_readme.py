@@ -171,7 +171,7 @@ NUMBERS = [
 
 # Digits that are names: figures, equations, remarks, gains, orders, licences.
 NAMES = re.compile(
-    r"Figs?\. \d|\(\d+\)|Remark \d\.\d|Theorem \d|\bK[12]\b|\bm = \d|\border \d|BSD 3-Clause"
+    r"Figs?\. \d|\(\d+\)|Remark \d\.\d|Theorem \d|\bK[12]\b|\bm = \d|\border \d|BSD 3-Clause|\[1/s\]"
     r"|`[^`]*`|!\[.*?\]\(.*?\)|\]\(tests/reference/.*?\)",
     re.IGNORECASE,
 )

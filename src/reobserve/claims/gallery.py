@@ -58,10 +58,11 @@ def put_into(readme: Path, verdicts: Path) -> None:
 
 
 def _of_paper(rows: Rows, ledger: Ledger) -> str:
+    # A name with more behind the number is a variant, or beyond the paper.
     figures = {
         name: body["source"]
         for name, body in ledger.tree["figures"].items()
-        if body["source"].startswith("Fig.")
+        if name.removeprefix("fig").isdigit() and body["source"].startswith("Fig.")
     }
     pictures, told = [], []
     for name, source in figures.items():
@@ -70,6 +71,8 @@ def _of_paper(rows: Rows, ledger: Ledger) -> str:
         told.append(f"`{name}`: {_verdicts(rows, ledger.paper, name)}")
     return "\n".join(
         [
+            f"`{ledger.paper}`",
+            "",
             f"| {' | '.join(pictures)} |",
             f"|{'---|' * len(figures)}",
             f"| {' | '.join(told)} |",
