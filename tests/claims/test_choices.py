@@ -93,6 +93,7 @@ def test_draws_keep_to_the_grid_that_the_code_asks_for() -> None:
 def test_a_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
+    assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
     drawn = draw(ILO, [choice], np.random.default_rng(2))
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1

@@ -75,7 +75,7 @@ def test_the_table_tells_what_was_found() -> None:
     assert told["verdict"] == "reproduced"
     assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
     assert (told["draws"], told["held"], told["share"]) == (32, 31, "0.9688")
-    assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (0.43 of its range)"
+    assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
     assert (told["verdict"], told["holds"]) == ("depends on unstated choices", "no")
     told = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
@@ -86,6 +86,16 @@ def test_the_table_tells_what_was_found() -> None:
     assert tell_flip(Flip("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
     assert tell_flip(Flip("a.b", "word", True, False, 1.0)) == "a.b from True to False"
     assert tell_flip(None) == ""
+    pair = Flip("a.b.1", "V, A", 1.0, 2.0, 0.5)
+    assert tell_flip(pair) == "a.b.1 from 1 to 2 A (50 % of its range)"
+    assert tell_flip(replace(pair, key="a.b", unit="1")) == "a.b from 1 to 2 (50 % of its range)"
+    slow, fast, step = (
+        [{"kind": "prbs", "size": 1.5}],
+        [{"kind": "prbs", "size": 47}],
+        [{"kind": "step"}],
+    )
+    assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
+    assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
     assert read_robustness(robustness_data(stands, claim)) == stands
 
 

@@ -24,11 +24,10 @@ _DECADE = 10.0  # a range that spans as much is one of magnitudes
 class Knob:
     """One number (or word) of a choice, and where it may stand.
 
-    ``pattern`` is how the choice is named, ``keys`` are the entries that it stands for; ``span``
-    is the interval of a number, ``words`` are the alternatives of anything else.
+    ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
+    are the alternatives of anything else.
     """
 
-    pattern: str
     keys: tuple[str, ...]
     path: tuple[str | int, ...]
     value: Any
@@ -38,8 +37,8 @@ class Knob:
 
     @property
     def name(self) -> str:
-        """The ledger key or the pattern, with the place inside the value."""
-        return ".".join((self.pattern, *map(str, self.path)))
+        """The ledger keys, told in one with braces for what differs, and the place in the value."""
+        return ".".join((_in_one(self.keys), *map(str, self.path)))
 
     @property
     def logarithmic(self) -> bool:
@@ -102,7 +101,7 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
             raise InputError("hangs_on", f"{key} is stated ({entries[key]['source']}), no choice")
         if entries[key].get("numerical"):
             raise InputError("hangs_on", f"{key} is a numerical resolution, no choice")
-    return Choice(keys, tuple(_knobs(pattern, keys, entries[keys[0]])))
+    return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 
 def draw(ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator) -> Ledger:
@@ -123,10 +122,10 @@ def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
     return Ledger(ledger.paper, tree, ledger.seed)
 
 
-def _knobs(pattern: str, keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
+def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
     allowed, value = entry["range"], entry["value"]
     if isinstance(allowed, dict) and "choices" in allowed:
-        yield Knob(pattern, keys, (), value, words=tuple(allowed["choices"]))
+        yield Knob(keys, (), value, words=tuple(allowed["choices"]))
         return
     intervals = allowed if isinstance(allowed, dict) else {"": allowed}
     grids = entry.get("multiple_of", {})
@@ -137,7 +136,18 @@ def _knobs(pattern: str, keys: tuple[str, ...], entry: dict[str, Any]) -> Iterat
         if spans:
             span = max(low for low, _ in spans), min(high for _, high in spans)
             multiple = [grid for place, grid in grids.items() if _matches(place, path)]
-            yield Knob(pattern, keys, path, leaf, span, *multiple[:1])
+            yield Knob(keys, path, leaf, span, *multiple[:1])
+
+
+def _in_one(keys: tuple[str, ...]) -> str:
+    """``a.{b,c}.d`` for a.b.d and a.c.d; the first where they differ in more than one part."""
+    columns = list(zip(*(key.split(".") for key in keys), strict=False))
+    differing = [column for column in columns if len(set(column)) > 1]
+    if len(differing) != 1 or len({key.count(".") for key in keys}) > 1:
+        return keys[0]
+    return ".".join(
+        f"{{{','.join(column)}}}" if column in differing else column[0] for column in columns
+    )
 
 
 def _matches(place: str, path: tuple[str | int, ...]) -> bool:

@@ -31,9 +31,9 @@ _ATTEMPTS = 4
 class Flip:
     """The smallest change of one number of the ledger that was found to flip a claim.
 
-    ``key`` is a ledger key, or a pattern of those that move together, with the place in its value;
-    ``size`` is the part of the number's range (of magnitudes where it spans a decade) that it
-    moves; one for a word.
+    ``key`` is a ledger key (of several that move together in one, as ``a.{b,c}.d``) with the place
+    in its value, ``unit`` that of the entry; ``size`` is the part of the number's range (of
+    magnitudes where it spans a decade) that it moves, one for a word.
     """
 
     key: str

@@ -10,7 +10,7 @@ from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Flip, Robustness, holds
 from reobserve.claims.verdicts import BROKEN, verdict
 from reobserve.errors import InputError
-from reobserve.ledger import Ledger
+from reobserve.ledger import Ledger, leaves
 
 HEADER = (
     "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
@@ -64,16 +64,33 @@ def tell_flip(flip: Flip | None) -> str:
     """A change of the ledger in words; nothing if none flips the claim."""
     if flip is None:
         return ""
-    start, end = (_told(value) for value in (flip.start, flip.end))
-    if not isinstance(flip.start, int | float) or isinstance(flip.start, bool):
-        return f"{flip.key} from {start} to {end}"
-    return f"{flip.key} from {start} to {end} {flip.unit} ({flip.size:.2g} of its range)"
+    if isinstance(flip.start, int | float) and not isinstance(flip.start, bool):
+        unit = _unit(flip)
+        return (
+            f"{flip.key} from {flip.start:.4g} to {flip.end:.4g}{unit and ' '}{unit} "
+            f"({100 * flip.size:.2g} % of its range)"
+        )
+    before, after = dict(leaves(flip.start)), dict(leaves(flip.end))
+    if before.keys() != after.keys():
+        return f"{flip.key} from {_spelled(before)} to {_spelled(after)}"
+    # Of a signal only what is different.
+    moved = [path for path in before if before[path] != after[path]]
+    place = f" {', '.join(str(path[-1]) for path in moved)}" if moved[0] else ""
+    start, end = (", ".join(str(side[path]) for path in moved) for side in (before, after))
+    return f"{flip.key}{place} from {start} to {end}"
 
 
-def _told(value: Any) -> str:
-    if isinstance(value, float | int) and not isinstance(value, bool):
-        return f"{value:.4g}"
-    return str(value)
+def _unit(flip: Flip) -> str:
+    """The unit of one number; of an entry with several that of its place, if it has a place."""
+    units = flip.unit.split(", ")
+    if len(units) == 1:
+        return "" if flip.unit == "1" else flip.unit
+    place = flip.key.rpartition(".")[2]
+    return units[int(place)] if place.isdigit() and int(place) < len(units) else ""
+
+
+def _spelled(found: Mapping[tuple[str | int, ...], Any]) -> str:
+    return " ".join(str(value) for value in found.values())
 
 
 def robustness_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -87,12 +86,12 @@ def _percent(share: float) -> str:
 
 
 def _ledger_key(key: str, entries: tuple[Entry, ...]) -> str:
-    """The first of the ledger's keys that ``key`` is, matches or is a number of; empty without."""
+    """The first of the ledger's keys that ``key`` is, stands for or is a number of; or nothing."""
+    key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d is told of both
     known = [name for entry in entries for name in entry.keys]
     while key:
-        found = [key] if key in known else [name for name in known if fnmatchcase(name, key)]
-        if found:
-            return found[0]
+        if key in known:
+            return key
         key = key.rpartition(".")[0]
     return ""
 
