@@ -155,6 +155,10 @@ def test_the_snakemake_report_is_complete(built: Project) -> None:
         assert escape(title[1], quote=False) in html, "the caption stands in the report"
     for paper, table in TABLES:
         assert f"results/{paper}/{table}.csv" in html
+    for paper in PAPERS:
+        assert f"results/{paper}/theory.metrics.csv" in html
+    for file in ("claims.csv", "report.html"):
+        assert f"results/{file}" in html
     (built.folder / "report.html").unlink()
 
 
