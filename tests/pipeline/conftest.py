@@ -57,7 +57,8 @@ class Project:
         output = self.snakemake("--dry-run", *arguments, *pairs).stdout
         table = re.search(r"Job stats:\n(.*?)\ntotal", output, re.DOTALL)
         rows = table[1].splitlines()[2:] if table else []
-        return {row.split()[0]: int(row.split()[1]) for row in rows if not row.startswith("all ")}
+        jobs = {row.split()[0]: int(row.split()[1]) for row in rows}
+        return {rule: number for rule, number in jobs.items() if rule not in ("all", "figures")}
 
     def results(self) -> dict[str, bytes]:
         """The content of everything built, by path."""
