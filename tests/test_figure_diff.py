@@ -99,7 +99,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (project / "tests/reference/made").mkdir(parents=True, exist_ok=True)
         shutil.copy2(results / f"{name}.png", project / "tests/reference/made")
     write_origin(project / "tests/reference", origin_here(project))
-    claim = {"paper": "made", "claim": "law_holds", "verdict": "reproduced"}
+    claim = {"paper": "made", "claim": "law_holds", "verdict": "reproduced", "holds": "yes"}
     write_table(project / "results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
     golden_claims.renew(project, project / "results")
     (project / "results/verdicts.md").write_text("| made | [Re] |\n")
@@ -461,11 +461,11 @@ def rewrite(path: Path, old: str, new: str) -> None:
     [
         (
             "results/claims.csv", "reproduced", "contradicted", "moved",
-            "made claims, verdict on law_holds: golden 'reproduced', found 'contradicted'",
+            "made claims, verdict of law_holds: golden 'reproduced', found 'contradicted'",
         ),
         (
             "tests/golden/claims.csv", "law_holds", "other", "moved",
-            "made claims, verdict on other: golden 'reproduced', found 'none'",
+            "made claims, verdict of other: golden 'reproduced', found 'none'",
         ),
         ("results/claims.csv", "paper,", "papers,", "missing", "claims.csv: has the columns"),
         ("tests/golden/claims.csv", "paper,", "papers,", "gap", "claims.csv: has the columns"),

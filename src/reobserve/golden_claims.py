@@ -1,12 +1,13 @@
 """Golden verdicts: what was found of each claim, kept and compared.
 
-They are decided from many runs and not from one evaluation, so they are compared with what a build
-left, in the pipeline's tests and by the figure diff.
+They are decided from many runs and not from one evaluation, so it is the figure diff that compares
+them, with what a build left. The tests build with fewer draws, and compare what hangs on none:
+whether a claim holds with the ledger as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from reobserve.claims.table import HEADER
@@ -14,10 +15,11 @@ from reobserve.errors import InputError
 from reobserve.files import read_table, write_table
 from reobserve.golden_tables import OtherCell
 
-_HEADER = ("paper", "claim", "verdict")
+_COMPARED = ("verdict", "holds")
+_HEADER = ("paper", "claim", *_COMPARED)
 _NONE = "none"
 
-Verdicts = dict[str, dict[str, str]]  # by paper and claim
+Verdicts = dict[str, dict[str, dict[str, str]]]  # by paper and claim: verdict, and holds
 
 
 def golden_file(project: Path) -> Path:
@@ -35,13 +37,16 @@ def read_built(results: Path) -> Verdicts:
     return _by_paper(read_table(results / "claims.csv", HEADER))
 
 
-def compare(golden: Verdicts, found: Verdicts, paper: str) -> Iterator[OtherCell]:
-    """The claims of a paper whose verdicts are others, that are new, or that are gone."""
+def compare(
+    golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
+) -> Iterator[OtherCell]:
+    """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
     before, now = golden.get(paper, {}), found.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
-        old, new = before.get(claim, _NONE), now.get(claim, _NONE)
-        if old != new:
-            yield OtherCell(f"{paper} claims", f"verdict on {claim}", old, new)
+        for column in columns:
+            old, new = (side.get(claim, {}).get(column, _NONE) for side in (before, now))
+            if old != new:
+                yield OtherCell(f"{paper} claims", f"{column} of {claim}", old, new)
 
 
 def renew(project: Path, results: Path) -> list[str]:
@@ -61,9 +66,9 @@ def renew(project: Path, results: Path) -> list[str]:
         papers = dict.fromkeys([*golden, *found])
         moved = [str(cell) for paper in papers for cell in compare(golden, found, paper)]
     rows = (
-        {"paper": paper, "claim": claim, "verdict": verdict}
+        {"paper": paper, "claim": claim, **row}
         for paper, claims in found.items()
-        for claim, verdict in claims.items()
+        for claim, row in claims.items()
     )
     write_table(golden_file(project), rows, _HEADER)
     return moved
@@ -72,5 +77,6 @@ def renew(project: Path, results: Path) -> list[str]:
 def _by_paper(rows: list[dict[str, str]]) -> Verdicts:
     verdicts: Verdicts = {}
     for row in rows:
-        verdicts.setdefault(row["paper"], {})[row["claim"]] = row["verdict"]
+        kept = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
     return verdicts
