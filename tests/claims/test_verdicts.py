@@ -14,7 +14,8 @@ from reobserve.claims.checks import Check, Reference
 from reobserve.claims.choices import find_choice
 from reobserve.claims.registry import Claim, read_registry
 from reobserve.claims.robustness import Flip, Robustness, holds
-from reobserve.claims.table import read_robustness, robustness_data, row, tell_flip
+from reobserve.claims.robustness_file import from_data, to_data
+from reobserve.claims.table import row, tell_flip
 from reobserve.claims.verdicts import count, replicated, verdict
 from reobserve.config import read_yaml
 from reobserve.errors import ReobserveError
@@ -96,7 +97,7 @@ def test_the_table_tells_what_was_found() -> None:
     )
     assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
     assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
-    assert read_robustness(robustness_data(stands, claim)) == stands
+    assert from_data(to_data(stands, claim)) == stands
 
 
 def made(*verdicts: str, headline: Iterable[int] = ()) -> list[dict[str, str]]:
@@ -140,10 +141,11 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
 
 Numbers = dict[str, dict[tuple[str, str], float]]
 PAPERS = read_yaml(ROOT / "config" / "config.yaml")["papers"]
+LEDGERS = {paper: Ledger.load(ROOT, paper) for paper in PAPERS}
 CLAIMS = [
     pytest.param(claim, id=f"{paper}-{claim.name}")
     for paper in PAPERS
-    for claim in read_registry(ROOT, Ledger.load(ROOT, paper)).claims
+    for claim in read_registry(ROOT, LEDGERS[paper]).claims
     if claim.checks
 ]
 
@@ -200,7 +202,7 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
     """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
-        ledger = Ledger.load(ROOT, claim.paper)
+        ledger = LEDGERS[claim.paper]
         good, bad = fed(alone), fed(alone, check)
         assert holds(alone, good)
         assert not holds(alone, bad)

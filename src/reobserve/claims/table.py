@@ -91,39 +91,3 @@ def _unit(flip: Flip) -> str:
 
 def _spelled(found: Mapping[tuple[str | int, ...], Any]) -> str:
     return " ".join(str(value) for value in found.values())
-
-
-def robustness_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
-    """As JSON keeps it."""
-    low, high = robustness.interval()
-    flip = robustness.flip
-    return {
-        "draws": robustness.draws,
-        "held": robustness.held,
-        "diverged": robustness.diverged,
-        "refused": robustness.refused,
-        "share": robustness.share if robustness.draws else None,
-        "low": low,
-        "high": high,
-        "flip": flip
-        and {
-            "key": flip.key,
-            "unit": flip.unit,
-            "from": flip.start,
-            "to": flip.end,
-            "size": flip.size,
-        },
-        "choices": claim.keys,
-    }
-
-
-def read_robustness(stored: Mapping[str, Any]) -> Robustness:
-    """From what `robustness_data` made; `KeyError` or `TypeError` if it is nothing of the kind."""
-    flip = stored["flip"]
-    return Robustness(
-        draws=int(stored["draws"]),
-        held=int(stored["held"]),
-        diverged=int(stored["diverged"]),
-        refused=int(stored["refused"]),
-        flip=flip and Flip(flip["key"], flip["unit"], flip["from"], flip["to"], flip["size"]),
-    )

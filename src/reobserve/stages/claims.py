@@ -10,7 +10,8 @@ from typing import Any
 from reobserve.claims.checks import THEORY
 from reobserve.claims.registry import read_registry
 from reobserve.claims.robustness import Robustness
-from reobserve.claims.table import HEADER, broken_row, read_robustness, row
+from reobserve.claims.robustness_file import from_data
+from reobserve.claims.table import HEADER, broken_row, row
 from reobserve.errors import InputError
 from reobserve.files import write_table
 from reobserve.ledger import Ledger
@@ -43,7 +44,7 @@ def _rows(project: Path, folder: Path) -> list[dict[str, Any]]:
 def _read_robustness(path: Path) -> dict[str, Robustness]:
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        return {name: read_robustness(one) for name, one in stored["claims"].items()}
+        return {name: from_data(one) for name, one in stored["claims"].items()}
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reobserve.claims.registry import read_registry
 from reobserve.claims.robustness import assess
-from reobserve.claims.table import robustness_data
+from reobserve.claims.robustness_file import to_data
 from reobserve.files import write_text
 from reobserve.ledger import Ledger
 
@@ -21,6 +21,6 @@ def run(ledger_file: Path, draws: int, output: Path, project: Path) -> None:
         "paper": ledger.paper,
         "seed": ledger.seed,
         "draws": draws,
-        "claims": {name: robustness_data(one, claims[name]) for name, one in found.items()},
+        "claims": {name: to_data(one, claims[name]) for name, one in found.items()},
     }
     write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
