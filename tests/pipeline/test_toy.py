@@ -161,7 +161,10 @@ def draw(settings, plant, estimates, study, metrics):
     raise InputError("layout", "cannot be drawn today")
 """
     plot = toy.folder / "src/reobserve/papers/toy/plot.py"
+    (toy.folder / "results/report.html").unlink()
     with edited(plot, plot.read_text(), refusing):
+        assert toy.snakemake("results/toy/fig1.svg", check=False).returncode != 0
+        assert not (toy.folder / "results/report.html").exists(), "one figure asks for no report"
         done = toy.snakemake(check=False)
         assert done.returncode != 0
         assert "reobserve: toy.figures.fig1.layout: cannot be drawn today" in done.stderr
