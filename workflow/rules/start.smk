@@ -9,4 +9,6 @@ onstart:
 
 onerror:
     if not set(workflow.dag_settings.targets) - {"all"}:
-        shell(f"reobserve report {report_options()} --output results/report.html >&2")
+        shell(
+            f"reobserve report {report_options()} --output results/report.html >&2"
+        )
