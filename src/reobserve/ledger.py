@@ -257,6 +257,14 @@ def leaves(
         yield path, value
 
 
+def matches(pattern: str, path: tuple[str | int, ...]) -> bool:
+    """Whether a pattern of a range, such as ``*.size``, is of the leaf at a path of `leaves`."""
+    wanted = pattern.split(".") if pattern else []
+    return len(wanted) == len(path) and all(
+        word in ("*", str(step)) for word, step in zip(wanted, path, strict=True)
+    )
+
+
 def _check_range(place: str, value: Any, allowed: Any) -> None:
     if isinstance(allowed, list):
         allowed = {"": allowed}
@@ -265,12 +273,9 @@ def _check_range(place: str, value: Any, allowed: Any) -> None:
             raise InputError(place, f"{value!r} must be one of {allowed['choices']}, its range")
         return
     for pattern, (low, high) in allowed.items():
-        wanted = pattern.split(".") if pattern else []
         found = False
         for path, leaf in leaves(value):
-            if len(path) == len(wanted) and all(
-                w in ("*", str(p)) for w, p in zip(wanted, path, strict=True)
-            ):
+            if matches(pattern, path):
                 found = True
                 if not isinstance(leaf, int | float) or not low <= leaf <= high:
                     where = ".".join((place, *map(str, path)))

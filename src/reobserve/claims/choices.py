@@ -13,7 +13,7 @@ import numpy as np
 
 from reobserve.config import nearest
 from reobserve.errors import InputError
-from reobserve.ledger import Ledger, leaves
+from reobserve.ledger import Ledger, leaves, matches
 
 SEED = "seed"  # the root of all random streams: nobody states it
 
@@ -132,10 +132,10 @@ def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
     if not isinstance(grids, dict):
         grids = dict.fromkeys(intervals, grids)
     for path, leaf in leaves(value):
-        spans = [span for place, span in intervals.items() if _matches(place, path)]
+        spans = [span for place, span in intervals.items() if matches(place, path)]
         if spans:
             span = max(low for low, _ in spans), min(high for _, high in spans)
-            multiple = [grid for place, grid in grids.items() if _matches(place, path)]
+            multiple = [grid for place, grid in grids.items() if matches(place, path)]
             yield Knob(keys, path, leaf, span, *multiple[:1])
 
 
@@ -147,13 +147,6 @@ def _in_one(keys: tuple[str, ...]) -> str:
         return keys[0]
     return ".".join(
         f"{{{','.join(column)}}}" if column in differing else column[0] for column in columns
-    )
-
-
-def _matches(place: str, path: tuple[str | int, ...]) -> bool:
-    wanted = place.split(".") if place else []
-    return len(wanted) == len(path) and all(
-        word in ("*", str(step)) for word, step in zip(wanted, path, strict=True)
     )
 
 
