@@ -76,10 +76,10 @@ class Outcomes:
     """Whether claims hold with other ledgers; what a change does not touch is not run again."""
 
     def __init__(self, ledger: Ledger, claims: Iterable[Claim]) -> None:
+        # Siblings start from what this one has run: all that the claims need.
         self._base = Evaluator(ledger)
-        # To have run what the claims need: siblings start from it.
-        for figure in dict.fromkeys(figure for claim in claims for figure in claim.figures):
-            metrics_of(self._base, figure)
+        figures = dict.fromkeys(figure for claim in claims for figure in claim.figures)
+        self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
 
     def at(self, ledger: Ledger, claims: Iterable[Claim]) -> dict[str, bool | None]:
         """By claim: whether it holds; None where something that it needs diverges.
@@ -106,13 +106,12 @@ class Outcomes:
             )
         return outcomes
 
-    def decidable(self, claim: Claim) -> bool:
-        """Whether the figures have all numbers that the claim names."""
+    def stated(self, claim: Claim) -> bool | None:
+        """Whether a claim holds with the ledger as it is; None if it names a number nobody has."""
         try:
-            self.at(self._base.ledger, [claim])
+            return holds(claim, self._stated)
         except InputError:
-            return False
-        return True
+            return None
 
 
 def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
@@ -146,7 +145,7 @@ def assess(ledger: Ledger, claims: Sequence[Claim], draws: int) -> dict[str, Rob
     """
     asked = [claim for claim in claims if claim.checks and claim.choices]
     outcomes = Outcomes(ledger, asked)
-    asked = [claim for claim in asked if outcomes.decidable(claim)]
+    asked = [claim for claim in asked if outcomes.stated(claim) is not None]
     found = {claim.name: Robustness() for claim in asked}
     groups = defaultdict(list)
     for claim in asked:
@@ -198,7 +197,7 @@ class _Bracket:
 def _smallest_flips(
     ledger: Ledger, outcomes: Outcomes, claims: Sequence[Claim]
 ) -> dict[str, Flip | None]:
-    stated = outcomes.at(ledger, claims)
+    stated = {claim.name: outcomes.stated(claim) for claim in claims}
     brackets: dict[str, list[_Bracket]] = {claim.name: [] for claim in claims}
     knobs = {k.keys + k.path: k for claim in claims for c in claim.choices for k in c.knobs}
     for knob in knobs.values():
