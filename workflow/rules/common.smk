@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from functools import cache
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
@@ -72,6 +73,7 @@ def numbers():
     ]
 
 
+@cache
 def claims_of(paper):
     """A registry as it stands; what is wrong with one is said by those who read it in earnest."""
     try:
@@ -148,8 +150,8 @@ def code(stage):
 
 
 def digest_of(module):
-    """The digest of a module that serves all papers, and of all that it imports."""
-    return closure_digest(["reobserve.__main__", module])
+    """A params function: the digest of a module that serves all papers, and of its imports."""
+    return lambda wildcards: closure_digest(["reobserve.__main__", module])
 
 
 def packages(wildcards):

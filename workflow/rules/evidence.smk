@@ -74,8 +74,7 @@ rule claims:
         "../envs/reobserve.yaml"
     params:
         papers=CLAIMED,
-        ledgers=[ledger_path(paper) for paper in CLAIMED],
-        settings=digest(told_of_claims()),
+        settings=lambda wildcards: digest(told_of_claims()),
         code=digest_of("reobserve.stages.claims"),
     message:
         "decide all claims"
@@ -102,7 +101,7 @@ rule report:
         "../envs/reobserve.yaml"
     params:
         built=report_options(),
-        settings=digest(told_in_report()),
+        settings=lambda wildcards: digest(told_in_report()),
         code=digest_of("reobserve.replication_report"),
         packages=packages,
     message:
@@ -123,7 +122,9 @@ rule verdicts:
     conda:
         "../envs/reobserve.yaml"
     params:
-        settings=digest([LEDGERS[paper].section("figures") for paper in CLAIMED]),
+        settings=lambda wildcards: digest(
+            [LEDGERS[paper].section("figures") for paper in CLAIMED]
+        ),
         code=digest_of("reobserve.stages.verdicts"),
     message:
         "count the verdicts"
