@@ -28,9 +28,9 @@ def draw_moved(series: Sequence[MovedSeries]) -> bytes:
         )  # fmt: skip
         both.plot(time, one.new, **STYLES[1].line(), label="new")
         both.set_title(f"{one.name} [{one.unit}]")
-        both.legend(loc="upper right", ncols=3)
+        both.legend(loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2, ncols=3)
         difference.set_xlabel("time [s]")
-        difference.set_ylabel("new - golden")
+        difference.set_ylabel(f"new − golden\n[{one.unit}]")
         if len(time) != len(golden_time):
             note = f"{len(time)} rows instead of {len(golden_time)}"
             difference.text(0.5, 0.5, note, transform=difference.transAxes, ha="center")
