@@ -161,6 +161,10 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _ledger_file(robustness)
     robustness.add_argument("--draws", type=int, required=True, help="for each claim")
+    robustness.add_argument(
+        "--no-flips", dest="flips", action="store_false",
+        help="do not look for the smallest change that turns a claim over, which takes longest",
+    )  # fmt: skip
     _output(robustness, "shares and smallest changes, JSON")
     _project(robustness)
 

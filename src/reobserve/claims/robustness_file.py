@@ -21,6 +21,7 @@ def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
         "share": robustness.share if robustness.draws else None,
         "low": low,
         "high": high,
+        "looked": robustness.looked,
         "flip": flip
         and {
             "key": flip.key,
@@ -41,5 +42,6 @@ def from_data(stored: Mapping[str, Any]) -> Robustness:
         held=int(stored["held"]),
         diverged=int(stored["diverged"]),
         refused=int(stored["refused"]),
+        looked=bool(stored["looked"]),
         flip=flip and Flip(flip["key"], flip["unit"], flip["from"], flip["to"], flip["size"]),
     )

@@ -17,6 +17,8 @@ HEADER = (
     "figures", "hangs_on", "draws", "held", "share", "low", "high", "flip", "problem",
 )  # fmt: skip
 
+NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+
 
 def row(
     claim: Claim, ledger: Ledger, numbers: Numbers, robustness: Robustness | None
@@ -50,7 +52,7 @@ def row(
             "share": f"{robustness.share:.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
-            "flip": tell_flip(robustness.flip),
+            "flip": tell_flip(robustness.flip) if robustness.looked else NOT_LOOKED_FOR,
         }
     return told
 
