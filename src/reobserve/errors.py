@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from reprlib import Repr
+
+_MOST_SHOWN = 100  # characters of a value that is refused
+_MOST_SAID = 400  # characters of a key, and of what is said of it
+
+_brief = Repr()
+_brief.maxlevel, _brief.maxlist, _brief.maxtuple, _brief.maxdict = 4, 8, 8, 8
+_brief.maxstring = _brief.maxother = _brief.maxlong = _MOST_SHOWN - 2
 
 
 class ReobserveError(Exception):
@@ -22,9 +30,9 @@ class InputError(ReobserveError, ValueError):
     """
 
     def __init__(self, parameter: str, problem: str) -> None:
-        super().__init__(f"{parameter}: {problem}")
-        self.parameter = parameter
-        self.problem = problem
+        self.parameter = shortened(parameter, _MOST_SAID)
+        self.problem = shortened(problem, _MOST_SAID)
+        super().__init__(f"{self.parameter}: {self.problem}")
 
 
 class DivergenceError(ReobserveError, ArithmeticError):
@@ -53,3 +61,22 @@ def located(place: str) -> Iterator[None]:
         raise InputError(f"{place}.{error.parameter}", error.problem) from None
     except DivergenceError as error:
         raise DivergenceError(f"{place} ({error.what})", error.time) from None
+
+
+def shown(value: object) -> str:
+    """``value`` as a message shows it: on one line, and cut in the middle where it is long."""
+    try:
+        return shortened(_brief.repr(value), _MOST_SHOWN)
+    except ValueError:  # a whole number of thousands of digits
+        return f"<{type(value).__name__}>"
+
+
+def shortened(text: str, most: int) -> str:
+    """``text`` on one line, its middle left out where it has more than ``most`` characters."""
+    if len(text) > 10 * most:
+        text = f"{text[: 5 * most]} {text[-5 * most :]}"
+    line = " ".join(text.split()) if "\n" in text or "\r" in text else text
+    if len(line) <= most:
+        return line
+    half = (most - 3) // 2
+    return f"{line[:half]}...{line[-half:]}"

@@ -1,0 +1,237 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from reobserve.conditions import (
+    Count,
+    Levels,
+    Names,
+    NotNegative,
+    Positive,
+    Terms,
+    Window,
+    items,
+    rising,
+    signal,
+    vector,
+    within,
+)
+from reobserve.errors import InputError, shown
+from reobserve.matrices import as_floats
+
+MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
+
+Scalar = Annotated[Terms, signal(1)]
+State = Annotated[list[float], items(1, 2)]
+Model = Literal["pendulum", "lag"]
+
+
+def initial_matrix(place: str, value: Any) -> None:
+    """S_0 as a number or a matrix, or the word for the solution of the algebraic equation."""
+    if isinstance(value, str):
+        if value != "algebraic":
+            raise InputError(place, f"{shown(value)} must be algebraic, a number or a matrix")
+    else:
+        as_floats(place, value)
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The pendulum, the delay of its input, and the record."""
+
+    gravity: Positive
+    length: Positive
+    mass: Positive
+    friction: NotNegative
+    delay: Scalar
+    delay_bounds: Annotated[list[float], rising]
+    horizon: Positive
+    step: Positive
+    noise_period: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A system, its input and the noise."""
+
+    model: Model
+    initial_state: State
+    input: Scalar
+    output_noise: NotNegative
+    input_noise: NotNegative
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Extended:
+    """The extended observer, with exact derivatives of the input or the differentiator (37)."""
+
+    algorithm: Literal["extended"]
+    model: Model
+    order: Annotated[int, within(1, MOST_DERIVATIVES)]
+    rho: Positive
+    initial_estimate: State
+    initial_delay: float
+    initial_matrix: Annotated[Any, initial_matrix]
+    threshold: NotNegative
+    switched: Literal["delay", "all"]
+    derivatives: Literal["exact", "levant"]
+    step_size: Positive
+    lambdas: Annotated[Levels, vector(3)] | None = None
+    L: Positive | None = None
+    sampling: Positive | None = None
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Standard:
+    """The high-gain observer that takes the delay for a constant."""
+
+    algorithm: Literal["standard"]
+    model: Model
+    rho: Positive
+    mean_delay: Positive
+    initial_estimate: State
+    step_size: Positive
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Least squares, a reconstruction."""
+
+    algorithm: Literal["least_squares"]
+    initial_covariance: Positive
+    forgetting: NotNegative
+    initial_delay: float
+    step_size: Positive
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """Adaptive identification, a reconstruction."""
+
+    algorithm: Literal["adaptive"]
+    filter_time: Positive
+    forgetting: Positive
+    adaptation_gain: Positive
+    initial_delay: float
+    step_size: Positive
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Relay:
+    """A variable structure, a reconstruction."""
+
+    algorithm: Literal["relay"]
+    relay_gain: Positive
+    relay_on: Literal["delay", "inverse"]
+    initial_delay: float
+    step_size: Positive
+    label: str = ""
+
+
+Estimator = LeastSquares | Adaptive | Relay
+Observer = Extended | Standard | LeastSquares | Adaptive | Relay
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """The error of the delay against rho, without and with noise."""
+
+    method: Literal["tradeoff"]
+    scenario: str
+    observers: Names
+    rhos: Levels
+    runs: Annotated[int, within(1, 100_000)]
+    away: NotNegative
+    step_size: Positive
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Errors of the four methods of Fig. 3 against the tuning of each."""
+
+    method: Literal["tuning"]
+    scenario: str
+    observers: Names
+    rhos: Levels
+    forgetting: Levels
+    gain_per_forgetting: Positive
+    relay_gains: Levels
+    title: str = ""
+
+
+Study = Tradeoff | Tuning
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How estimates are judged."""
+
+    start: Positive
+    late: Positive
+    ripple: Positive
+    varying: Window
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What the numbers of the theory are computed for."""
+
+    ramp: Scalar
+    sine: Scalar
+    initial_state: State
+    noise_share: NotNegative
+    printed_singular: Annotated[list[float], vector(3)]
+    away: Positive
+    small_threshold: Positive
+    rhos: Levels
+    derivative_errors: Levels
+    noises: Levels
+    faster: Positive
+    step_size: Positive
+    cases: Count
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of one scenario."""
+
+    layout: Literal["states", "comparison"]
+    scenario: str
+    observers: Names
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class StudyFigure:
+    """The figure of a study, which the layout names."""
+
+    layout: Literal["tradeoff", "tuning"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """All sections."""
+
+    plant: Plant
+    scenarios: Mapping[str, Scenario]
+    observers: Mapping[str, Observer]
+    studies: Mapping[str, Study]
+    metrics: Metrics
+    theory: Theory
+    figures: Mapping[str, Figure | StudyFigure]

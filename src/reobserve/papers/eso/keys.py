@@ -1,0 +1,183 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from reobserve.conditions import (
+    Count,
+    Levels,
+    Names,
+    NotNegative,
+    Positive,
+    Terms,
+    Window,
+    above,
+    array,
+    items,
+    signal,
+    vector,
+)
+
+Fault = Annotated[Terms, signal(1)]
+Pair = Annotated[list[float], vector(2)]
+Poles = Annotated[list[float], vector(3)]
+Column = Annotated[Any, array(2, 1)]
+Factor = Annotated[float, above(1.0)]  # of gamma over its floor
+Solver = Literal["CLARABEL", "SCS"]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The motor, its speed control, what disturbs it, and the record."""
+
+    inertia: Positive
+    friction: NotNegative
+    torque_constant: Positive
+    emf_constant: Positive
+    resistance: Positive
+    inductance: Positive
+    controller_poles: Poles
+    reference: Fault
+    disturbance_matrix: Annotated[Any, array(2, 2)]
+    noise_matrix: Column
+    sensor_matrix: Column
+    horizon: Positive
+    step: Positive
+    hold_period: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Faults, disturbances and noise."""
+
+    actuator_fault: Fault
+    sensor_fault: Fault
+    disturbance_low: Pair
+    disturbance_high: Pair
+    noise_power: NotNegative
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Feasible:
+    """Gains by feasibility with a decay rate."""
+
+    kind: Literal["pi_feasible"]
+    filter_rate: Positive
+    decay: NotNegative
+    solver: Solver
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class LeastNorm:
+    """Gains by optimisation, gamma fixed at a multiple of its floor."""
+
+    kind: Literal["pi_least_norm", "pd_pi_least_norm"]
+    filter_rate: Positive
+    factor: Factor
+    solver: Solver
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """Theorem 1, min gamma, with poles not faster than a bound."""
+
+    kind: Literal["pd_pi_bounded"]
+    filter_rate: Positive
+    pole_bound: Positive
+    solver: Solver
+    title: str = ""
+
+
+Design = Feasible | LeastNorm | Bounded
+
+
+@dataclass(frozen=True)
+class Observer:
+    """An extended state observer with the gains of a design."""
+
+    algorithm: Literal["extended_state"]
+    design: str
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Designs:
+    """The study of many designs."""
+
+    method: Literal["designs"]
+    scenario: str
+    observers: list[str]
+    filter_rates: Levels
+    decays: Annotated[list[NotNegative], items()]
+    factors: Annotated[list[Factor], items()]
+    pole_bounds: Levels
+    solver: Solver
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How estimates are judged."""
+
+    actuator_varying: Window
+    actuator_constant: Window
+    sensor_varying: Window
+    sensor_constant: Window
+    longest_lag: Positive
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What the numbers of the theory are computed for."""
+
+    cases: Count
+    excess: Positive
+    filter_rates: Levels
+    fault_frequencies: Annotated[Levels, vector(2)]
+    fast_fault: Positive
+    noise_power: Positive
+    readings: Annotated[Any, array(2, 2, 2)]
+    other_poles: Poles
+
+
+@dataclass(frozen=True)
+class Faults:
+    """A figure of one fault and its estimates."""
+
+    layout: Literal["actuator", "sensor"]
+    scenario: str
+    observers: Names
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class DesignsFigure:
+    """The figure of the study."""
+
+    layout: Literal["designs"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """All sections."""
+
+    plant: Plant
+    scenarios: Mapping[str, Scenario]
+    designs: Mapping[str, Design]
+    observers: Mapping[str, Observer]
+    studies: Mapping[str, Designs]
+    metrics: Metrics
+    theory: Theory
+    figures: Mapping[str, Faults | DesignsFigure]

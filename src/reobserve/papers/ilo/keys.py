@@ -1,0 +1,181 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from reobserve.conditions import (
+    Count,
+    Levels,
+    Names,
+    NotNegative,
+    Positive,
+    Seed,
+    Share,
+    Terms,
+    items,
+    matrix,
+    positive_definite,
+    signal,
+    vector,
+    within,
+)
+
+Torque = Annotated[Terms, signal(3)]
+Vector = Annotated[list[float], vector(3)]
+Matrix = Annotated[Any, matrix(3)]  # a number, a diagonal or a matrix
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The satellite, its control, and the record of it."""
+
+    inertia: Annotated[Any, positive_definite(3)]
+    input_matrix: Matrix
+    fault_matrix: Matrix
+    initial_rate: Vector
+    control: Torque
+    horizon: Positive
+    step: Positive
+    noise: NotNegative
+    noise_period: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What goes wrong."""
+
+    fault: Torque
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class _Common:
+    """What all observers have."""
+
+    damping: Matrix
+    step_size: Positive
+    inertia_factor: Positive
+    initial_rate: Vector
+    initial_fault: Vector
+
+
+@dataclass(frozen=True)
+class _Learning(_Common):
+    K1: Matrix
+    K2: Matrix
+    interval: Positive
+
+
+@dataclass(frozen=True)
+class Sampled(_Learning):
+    """An ILO that learns at sampling instants and holds its estimate."""
+
+    algorithm: Literal["sampled_ilo"]
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Continuous(_Learning):
+    """The ILO of the paper."""
+
+    algorithm: Literal["continuous_ilo"]
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Adaptive(_Common):
+    """The observer that the paper compares with."""
+
+    algorithm: Literal["adaptive"]
+    integral_gain: Matrix
+    proportional_gain: Matrix
+    label: str = ""
+
+
+Learning = Sampled | Continuous
+Observer = Sampled | Continuous | Adaptive
+
+
+@dataclass(frozen=True)
+class Matching:
+    """The study of ILO and adaptive observers over gain and noise."""
+
+    scenario: str
+    observers: Names
+    integral_gains: Levels
+    damping_ratio: Positive
+    noise_levels: Annotated[list[NotNegative], items()]
+    noise_runs: Count
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How estimates are judged."""
+
+    axis: Annotated[int, within(1, 3)]
+    settling_skip: Positive
+    late_window: Positive
+    residual_threshold: Positive
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What the numbers of the theory are computed for."""
+
+    stuck: Torque
+    random_seed: Seed
+    cases: Annotated[int, within(20, 1_000_000)]
+    rate_errors: Levels
+    learning_gains: Annotated[list[Share], items()]
+    certified_designs: Count
+    excessive_learning_gains: Levels
+    multiples: Annotated[list[Count], items()]
+    slowdowns: Annotated[list[Count], items()]
+    frequency: Positive
+    intervals: Annotated[Levels, items(2)]
+    frequencies: Levels
+    accuracy: Positive
+    start_rate: Vector
+    jump_hold: Positive
+    jump_size: Positive
+    lyapunov_window: Positive
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """A figure of fault, estimate and error over time."""
+
+    layout: Literal["estimation"]
+    scenario: str
+    observers: Names
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class MatchingFigure:
+    """The figure of the study."""
+
+    layout: Literal["matching"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """All sections."""
+
+    plant: Plant
+    scenarios: Mapping[str, Scenario]
+    observers: Mapping[str, Observer]
+    studies: Mapping[str, Matching]
+    metrics: Metrics
+    theory: Theory
+    figures: Mapping[str, Estimation | MatchingFigure]

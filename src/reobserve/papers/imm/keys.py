@@ -1,0 +1,236 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from reobserve.conditions import (
+    Levels,
+    Names,
+    NotNegative,
+    Positive,
+    Share,
+    Terms,
+    Window,
+    items,
+    signal,
+    vector,
+    within,
+)
+from reobserve.errors import InputError
+from reobserve.matrices import as_floats
+
+Coefficients = Annotated[list[float], vector(4)]
+Voltage = Annotated[Terms, signal(1)]
+Motion = Annotated[list[NotNegative], vector(4)]
+Probability = Annotated[float, within(0, 1)]
+
+
+def variances(place: str, value: Any) -> None:
+    """A number for all, or one for each."""
+    found = as_floats(place, value)
+    if found.ndim > 2 or found.size > 100:
+        raise InputError(place, f"has shape {found.shape}, must be a number, a list or a matrix")
+
+
+def bounds(place: str, value: list[float]) -> None:
+    """Two positive numbers, the second one greater."""
+    low, high = value
+    if not 0 < low < high:
+        raise InputError(place, f"[{low:g}, {high:g}] must be above 0 and rise")
+
+
+Variances = Annotated[Any, variances]
+Bounds = Annotated[list[float], vector(2), bounds]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The identified models of the actuator, by their transfer functions."""
+
+    normal_numerator: Coefficients
+    normal_denominator: Coefficients
+    friction_numerator: Coefficients
+    friction_denominator: Coefficients
+    leakage_numerator: Coefficients
+    leakage_denominator: Coefficients
+    horizon: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """An input, a fault and the noise."""
+
+    period: Positive
+    input: Voltage
+    fault: Literal["friction", "leakage"]
+    share: NotNegative
+    onset: Positive
+    noise: Motion
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class _Bank:
+    realisation: Literal["velocity", "derivatives", "motion"]
+    state_frequency: Positive
+    process_noise: Variances
+    measurement_noise: Variances
+    stay: Annotated[float, within(1e-12, 1)]
+    initial_covariance: Variances
+    mixing: bool
+    quoted: Annotated[list[Probability], vector(2)]
+    quoted_high: bool
+
+
+@dataclass(frozen=True)
+class Kalman(_Bank):
+    """The KF-IMM."""
+
+    algorithm: Literal["kalman"]
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class SmoothVariableStructure(_Bank):
+    """The SVSF-IMM."""
+
+    algorithm: Literal["smooth_variable_structure"]
+    boundary_layer: Annotated[list[Positive], items(1, 4)]
+    layer_factor: Positive
+    memory: NotNegative
+    label: str = ""
+
+
+Observer = Kalman | SmoothVariableStructure
+
+
+@dataclass(frozen=True)
+class Search:
+    """Bounds of the numbers that are tuned, and how they are sought."""
+
+    scenario: str
+    observers: Names
+    process_noise: Bounds
+    position_noise: Bounds
+    velocity_noise: Bounds
+    acceleration_noise: Bounds
+    leave: Bounds
+    population: Annotated[int, within(1, 1000)]
+    neighbour_pairs: Annotated[int, within(0, 1000)]
+    spread: Annotated[float, within(0, 0.99)]
+    generations: Annotated[int, within(1, 100_000)]
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """How far each tuned number may move before a quoted value leaves its band."""
+
+    method: Literal["neighbourhood"]
+    scenario: str
+    observers: Names
+    kept: str
+    factors: Levels
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """The calibrated banks with one thing changed."""
+
+    method: Literal["changes"]
+    scenario: str
+    observers: Names
+    prbs: Voltage
+    square: Voltage
+    sweep: Voltage
+    periods: Levels
+    shares: Levels
+    layer_factors: Levels
+    noise: Motion
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """Correct diagnoses against how far apart the models are."""
+
+    method: Literal["closeness"]
+    scenario: str
+    observers: Names
+    input: Voltage
+    horizon: Positive
+    onset: Positive
+    judged: Positive
+    enough: Share
+    shares: Levels
+    noise_levels: Levels
+    runs: Annotated[int, within(1, 100_000)]
+    title: str = ""
+
+
+Study = Neighbourhood | Changes | Closeness
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How probabilities are judged."""
+
+    before: Window
+    after: Window
+    overshoot: Window
+    alarm: Share
+    band: Share
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What the numbers of the theory are computed for."""
+
+    observers: Names
+    period: Positive
+    input: Voltage
+    horizon: Positive
+    onset: Positive
+    gains: Annotated[int, within(1, 100_000)]
+    spread: Positive
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """A figure of the probability of one mode."""
+
+    layout: Literal["normal", "leakage"]
+    scenario: str
+    observers: Names
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class StudyFigure:
+    """The figure of a study, which the layout names."""
+
+    layout: Literal["neighbourhood", "changes", "closeness"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """All sections."""
+
+    plant: Plant
+    scenarios: Mapping[str, Scenario]
+    observers: Mapping[str, Observer]
+    searches: Mapping[str, Search]
+    studies: Mapping[str, Study]
+    theory: Theory
+    metrics: Metrics
+    figures: Mapping[str, Probabilities | StudyFigure]

@@ -1,0 +1,252 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from reobserve.conditions import (
+    Count,
+    Names,
+    Positive,
+    Seed,
+    Terms,
+    Window,
+    items,
+    not_negative,
+    vector,
+    within,
+)
+from reobserve.errors import InputError, shown
+from reobserve.typed_tree import join, parse
+
+MOST_DEGREE = 61  # of a series: two thousand monomials in two variables
+LEAST_DEGREE = 13  # the degree from which on a radius of convergence is estimated
+
+Power = Annotated[int, not_negative]
+
+
+def decimal(place: str, text: str) -> None:
+    """A number as it is printed."""
+    if not re.fullmatch(r"[-+]?[0-9]{1,40}(\.[0-9]{1,40})?", text):
+        raise InputError(place, f"{shown(text)} must be the digits of a number")
+
+
+@dataclass(frozen=True)
+class Monomial:
+    """A term of a polynomial map: its component, from 1, and the power of each variable."""
+
+    component: Annotated[int, within(1, 100)]
+    powers: Annotated[list[Power], items(1, 100)]
+    coefficient: float | str  # a fraction such as 1/3 is a word
+
+
+@dataclass(frozen=True)
+class PrintedCoefficient:
+    """A coefficient with the digits that the paper has."""
+
+    component: Annotated[int, within(1, 100)]
+    powers: Annotated[list[Power], items(1, 100)]
+    text: Annotated[str, decimal]
+
+
+def terms_of(kind: type) -> Any:
+    """A condition: a list of terms with the keys of ``kind``; they stay plain data."""
+
+    def check(place: str, value: Terms) -> None:
+        for index, term in enumerate(value):
+            parse(kind, term, join(place, index))
+
+    return check
+
+
+Polynomial = Annotated[Terms, items(), terms_of(Monomial)]
+Printed = Annotated[Terms, items(), terms_of(PrintedCoefficient)]
+Order = Annotated[int, within(0, MOST_DEGREE)]
+Orders = Annotated[list[Order], items()]
+Degree = Annotated[int, within(1, MOST_DEGREE)]
+State = Annotated[list[float], items()]
+Gain = Literal["series", "jacobian", "composed"]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """An autonomous polynomial system, and the record of it."""
+
+    dynamics: Polynomial
+    output: Polynomial
+    horizon: Positive
+    step: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """From where the plant starts."""
+
+    initial_state: State
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Design:
+    """A normal form, by its output injection."""
+
+    injection: Polynomial
+    degree: Degree
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """An observer in the plant's own coordinates."""
+
+    algorithm: Literal["identity"]
+    design: str
+    order: Order
+    gain: Gain
+    initial_estimate: State
+    step_size: Positive
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Transformed:
+    """An observer in the coordinates of the normal form."""
+
+    algorithm: Literal["transformed"]
+    design: str
+    order: Order
+    initial_estimate: State
+    step_size: Positive
+    label: str = ""
+
+
+Observer = Identity | Transformed
+
+
+@dataclass(frozen=True)
+class OrdersStudy:
+    """Errors of the identity form over order and gain, and its Floquet exponents."""
+
+    method: Literal["orders"]
+    scenario: str
+    design: str
+    observers: Names
+    orders: Orders
+    settle: Positive
+    cycle_points: Annotated[int, within(100, 100_000)]
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class EnsembleStudy:
+    """Every order against the constant gain over a grid of initial states."""
+
+    method: Literal["ensemble"]
+    scenario: str
+    design: str
+    observers: Names
+    orders: Orders
+    half_width: Positive
+    points: Annotated[int, within(2, 1000)]
+    step_size: Positive
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class DomainStudy:
+    """Where the series converge, and what they are worth on the limit cycle."""
+
+    method: Literal["domain"]
+    scenario: str
+    design: str
+    observers: Names
+    degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
+    settle: Positive
+    cycle_points: Annotated[int, within(10, 100_000)]
+    title: str = ""
+
+
+Study = OrdersStudy | EnsembleStudy | DomainStudy
+
+
+@dataclass(frozen=True)
+class Table:
+    """Coefficients as printed, beside the exact ones."""
+
+    design: str
+    printed: Printed
+    degree: Degree
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How estimates are judged."""
+
+    settling_band: Positive
+    decay_window: Window
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What the numbers of the theory are computed for."""
+
+    printed: Printed
+    printed_degree: Annotated[int, within(2, MOST_DEGREE)]
+    degree: Annotated[int, within(2, MOST_DEGREE)]
+    seed: Seed
+    cases: Annotated[int, within(1, 10_000)]
+    case_degree: Annotated[int, within(3, MOST_DEGREE)]
+    initial_state: State
+    injection_form: Literal["transformed", "series", "jacobian", "composed"]
+    near_share: Positive
+    near_duration: Positive
+    spectrum_degree: Annotated[int, within(2, MOST_DEGREE)]
+    singular_injection: Polynomial
+    regular_dynamics: Polynomial
+    regular_injection: Polynomial
+    poles: Annotated[list[float], vector(2)]
+    choices: Count
+
+
+@dataclass(frozen=True)
+class Responses:
+    """A figure of errors over time."""
+
+    layout: Literal["errors", "forms"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class StudyFigure:
+    """The figure of a study, which the layout names."""
+
+    layout: Literal["orders", "ensemble", "domain"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """All sections."""
+
+    plant: Plant
+    scenarios: Mapping[str, Scenario]
+    designs: Mapping[str, Design]
+    observers: Mapping[str, Observer]
+    studies: Mapping[str, Study]
+    tables: Mapping[str, Table]
+    metrics: Metrics
+    theory: Theory
+    figures: Mapping[str, Responses | StudyFigure]
