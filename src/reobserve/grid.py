@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_floats, as_positive
+from reobserve.matrices import as_positive
+
+MOST_STEPS = 100_000_000  # of anything: more is a slip, and fits no memory
+
+
+class Recorded(Protocol):
+    """A plant's settings, as far as its record goes."""
+
+    @property
+    def horizon(self) -> float:
+        """How long it is simulated [s]."""
+
+    @property
+    def step(self) -> float:
+        """The time between two samples [s]."""
+
+
+class Noisy(Recorded, Protocol):
+    """The same with noise that is held."""
+
+    @property
+    def noise_period(self) -> float:
+        """For how long [s]."""
 
 
 def multiple(name: str, interval: float, step: float, what: str) -> int:
     """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
-    count = round(interval / step)
+    ratio = interval / step
+    if ratio > MOST_STEPS:
+        raise InputError(
+            name, f"{interval:g} s is {ratio:.3g} steps, must be {MOST_STEPS:g} at most"
+        )
+    count = round(ratio)
     if count < 1 or abs(count * step - interval) > 1e-9 * interval:
         raise InputError(name, f"{interval:g} s must be a whole multiple of {what}, {step:g} s")
     return count
 
 
-def plant_grid(plant: Mapping[str, Any], most_steps: int) -> tuple[int, float]:
+def plant_grid(plant: Recorded, most_steps: int) -> tuple[int, float]:
     """The number of plant steps and the step [s].
 
     Raises
@@ -26,8 +52,8 @@ def plant_grid(plant: Mapping[str, Any], most_steps: int) -> tuple[int, float]:
         If horizon or step are not positive, do not fit, or make more than ``most_steps``.
     """
     with located("plant"):
-        step = as_positive("step", plant["step"])
-        horizon = as_positive("horizon", plant["horizon"])
+        step = as_positive("step", plant.step)
+        horizon = as_positive("horizon", plant.horizon)
         if horizon > most_steps * step:
             raise InputError(
                 "horizon",
@@ -36,14 +62,14 @@ def plant_grid(plant: Mapping[str, Any], most_steps: int) -> tuple[int, float]:
         return multiple("horizon", horizon, step, "the step"), step
 
 
-def stride(plant: Mapping[str, Any], step_size: Any) -> int:
+def stride(plant: Recorded, step_size: Any) -> int:
     """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
-    step = as_positive("plant.step", plant["step"])
+    step = as_positive("plant.step", plant.step)
     half = 0.5 * as_positive("step_size", step_size)
     return multiple("step_size", half, step, "plant.step, two in a step")
 
 
-def noise_hold(plant: Mapping[str, Any]) -> int:
+def noise_hold(plant: Noisy) -> int:
     """Plant samples for which noise is held; an even number, so that it jumps between steps.
 
     Raises
@@ -51,8 +77,8 @@ def noise_hold(plant: Mapping[str, Any]) -> int:
     InputError
         If the period is not positive or no multiple of two plant steps.
     """
-    period = as_positive("plant.noise_period", plant["noise_period"])
-    step = float(as_floats("plant.step", plant["step"]))
+    period = as_positive("plant.noise_period", plant.noise_period)
+    step = plant.step
     hold = round(period / step)
     if hold < 2 or hold % 2 or abs(hold * step - period) > 1e-9 * period:
         raise InputError(

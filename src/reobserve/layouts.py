@@ -6,23 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from reobserve.errors import InputError
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
-Settings = dict[str, Any]
 Rows = Sequence[Mapping[str, Any]]
 # Both return matplotlib's Figure, which is for those who draw to import.
-Drawing = Callable[[Settings, Series, Mapping[str, Series], Rows, Sequence[Metric]], Any]
+Drawing = Callable[[Job, Series, Mapping[str, Series], Rows, Sequence[Metric]], Any]
 Draw = Callable[[Settings, Series, Mapping[str, Series], Rows | None, Sequence[Metric]], Any]
 
 
-def by_layout(layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()) -> Draw:
+def by_layout(keys: type, layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()) -> Draw:
     """A paper's `draw`: the drawing of the layout that the figure names.
 
     Parameters
     ----------
+    keys
+        What the paper's ledger declares.
     layouts
-        The drawings by their names; each gets settings, plant, estimates, study and metrics.
+        The drawings by their names; each gets the job, plant, estimates, study and metrics.
     of_studies
         Those that draw the study of the method of the same name.
     """
@@ -39,14 +41,13 @@ def by_layout(layouts: Mapping[str, Drawing], of_studies: Sequence[str] = ()) ->
         Raises
         ------
         InputError
-            If there is no such layout, or it draws a study of another method.
+            If it draws a study of another method.
         """
-        layout = settings["figure"]["layout"]
-        if layout not in layouts:
-            raise InputError("layout", f"{layout!r} must be one of {', '.join(layouts)}")
-        method = settings["study"]["method"] if "study" in settings else None
+        job = read_job(keys, settings)
+        layout = job.figure.layout
+        method = None if job.study is None else job.study.method
         if layout in of_studies and method != layout:
             raise InputError("study", f"must be one of the method {layout}, as the layout is")
-        return layouts[layout](settings, plant, estimates, study or [], metrics)
+        return layouts[layout](job, plant, estimates, study or [], metrics)
 
     return draw

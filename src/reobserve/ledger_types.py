@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, get_args, get_type_hints
 
+from reobserve.config import nearest
 from reobserve.errors import InputError
 from reobserve.ledger import Ledger
 from reobserve.typed_tree import parse
@@ -48,7 +49,10 @@ class Job:
     theory: Any = None
 
 
-def read_job(keys: type, settings: Mapping[str, Any] | Job) -> Job:
+Settings = Mapping[str, Any] | Job
+
+
+def read_job(keys: type, settings: Settings) -> Job:
     """The settings of a job (`reobserve.ledger.Ledger.settings`), checked and as types.
 
     Raises
@@ -92,3 +96,19 @@ def declared_keys(paper: str) -> type:
     except ModuleNotFoundError as error:
         raise InputError(paper, f"has a ledger, but there is no module {error.name}") from None
     return keys
+
+
+def named(observers: Mapping[str, Any], name: str, kind: Any) -> Any:
+    """The observer of a name that a study or the theory is about.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is of another form than ``kind``.
+    """
+    found = observers.get(name)
+    if found is None:
+        raise InputError("observers", f"must have {name!r}{nearest(name, observers)}")
+    if not isinstance(found, kind):
+        raise InputError(f"observers.{name}.algorithm", f"must not be {found.algorithm} here")
+    return found

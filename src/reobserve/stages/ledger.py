@@ -7,11 +7,11 @@ from typing import Any
 
 from reobserve.files import write_text
 from reobserve.ledger import Ledger
-from reobserve.stages.common import paper_module
+from reobserve.ledger_check import check_ledger
 
 
 def run(project: Path, paper: str, overrides: dict[str, Any], seed: int, output: Path) -> None:
     """Resolve, build every plant and observer once to check them, and write."""
     ledger = Ledger.load(project, paper, overrides, seed)
-    paper_module(paper, "ledger").check(ledger)
+    check_ledger(ledger)
     write_text(output, ledger.text())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from reobserve.conditions import (
     Count,
@@ -66,6 +66,14 @@ class Scenario:
     title: str = ""
 
 
+class Levant(NamedTuple):
+    """The parameters of the differentiator (37)."""
+
+    L: float
+    sampling: float
+    lambdas: list[float]
+
+
 @dataclass(frozen=True)
 class Extended:
     """The extended observer, with exact derivatives of the input or the differentiator (37)."""
@@ -85,6 +93,13 @@ class Extended:
     L: Positive | None = None
     sampling: Positive | None = None
     label: str = ""
+
+    def levant(self) -> Levant:
+        """The differentiator's parameters; `InputError` names the one that is missing."""
+        for name in Levant._fields:
+            if getattr(self, name) is None:
+                raise InputError(name, "is missing; derivatives by levant need it")
+        return Levant(*(getattr(self, name) for name in Levant._fields))
 
 
 @dataclass(frozen=True)

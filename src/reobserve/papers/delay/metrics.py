@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive, as_vector
+from reobserve.ledger_types import Settings, read_job
 from reobserve.metrics import Metric, window
+from reobserve.papers.delay import keys
 from reobserve.papers.delay.scoring import (
     constant_segments,
     errors,
@@ -24,7 +24,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def measure(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Rows | None = None,
@@ -36,20 +36,15 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    rules = settings["metrics"]
-    with located("metrics"):
-        for name in ("start", "late", "ripple"):
-            as_positive(name, rules[name])
-        first, last = as_vector("varying", rules["varying"], 2)
-        if not 0 <= first < last:
-            raise InputError("varying", f"[{first:g}, {last:g}] s must be 0 or more, rising")
+    job = read_job(keys.Ledger, settings)
+    rules = job.metrics
     found = []
-    if settings["scenario"]["model"] == "pendulum":
+    if job.scenario.model == "pendulum":
         found.append(Metric("plant", "turned_over_at", turned_over_at(plant), "s"))
         peak = float(np.max(np.abs(plant["state"][:, 0])))
         found.append(Metric("plant", "largest_angle", peak, "rad"))
     for name, estimate in estimates.items():
-        unit = UNITS[settings["scenario"]["model"]][0]
+        unit = UNITS[job.scenario.model][0]
         found += [Metric(name, *numbers) for numbers in _judge(rules, plant, estimate, unit)]
     if study is not None:
         found += _brief(study)
@@ -57,10 +52,10 @@ def measure(
 
 
 def _judge(
-    rules: dict[str, Any], plant: Series, estimate: Series, unit: str
+    rules: keys.Metrics, plant: Series, estimate: Series, unit: str
 ) -> Iterator[tuple[str, float, str]]:
     time, error = estimate.time, errors(plant, estimate)
-    later = window(time, rules["start"], np.inf)
+    later = window(time, rules.start, np.inf)
     if "state" in error:
         units = unit.split(", ")
         for when, chosen in (("", later), ("_from_start", slice(None))):
@@ -71,13 +66,13 @@ def _judge(
     off = error["delay"]
     yield "rms_delay_error", float(root_mean_square(off[later])), "s"
     yield "rms_delay_error_from_start", float(root_mean_square(off)), "s"
-    for number, start, end in constant_segments(plant, rules["late"]):
+    for number, start, end in constant_segments(plant, rules.late):
         late = off[window(time, start, end)]
         yield f"late_delay_error_{number}", float(np.max(np.abs(late))), "s"
-    moving = off[window(time, *rules["varying"])]
+    moving = off[window(time, *rules.varying)]
     yield "varying_rms_delay_error", float(root_mean_square(moving)), "s"
     yield "varying_peak_delay_error", float(np.max(np.abs(moving))), "s"
-    for number, start, end in constant_segments(plant, rules["ripple"]):
+    for number, start, end in constant_segments(plant, rules.ripple):
         chosen = window(time, start, end)
         yield f"ripple_{number}", ripple(time[chosen], estimate["delay"][chosen]), "s"
     yield "least_delay", float(np.min(estimate["delay"])), "s"

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from reobserve.errors import located
 from reobserve.grid import noise_hold
+from reobserve.ledger_types import Settings, read_job
 from reobserve.matrices import as_vector
+from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import (
-    MOST_DERIVATIVES,
     UNITS,
     build_model,
-    check_model,
     delay_bounds,
     grid,
     input_and_derivatives,
-    noise_deviation,
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve.random_streams import held_normal, random_stream
@@ -37,7 +35,7 @@ class Setup:
     input_noise: float
 
 
-def build(settings: dict[str, Any]) -> Setup:
+def build(settings: Settings) -> Setup:
     """Everything a scenario states, checked against the grid.
 
     Raises
@@ -45,26 +43,23 @@ def build(settings: dict[str, Any]) -> Setup:
     InputError
         If a parameter or a signal cannot be used.
     """
-    plant, scenario = settings["plant"], settings["scenario"]
+    job = read_job(keys.Ledger, settings)
+    plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
     noise_hold(plant)
     with located("plant"):
-        delay = Signal.parse("delay", plant["delay"], 1)
+        delay = Signal.parse("delay", plant.delay, 1)
     check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)
+    model = build_model(plant, scenario.model)
     with located("scenario"):
-        check_model(scenario["model"])
-    model = build_model(plant, scenario["model"])
-    with located("scenario"):
-        as_vector("initial_state", scenario["initial_state"], model.states)
-        control = Signal.parse("input", scenario["input"], 1)
-        inputs = input_and_derivatives("input", control, MOST_DERIVATIVES)
-        deviations = [
-            noise_deviation(f"{k}_noise", scenario[f"{k}_noise"]) for k in ("output", "input")
-        ]
+        as_vector("initial_state", scenario.initial_state, model.states)
+        control = Signal.parse("input", scenario.input, 1)
+        inputs = input_and_derivatives("input", control, keys.MOST_DERIVATIVES)
+    deviations = scenario.output_noise, scenario.input_noise
     return Setup(DelayedInputPlant(model), inputs, delay, *deviations)
 
 
-def simulate(settings: dict[str, Any]) -> Series:
+def simulate(settings: Settings) -> Series:
     """State, delay, input and what is measured, over the horizon.
 
     ``state`` is x, ``delay`` tau [s], ``delayed_input`` u(t - tau); ``input`` is u and
@@ -81,14 +76,15 @@ def simulate(settings: dict[str, Any]) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    setup = build(settings)
-    plant, (steps, step) = settings["plant"], grid(settings["plant"])
+    job = read_job(keys.Ledger, settings)
+    setup = build(job)
+    plant, (steps, step) = job.plant, grid(job.plant)
     state = setup.plant.simulate(
-        settings["scenario"]["initial_state"], setup.inputs[0], setup.delay, step, steps
+        job.scenario.initial_state, setup.inputs[0], setup.delay, step, steps
     )
     time = np.arange(steps + 1, dtype=np.float64) * step
     past = time - delay_bounds(plant)[1]
-    whole, output, torque, rates = UNITS[settings["scenario"]["model"]]
+    whole, output, torque, rates = UNITS[job.scenario.model]
     u, rate = setup.inputs[0](time)[:, 0], np.hstack([s(time) for s in setup.inputs[1:]])
     channels = {
         "state": Channel(state, whole),
@@ -106,7 +102,7 @@ def simulate(settings: dict[str, Any]) -> Series:
         ("measured_input", u, setup.input_noise, torque),
     ):
         if deviation > 0:
-            stream = random_stream(settings["seed"], "delay", name)
+            stream = random_stream(job.seed, "delay", name)
             noise, before = held_normal(stream, len(time), hold)
             channels[name] = Channel(clean + deviation * noise, unit)
             channels[f"{name}_before"] = Channel(clean + deviation * before, unit)

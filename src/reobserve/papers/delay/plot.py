@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve.layouts import by_layout
-from reobserve.papers.delay import plot_comparison, plot_states, plot_tradeoff, plot_tuning
+from reobserve.papers.delay import keys, plot_comparison, plot_states, plot_tradeoff, plot_tuning
 
 LAYOUTS = {
     "states": plot_states.draw,
@@ -12,4 +12,4 @@ LAYOUTS = {
     "tuning": plot_tuning.draw,
 }
 
-draw = by_layout(LAYOUTS, ("tradeoff", "tuning"))
+draw = by_layout(keys.Ledger, LAYOUTS, ("tradeoff", "tuning"))

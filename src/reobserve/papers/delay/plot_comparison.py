@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.delay.plot_states import largest, upright
 from reobserve.papers.delay.scoring import errors
@@ -16,7 +17,7 @@ from reobserve.series import Series
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Sequence[Mapping[str, Any]],
@@ -26,7 +27,7 @@ def draw(
     figure, (delay, error) = new_figure((2.7, 2.2))
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")
     for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
-        line = {**style.line(), "label": settings["observers"][name]["label"]}
+        line = {**style.line(), "label": job.observers[name].label}
         delay.plot(*thin(estimate.time, estimate["delay"]), **line)
         error.semilogy(*largest(estimate.time, np.abs(errors(plant, estimate)["delay"])), **line)
     delay.set_ylabel("delay [s]")

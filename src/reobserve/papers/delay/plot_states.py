@@ -10,13 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.delay.scoring import errors, turned_over_at
 from reobserve.series import Series
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Sequence[Mapping[str, Any]],
@@ -25,7 +26,7 @@ def draw(
     """Delay, both states, and the errors of delay and angle."""
     figure, axes = new_figure((1.6, 1.35, 1.35, 1.35, 1.35))
     delay, angle, rate, delay_error, angle_error = axes
-    labels = {name: settings["observers"][name]["label"] for name in estimates}
+    labels = {name: job.observers[name].label for name in estimates}
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")
     for i, panel in enumerate((angle, rate)):
         panel.plot(*thin(plant.time, plant["state"][:, i]), **TRUTH.line(), label="pendulum")
@@ -58,7 +59,7 @@ def draw(
     angle_error.set_xlabel("time [s]")
     angle_error.set_xlim(plant.time[0], plant.time[-1])
     _mark_turn(angle, rate, plant)
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
     return figure
 
 
@@ -103,14 +104,14 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
     )  # fmt: skip
 
 
-def _note(settings: dict[str, Any]) -> str:
-    scenario = settings["scenario"]
-    first = next(iter(settings["observers"].values()))
+def _note(job: Job) -> str:
+    scenario = job.scenario
+    first = next(iter(job.observers.values()))
     noise = "no noise"
-    if scenario["output_noise"] > 0 or scenario["input_noise"] > 0:
+    if scenario.output_noise > 0 or scenario.input_noise > 0:
         noise = (
-            f"noise of {scenario['output_noise']:g} rad and {scenario['input_noise']:g} N m, "
-            f"held for {1000 * settings['plant']['noise_period']:g} ms"
+            f"noise of {scenario.output_noise:g} rad and {scenario.input_noise:g} N m, "
+            f"held for {1000 * job.plant.noise_period:g} ms"
         )
     return (
         f"ρ = {first['rho']:g}, τ̂(0), x(0), x̂(0), S(0) of Table I. Chosen here: {noise},\n"

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, add_note, new_figure
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
@@ -19,7 +20,7 @@ _PANELS = (
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -28,8 +29,8 @@ def draw(
     """Without noise as lines, with noise as the median of the runs and the band of nine in ten."""
     figure, panels = new_figure((2.4, 2.2), share_time=True)
     for axes, (quantity, unit, title) in zip(panels, _PANELS, strict=True):
-        for index, name in enumerate(settings["observers"]):
-            label = settings["observers"][name]["label"].rpartition(", ")[2]
+        for index, name in enumerate(job.observers):
+            label = job.observers[name].label.rpartition(", ")[2]
             clean = levels(study, name, "rho", quantity)
             noisy = levels(study, name, "noise_rho", quantity)
             rhos = sorted(clean)
@@ -51,13 +52,13 @@ def draw(
     low_, high_ = panels[0].get_ylim()
     panels[0].set_ylim(low_, 4 * high_)
     panels[-1].set_xlabel("gain parameter ρ [1/s]")
-    scenario = settings["scenario"]
+    scenario = job.scenario
     add_note(
         figure,
-        f"u = sin 0.2 t, exact derivatives, {settings['study']['runs']:g} runs with noise of "
-        f"{scenario['output_noise']:g} rad and {scenario['input_noise']:g} N m; bands hold nine "
+        f"u = sin 0.2 t, exact derivatives, {job.study.runs:g} runs with noise of "
+        f"{scenario.output_noise:g} rad and {scenario.input_noise:g} N m; bands hold nine "
         "in ten. Counted where the delay varies,\n"
-        f"{settings['study']['away']:g} s from where the input does not change.",
+        f"{job.study.away:g} s from where the input does not change.",
     )
     return figure
 

@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, WIDTH, add_note, decades
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.delay.plot_tradeoff import levels
 from reobserve.series import Series
@@ -25,7 +26,7 @@ _QUANTITIES = (
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -46,10 +47,10 @@ def draw(
             axes.loglog(
                 list(found), [value[0] for value in found.values()], **style.points(), label=text
             )
-        chosen = settings["observers"][name][parameters[name]]
+        chosen = getattr(job.observers[name], parameters[name])
         if chosen > 0:
             axes.axvline(chosen, color="0.4", linewidth=0.8, linestyle=":")
-        axes.set_title(settings["observers"][name]["label"].replace(", a reconstruction of", ""))
+        axes.set_title(job.observers[name].label.replace(", a reconstruction of", ""))
         axes.set_xlabel(label)
         axes.set_xticks(list(found))
         axes.xaxis.set_major_formatter("{x:g}")
@@ -62,8 +63,8 @@ def draw(
     add_note(
         figure,
         "Dotted: the tuning of Fig. 3 (least squares: none, left of the scale). At rest: the last "
-        f"{settings['metrics']['late']:g} s before each jump of the delay. The gain of the\n"
-        f"adaptive method is {settings['study']['gain_per_forgetting']:g} times its forgetting "
+        f"{job.metrics.late:g} s before each jump of the delay. The gain of the\n"
+        f"adaptive method is {job.study.gain_per_forgetting:g} times its forgetting "
         "here. The methods with a number are reconstructions.",
     )
     return figure

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.grid import multiple
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.ledger_types import Job
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.papers.delay.setup import MOST_DERIVATIVES, delay_bounds
+from reobserve.papers.delay import keys
+from reobserve.papers.delay.setup import delay_bounds
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
-
-DERIVATIVES = ("exact", "levant")
 
 
 def measured(plant: Series, name: str, clean: str) -> Pair:
@@ -33,7 +30,7 @@ def output(plant: Series) -> Pair:
     return measured(plant, "measured", "state")
 
 
-def inputs(settings: dict[str, Any], observer: dict[str, Any], plant: Series) -> Pair:
+def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
     """u as it is measured with its derivatives up to the observer's order, shape (k, m + 1).
 
     The derivatives are exact or those of a differentiator on the measured u.
@@ -43,51 +40,37 @@ def inputs(settings: dict[str, Any], observer: dict[str, Any], plant: Series) ->
     InputError
         As `check_derivatives`.
     """
-    check_derivatives(settings, observer)
-    order, source = observer["order"], observer["derivatives"]
+    check_derivatives(job, observer)
+    order, source = observer.order, observer.derivatives
     u, before = measured(plant, "measured_input", "input")
     if source == "exact":
         rates = plant["input_derivatives"][:, :order]
         return np.column_stack([u, rates]), np.column_stack([before, rates])
-    rates = _differentiated(settings, observer, u)[:, :order]
+    rates = _differentiated(job, observer, u)[:, :order]
     return np.column_stack([u, rates]), np.column_stack([before, rates])
 
 
-def check_derivatives(settings: dict[str, Any], observer: dict[str, Any]) -> None:
-    """Refuse another source of derivatives than there are, and more of them than it has.
-
-    Raises
-    ------
-    InputError
-        That names the key.
-    """
-    source, order = observer["derivatives"], observer["order"]
-    if source not in DERIVATIVES:
-        raise InputError("derivatives", f"{source!r} must be one of {', '.join(DERIVATIVES)}")
-    if order > MOST_DERIVATIVES:
-        raise InputError(
-            "order",
-            f"{order} asks for derivatives of u above {MOST_DERIVATIVES}, the last one known",
-        )
-    if source == "levant":
-        differentiator(settings, observer)
+def check_derivatives(job: Job, observer: keys.Extended) -> None:
+    """Build the differentiator of an observer that has one; `InputError` names what is wrong."""
+    if observer.derivatives == "levant":
+        differentiator(job, observer)
 
 
-def _differentiated(settings: dict[str, Any], observer: dict[str, Any], u: Array) -> Array:
+def _differentiated(job: Job, observer: keys.Extended, u: Array) -> Array:
     """The estimates of u' and u'' at every sample of the plant, shape (k, 2).
 
     Between two of its samples the differentiator runs on without correction: u' along u''.
     """
-    found = differentiator(settings, observer)
-    every = round(found.period / settings["plant"]["step"])
+    found = differentiator(job, observer)
+    every = round(found.period / job.plant.step)
     estimate = found.run(u[::every], found.init()).estimate
     index = np.arange(len(u))
     rates = estimate[index // every, 1:].copy()
-    rates[:, 0] += rates[:, 1] * (index % every) * settings["plant"]["step"]
+    rates[:, 0] += rates[:, 1] * (index % every) * job.plant.step
     return rates
 
 
-def differentiator(settings: dict[str, Any], observer: dict[str, Any]) -> LevantDifferentiator:
+def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
     """The differentiator (37) of an observer, on every so many of the plant's samples.
 
     Raises
@@ -95,27 +78,20 @@ def differentiator(settings: dict[str, Any], observer: dict[str, Any]) -> Levant
     InputError
         If one of its parameters is missing or cannot be used.
     """
-    for name in ("lambdas", "L", "sampling"):
-        if name not in observer:
-            raise InputError(name, "is missing; derivatives by levant need it")
-    period = as_positive("sampling", observer["sampling"])
-    multiple("sampling", period, float(settings["plant"]["step"]), "plant.step")
-    return LevantDifferentiator(
-        observer["L"], period, order=MOST_DERIVATIVES, lambdas=observer["lambdas"]
-    )
+    L, period, lambdas = observer.levant()
+    multiple("sampling", period, job.plant.step, "plant.step")
+    return LevantDifferentiator(L, period, order=keys.MOST_DERIVATIVES, lambdas=lambdas)
 
 
-def check_mean_delay(settings: dict[str, Any], delay: Any) -> float:
+def check_mean_delay(job: Job, mean: float) -> None:
     """A fixed delay [s] above 0 and at most the greatest one, a multiple of the plant's step."""
-    most = delay_bounds(settings["plant"])[1]
-    mean = as_scalar("mean_delay", delay)
+    most = delay_bounds(job.plant)[1]
     if not 0.0 < mean <= most:
         raise InputError("mean_delay", f"{mean:g} s must be above 0 and at most {most:g} s")
-    multiple("mean_delay", mean, float(settings["plant"]["step"]), "plant.step")
-    return mean
+    multiple("mean_delay", mean, job.plant.step, "plant.step")
 
 
-def delayed_input(settings: dict[str, Any], plant: Series, delay: float) -> Pair:
+def delayed_input(job: Job, plant: Series, delay: float) -> Pair:
     """The measured u a fixed delay [s] ago; before the start the input itself, without noise.
 
     Raises
@@ -123,8 +99,8 @@ def delayed_input(settings: dict[str, Any], plant: Series, delay: float) -> Pair
     InputError
         If the delay is above the greatest one or no multiple of the plant's step.
     """
-    delay = check_mean_delay(settings, delay)
-    most = delay_bounds(settings["plant"])[1]
+    check_mean_delay(job, delay)
+    most = delay_bounds(job.plant)[1]
     shift = multiple("mean_delay", delay, plant.step, "plant.step")
     first = multiple("mean_delay", most, plant.step, "plant.step")
     past = plant["past_input"][first - shift : first]
@@ -135,7 +111,7 @@ def delayed_input(settings: dict[str, Any], plant: Series, delay: float) -> Pair
     return right, left
 
 
-def past_and_present(settings: dict[str, Any], plant: Series, every: int) -> Pair:
+def past_and_present(job: Job, plant: Series, every: int) -> Pair:
     """u and u' from a greatest delay before the start up to it, and from there on; shapes (k, 2).
 
     Raises
@@ -143,7 +119,7 @@ def past_and_present(settings: dict[str, Any], plant: Series, every: int) -> Pai
     InputError
         If the greatest delay is no multiple of the step of the observer, ``2 every`` samples.
     """
-    most = delay_bounds(settings["plant"])[1]
+    most = delay_bounds(job.plant)[1]
     first = multiple("step_size", most, 2 * every * plant.step, "the step") * 2 * every
     past = np.column_stack([plant["past_input"], plant["past_derivatives"][:, 0]])
     present = np.column_stack([plant["input"], plant["input_derivatives"][:, 0]])

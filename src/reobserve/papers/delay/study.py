@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.errors import InputError
-from reobserve.matrices import as_floats
-from reobserve.papers.delay import study_tradeoff, study_tuning
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.delay import keys, study_tradeoff, study_tuning
 from reobserve.series import Series
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
@@ -20,7 +19,7 @@ HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
 METHODS = {"tradeoff": study_tradeoff.run, "tuning": study_tuning.run}
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[dict[str, Any]]:
+def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     """The rows of the study's method, with the columns of `HEADER`.
 
     Raises
@@ -28,18 +27,6 @@ def run(settings: dict[str, Any], plant: Series) -> list[dict[str, Any]]:
     InputError
         If there is no such method or a setting cannot be used.
     """
-    check_study(settings["study"])
-    rows = METHODS[settings["study"]["method"]](settings, plant)
+    job = read_job(keys.Ledger, settings)
+    rows = METHODS[job.study.method](job, plant)
     return [dict(zip(HEADER, row, strict=True)) for row in rows]
-
-
-def check_study(study: dict[str, Any]) -> None:
-    """Refuse a method that there is not, and levels that are no positive numbers."""
-    if study.get("method") not in METHODS:
-        raise InputError("method", f"{study.get('method')!r} must be one of {', '.join(METHODS)}")
-    runs = study.get("runs", 1)
-    if not isinstance(runs, int) or runs < 1:
-        raise InputError("runs", f"{runs!r} must be a whole number, 1 or more")
-    for name in ("rhos", "forgetting", "relay_gains"):
-        if name in study and not (as_floats(name, study[name]) > 0).all():
-            raise InputError(name, f"{study[name]} must all be greater than zero")

@@ -8,6 +8,7 @@ use of two cores; the rows come in a fixed order whatever their number.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import located
 from reobserve.grid import noise_hold, stride
+from reobserve.ledger_types import Job
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay.observe import build_extended
 from reobserve.papers.delay.scoring import root_mean_square
@@ -28,7 +30,7 @@ Row = tuple[str, str, float, int, str, float, str]
 THREADS = 2
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+def run(job: Job, plant: Series) -> list[Row]:
     """For each observer, rho and run: RMS errors of delay and angle; run 0 is without noise.
 
     They are counted where the delay varies and the input is not near an instant at which it
@@ -39,26 +41,23 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    study = settings["study"]
+    study = job.study
     tasks = []
-    for (name, body), rho in product(settings["observers"].items(), study["rhos"]):
+    for (name, body), rho in product(job.observers.items(), study.rhos):
         # Errors are counted long after the dynamic gain has come to rest at the algebraic one.
-        changed = {**body, "rho": rho, "step_size": study["step_size"]}
-        changed["initial_matrix"] = "algebraic"
+        changed = replace(body, rho=rho, step_size=study.step_size, initial_matrix="algebraic")
         with located(f"observers.{name}"):
-            tasks.append(
-                (name, rho, build_extended({"plant": settings["plant"], "observer": changed}))
-            )
-    every = stride(settings["plant"], study["step_size"])
-    scored = _scored(plant, study["away"])[:: 2 * every]
+            tasks.append((name, rho, build_extended(Job(job.plant, observer=changed))))
+    every = stride(job.plant, study.step_size)
+    scored = _scored(plant, study.away)[:: 2 * every]
     true = plant["delay"][:: 2 * every], plant["state"][:: 2 * every, 0]
     rates = plant["input_derivatives"][::every]
-    first = next(iter(settings["observers"].values()))
-    start = (first["initial_estimate"], first["initial_delay"])
+    first = next(iter(job.observers.values()))
+    start = (first.initial_estimate, first.initial_delay)
     rows: list[Row] = []
     with ThreadPoolExecutor(THREADS) as pool:
-        for number in range(int(study["runs"]) + 1):
-            y, u = _measured(settings, plant, number, every)
+        for number in range(study.runs + 1):
+            y, u = _measured(job, plant, number, every)
 
             def errors(
                 task: tuple[str, float, ExtendedHighGainObserver], y: Any = y, u: Any = u
@@ -91,16 +90,16 @@ def _scored(plant: Series, away: float) -> NDArray[np.bool_]:
 
 
 def _measured(
-    settings: dict[str, Any], plant: Series, number: int, every: int
+    job: Job, plant: Series, number: int, every: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """y and u of a run, each with its limits from the left; run 0 has no noise."""
     found = []
     for name, clean in (("output", plant["state"][:, 0]), ("input", plant["input"])):
         right = left = np.ascontiguousarray(clean[::every])
         if number:
-            stream = random_stream(settings["seed"], "delay", "tradeoff", name, str(number))
-            noise = held_normal(stream, len(plant.time), noise_hold(settings["plant"]))
-            size = settings["scenario"][f"{name}_noise"]
+            stream = random_stream(job.seed, "delay", "tradeoff", name, str(number))
+            noise = held_normal(stream, len(plant.time), noise_hold(job.plant))
+            size = getattr(job.scenario, f"{name}_noise")
             right, left = ((clean + size * part)[::every] for part in noise)
         found.append((right, left))
     return found[0], found[1]

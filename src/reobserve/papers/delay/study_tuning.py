@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.ledger_types import Job, named
 from reobserve.metrics import window
+from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square
 from reobserve.series import Series
@@ -16,7 +18,16 @@ from reobserve.series import Series
 Row = tuple[str, str, float, int, str, float, str]
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+# What is swept of each observer: its kind, its parameter, and the study's levels.
+SWEEPS: dict[str, tuple[type, str, str]] = {
+    "extended_lag": (keys.Extended, "rho", "rhos"),
+    "least_squares": (keys.LeastSquares, "forgetting", "forgetting"),
+    "adaptive": (keys.Adaptive, "forgetting", "forgetting"),
+    "relay": (keys.Relay, "relay_gain", "relay_gains"),
+}
+
+
+def run(job: Job, plant: Series) -> list[Row]:
     """RMS errors of the delay at rest (before each jump) and varying, by method and level.
 
     Raises
@@ -24,31 +35,26 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If an observer or a level cannot be used.
     """
-    study, observers, rules = settings["study"], settings["observers"], settings["metrics"]
-    sweeps = {
-        "extended_lag": ("rho", "rhos"),
-        "least_squares": ("forgetting", "forgetting"),
-        "adaptive": ("forgetting", "forgetting"),
-        "relay": ("relay_gain", "relay_gains"),
-    }
+    study, observers, rules = job.study, job.observers, job.metrics
     rows: list[Row] = []
-    for name, (parameter, levels) in sweeps.items():
-        for level in study[levels]:
-            changed = {**observers[name], parameter: level}
+    for name, (kind, parameter, levels) in SWEEPS.items():
+        stated = named(observers, name, kind)
+        for level in getattr(study, levels):
+            changed = {parameter: level}
             if name == "adaptive":
-                changed["adaptation_gain"] = study["gain_per_forgetting"] * level
+                changed["adaptation_gain"] = study.gain_per_forgetting * level
             with located(f"studies.tuning.{levels}, {name}"):
-                found = estimate({"plant": settings["plant"], "observer": changed}, plant)
+                found = estimate(Job(job.plant, observer=replace(stated, **changed)), plant)
             for quantity, value in _scores(rules, plant, found):
                 rows.append((name, parameter, float(level), 0, quantity, value, "s"))
     return rows
 
 
-def _scores(rules: dict[str, Any], plant: Series, found: Series) -> Iterator[tuple[str, float]]:
+def _scores(rules: keys.Metrics, plant: Series, found: Series) -> Iterator[tuple[str, float]]:
     error = errors(plant, found)["delay"]
     resting = np.zeros(len(error), dtype=bool)
-    for _, start, end in constant_segments(plant, rules["late"]):
+    for _, start, end in constant_segments(plant, rules.late):
         resting |= window(found.time, start, end)
     yield "resting_rms_delay_error", float(root_mean_square(error[resting]))
-    moving = window(found.time, *rules["varying"])
+    moving = window(found.time, *rules.varying)
     yield "varying_rms_delay_error", float(root_mean_square(error[moving]))

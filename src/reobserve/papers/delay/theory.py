@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from reobserve.ledger_types import Settings, read_job
 from reobserve.metrics import Metric
 from reobserve.papers.delay import (
+    keys,
     theory_conditions,
     theory_derivatives,
     theory_gains,
@@ -13,7 +15,7 @@ from reobserve.papers.delay import (
 )
 
 
-def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
+def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """The numbers of the theory; see ``results/README.md`` for their names.
 
     Raises
@@ -23,13 +25,12 @@ def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    ramp, sine = (
-        theory_runs.record(settings, settings["theory"][name]) for name in ("ramp", "sine")
-    )
-    away = theory_runs.near_and_away(settings, sine, sine.time)[1]
+    job = read_job(keys.Ledger, settings)
+    ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
+    away = theory_runs.near_and_away(job, sine, sine.time)[1]
     return [
-        *theory_conditions.measure(settings, ramp, sine),
-        *theory_gains.measure(settings, ramp, sine),
-        *theory_derivatives.measure(settings, sine, away),
-        *theory_runs.measure(settings, ramp, sine),
+        *theory_conditions.measure(job, ramp, sine),
+        *theory_gains.measure(job, ramp, sine),
+        *theory_derivatives.measure(job, sine, away),
+        *theory_runs.measure(job, ramp, sine),
     ]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import factorial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve.plants.delayed_input import DelayedInputPlant
@@ -18,33 +18,32 @@ from reobserve.signals import Signal
 from reobserve.triangular_model import TriangularModel
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
 
 SEED = 0
 ORDERS = (1, 2)
 DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central differences
 
 
-def measure(settings: Settings, ramp: Series, sine: Series) -> Iterator[Metric]:
+def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Numbers on Theorem 1, on Assumptions 1 to 4 and on the expansion (6) with its bound (7)."""
-    yield from _pendulum(settings)
-    yield from _delay(settings, sine)
+    yield from _pendulum(job)
+    yield from _delay(job, sine)
     for name, plant in (("ramp", ramp), ("sine", sine)):
-        signals = input_and_derivatives(name, _signal(settings, name), max(ORDERS) + 1)
-        yield from _input(settings, name, signals, plant)
-        yield from _remainder(settings, name, signals, plant)
-    yield from _printed_instants(settings, sine)
-    yield from _xi(settings, sine)
+        signals = input_and_derivatives(name, _signal(job, name), max(ORDERS) + 1)
+        yield from _input(job, name, signals, plant)
+        yield from _remainder(job, name, signals, plant)
+    yield from _printed_instants(job, sine)
+    yield from _xi(job, sine)
 
 
-def _signal(settings: Settings, name: str) -> Signal:
-    return Signal.parse(name, settings["theory"][name], 1)
+def _signal(job: Job, name: str) -> Signal:
+    return Signal.parse(name, getattr(job.theory, name), 1)
 
 
-def _pendulum(settings: Settings) -> Iterator[Metric]:
-    model = build_model(settings["plant"], "pendulum")
+def _pendulum(job: Job) -> Iterator[Metric]:
+    model = build_model(job.plant, "pendulum")
     stream = random_stream(SEED, "delay", "theory", "conditions")
-    cases = int(settings["theory"]["cases"])
+    cases = int(job.theory.cases)
     points = stream.normal(scale=np.pi, size=(cases, 2, model.states))
     ratios = [
         np.linalg.norm(_drift(model, x) - _drift(model, z)) / np.linalg.norm(x - z)
@@ -57,21 +56,21 @@ def _pendulum(settings: Settings) -> Iterator[Metric]:
     gains = [abs(_gain(model, x[0])) for x, _ in points]
     yield Metric("pendulum", "least_input_gain", float(np.min(gains)), "1/(kg m^2)")
     yield Metric("pendulum", "greatest_input_gain", float(np.max(gains)), "1/(kg m^2)")
-    u = input_and_derivatives("sine", _signal(settings, "sine"), 1)
-    most = delay_bounds(settings["plant"])[1]
+    u = input_and_derivatives("sine", _signal(job, "sine"), 1)
+    most = delay_bounds(job.plant)[1]
     wrong = []
     for x, _ in points:
-        t, tau = stream.uniform(0, settings["plant"]["horizon"]), stream.uniform(0, most)
+        t, tau = stream.uniform(0, job.plant.horizon), stream.uniform(0, most)
         slope = u[1](np.array([t - tau]))[0, 0]
         expected = -_gain(model, x[0]) * slope
         wrong.append(abs(_determinant(model, u[0], x, t, tau) - expected))
-    size = max(gains) * float(np.max(np.abs(u[1](np.linspace(0, settings["plant"]["horizon"])))))
+    size = max(gains) * float(np.max(np.abs(u[1](np.linspace(0, job.plant.horizon)))))
     yield Metric("pendulum", "determinant_error", float(np.max(wrong)) / size, "1")
     held = Signal.parse("held", [{"kind": "constant", "axis": 1, "from": -most, "size": 0.5}], 1)
-    step = settings["plant"]["step"]
+    step = job.plant.step
     apart = [
         DelayedInputPlant(model).simulate(
-            settings["theory"]["initial_state"], held, delay, step, round(10.0 / step)
+            job.theory.initial_state, held, delay, step, round(10.0 / step)
         )
         for delay in (_constant(0.2 * most), _constant(0.8 * most))
     ]
@@ -112,7 +111,7 @@ def _determinant(model: TriangularModel, u: Signal, x: Array, t: float, tau: flo
     return float(np.linalg.det(np.array(columns).T))
 
 
-def _delay(settings: Settings, plant: Series) -> Iterator[Metric]:
+def _delay(job: Job, plant: Series) -> Iterator[Metric]:
     delay, before = plant["delay"], plant["delay_before"]
     leaps = np.abs(delay - before)[1:]
     yield Metric("delay", "least_delay", float(np.min(delay)), "s")
@@ -121,9 +120,9 @@ def _delay(settings: Settings, plant: Series) -> Iterator[Metric]:
     yield Metric("delay", "largest_jump", float(np.max(leaps)), "s")
 
 
-def _input(settings: Settings, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
+def _input(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
     """How smooth and how bounded an input is (Assumption 4), and where it does not change (4)."""
-    most = delay_bounds(settings["plant"])[1]
+    most = delay_bounds(job.plant)[1]
     inside = {b for s in signals for b in s.breaks if -most + 1e-9 < b <= plant.time[-1]}
     yield Metric(name, "breaks", float(len(inside)), "1")
     time = np.concatenate([plant.time[plant.time < most] - most, plant.time])
@@ -139,11 +138,9 @@ def _input(settings: Settings, name: str, signals: list[Signal], plant: Series) 
     yield Metric(name, "singular_share", float(np.mean(still)), "1")
 
 
-def _remainder(
-    settings: Settings, name: str, signals: list[Signal], plant: Series
-) -> Iterator[Metric]:
+def _remainder(job: Job, name: str, signals: list[Signal], plant: Series) -> Iterator[Metric]:
     """|gamma_m| of (6) at its largest, and over its bound (7)."""
-    most = delay_bounds(settings["plant"])[1]
+    most = delay_bounds(job.plant)[1]
     time = np.linspace(0.0, plant.time[-1], 1201)
     values = [signal(time)[:, 0] for signal in signals]
     for order in ORDERS:
@@ -160,19 +157,19 @@ def _remainder(
             yield Metric(name, f"remainder_over_bound_order_{order}", max(ratios), "1")
 
 
-def _printed_instants(settings: Settings, sine: Series) -> Iterator[Metric]:
+def _printed_instants(job: Job, sine: Series) -> Iterator[Metric]:
     """|u'| where the paper says that it is zero, over its greatest value."""
-    frequency, phase, period = settings["theory"]["printed_singular"]
+    frequency, phase, period = job.theory.printed_singular
     instants = np.pi * np.arange(phase, frequency * sine.time[-1] / np.pi, period) / frequency
-    rate = _signal(settings, "sine").derivative("sine")
+    rate = _signal(job, "sine").derivative("sine")
     size = float(np.max(np.abs(rate(sine.time))))
     share = float(np.min(np.abs(rate(instants)))) / size
     yield Metric("sine", "least_rate_at_printed_instants", share, "1")
 
 
-def _xi(settings: Settings, sine: Series) -> Iterator[Metric]:
+def _xi(job: Job, sine: Series) -> Iterator[Metric]:
     """How often xi of (10) passes zero with the true delay where that varies smoothly."""
-    model = build_model(settings["plant"], "pendulum")
+    model = build_model(job.plant, "pendulum")
     smooth = sine.time > max(sine.events["jumps"], default=0.0)
     tau, rates = sine["delay"], sine["input_derivatives"]
     for order in ORDERS:

@@ -8,44 +8,47 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.ledger_types import Job, named
 from reobserve.metrics import Metric
 from reobserve.observers.levant import LevantDifferentiator
+from reobserve.papers.delay import keys
 from reobserve.papers.delay.scoring import root_mean_square
-from reobserve.papers.delay.setup import MOST_DERIVATIVES, input_and_derivatives
+from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.series import Series
 from reobserve.signals import Signal
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
 
 
-def measure(settings: Settings, sine: Series, away: Any) -> Iterator[Metric]:
+def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
     """Errors of derivatives, and of the delay that the expansion (6) makes; ``away`` is a mask."""
-    body = settings["observers"]["order2_noise"]
-    period = body["sampling"]
+    body = named(job.observers, "order2_noise", keys.Extended).levant()
+    period = body.sampling
     time = np.arange(0.0, sine.time[-1] + 0.5 * period, period)
-    terms = settings["theory"]["sine"]
-    signals = input_and_derivatives("sine", Signal.parse("sine", terms, 1), MOST_DERIVATIVES + 1)
+    terms = job.theory.sine
+    signals = input_and_derivatives(
+        "sine", Signal.parse("sine", terms, 1), keys.MOST_DERIVATIVES + 1
+    )
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
-    late = time >= settings["metrics"]["start"]
+    late = time >= job.metrics.start
     sizes = root_mean_square(truth[late])
     for name, printed in (("levant", False), ("levant_printed", True)):
         errors = _errors(body, truth, np.zeros(len(time)), printed)[late]
         shares = root_mean_square(errors) / sizes
-        for i in range(1, MOST_DERIVATIVES + 1):
+        for i in range(1, keys.MOST_DERIVATIVES + 1):
             yield Metric(name, f"relative_rms_error_{i}", float(shares[i]), "1")
     largest = float(np.max(np.abs(signals[-1](time))))
-    yield Metric("levant", "bound_share", largest / body["L"], "1")
-    bounds = np.array(settings["theory"]["noises"], dtype=np.float64)
+    yield Metric("levant", "bound_share", largest / body.L, "1")
+    bounds = np.array(job.theory.noises, dtype=np.float64)
     # A sine whose last derivative is L: no differentiator can tell such a noise from the input.
-    noises = [b * np.sin(time * (body["L"] / b) ** (1 / (MOST_DERIVATIVES + 1))) for b in bounds]
+    noises = [b * np.sin(time * (body.L / b) ** (1 / (keys.MOST_DERIVATIVES + 1))) for b in bounds]
     found = [np.max(np.abs(_errors(body, truth, n, False)[late]), axis=0) for n in noises]
-    for i in range(1, MOST_DERIVATIVES + 1):
+    for i in range(1, keys.MOST_DERIVATIVES + 1):
         power = np.polyfit(np.log(bounds), np.log(np.array(found)[:, i]), 1)[0]
         yield Metric("levant", f"noise_exponent_{i}", float(power), "1")
-    factor = settings["theory"]["faster"]
+    factor = job.theory.faster
     quick = Signal.parse("sine", [_faster(term, factor) for term in terms], 1)
-    rapid = input_and_derivatives("sine", quick, MOST_DERIVATIVES)
+    rapid = input_and_derivatives("sine", quick, keys.MOST_DERIVATIVES)
     at, tau = sine.time[away], sine["delay"][away]
     for order in (1, 2):
         bias = taylor_delay(signals, at, tau, order) - tau
@@ -57,10 +60,8 @@ def measure(settings: Settings, sine: Series, away: Any) -> Iterator[Metric]:
         yield Metric(f"order_{order}", "relative_rms_bias_faster", share, "1")
 
 
-def _errors(body: Settings, truth: Array, noise: Array, printed: bool) -> Array:
-    law = LevantDifferentiator(
-        body["L"], body["sampling"], MOST_DERIVATIVES, body["lambdas"], printed
-    )
+def _errors(body: keys.Levant, truth: Array, noise: Array, printed: bool) -> Array:
+    law = LevantDifferentiator(body.L, body.sampling, keys.MOST_DERIVATIVES, body.lambdas, printed)
     found: Array = law.run(truth[:, 0] + noise, law.init()).estimate - truth
     return found
 

@@ -9,37 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric, window
 from reobserve.papers.delay.setup import build_model
 from reobserve.series import Series
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
 
 FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 
 
-def measure(settings: Settings, ramp: Series, sine: Series) -> Iterator[Metric]:
+def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Poles, the lag behind a varying delay, noise in the delay, and the rho that is proved."""
-    stiffness, friction, gain = build_model(settings["plant"], "pendulum").parameters
+    stiffness, friction, gain = build_model(job.plant, "pendulum").parameters
     for name in FIGURES:
-        rho = settings["observers"][name]["rho"]
+        rho = job.observers[name].rho
         for when, turn in (("", 1.0), ("_upright", -1.0)):
             poles = np.linalg.eigvals(error_matrix(rho, turn * stiffness, friction))
             yield Metric(name, f"slow_pole{when}", float(np.max(poles.real)), "1/s")
         proved = least_proved_rho(stiffness, friction)
         yield Metric(name, "rho_over_proved", rho / proved, "1")
-    chosen = window(ramp.time, *settings["metrics"]["varying"])
+    chosen = window(ramp.time, *job.metrics.varying)
     slope = np.gradient(ramp["delay"], ramp.time)
-    for rho in settings["theory"]["rhos"]:
+    for rho in job.theory.rhos:
         turn = stiffness * np.cos(ramp["state"][:, 0])
         lag = lag_per_rate(rho, turn, friction) * slope
         name = f"predicted_peak_delay_error_at_rho_{rho:g}"
         yield Metric("order2", name, float(np.max(np.abs(lag[chosen]))), "s")
     xi = gain * float(np.max(np.abs(sine["input_derivatives"][:, 0])))
-    for rho in settings["theory"]["rhos"]:
-        period = settings["plant"]["noise_period"]
+    for rho in job.theory.rhos:
+        period = job.plant.noise_period
         value = noise_gain(rho, stiffness, friction, xi, period)
         yield Metric("order2_noise", f"noise_gain_at_rho_{rho:g}", value, "s/rad")
 

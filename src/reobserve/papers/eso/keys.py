@@ -20,6 +20,8 @@ from reobserve.conditions import (
     signal,
     vector,
 )
+from reobserve.errors import InputError
+from reobserve.matrices import as_floats
 
 Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]
@@ -27,6 +29,13 @@ Poles = Annotated[list[float], vector(3)]
 Column = Annotated[Any, array(2, 1)]
 Factor = Annotated[float, above(1.0)]  # of gamma over its floor
 Solver = Literal["CLARABEL", "SCS"]
+
+
+def ranges(place: str, value: Any) -> None:
+    """Ranges of both disturbances, one pair a reading."""
+    shape = as_floats(place, value).shape
+    if len(shape) != 3 or shape[0] == 0 or shape[1:] != (2, 2):
+        raise InputError(place, f"has shape {shape}, must be (k, 2, 2): ranges of d1 and d2")
 
 
 @dataclass(frozen=True)
@@ -142,7 +151,7 @@ class Theory:
     fault_frequencies: Annotated[Levels, vector(2)]
     fast_fault: Positive
     noise_power: Positive
-    readings: Annotated[Any, array(2, 2, 2)]
+    readings: Annotated[Any, ranges]
     other_poles: Poles
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from reobserve.ledger_types import Settings, read_job
 from reobserve.metrics import Metric
+from reobserve.papers.eso import keys
 from reobserve.papers.eso.scoring import check_rules, scores
 from reobserve.series import Series
 
@@ -13,7 +15,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def measure(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Rows | None = None,
@@ -25,10 +27,11 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    check_rules(settings["metrics"], settings["plant"])
+    job = read_job(keys.Ledger, settings)
+    check_rules(job.metrics, job.plant)
     found = []
     for name, estimate in estimates.items():
-        found += [Metric(name, *score) for score in scores(settings["metrics"], plant, estimate)]
+        found += [Metric(name, *score) for score in scores(job.metrics, plant, estimate)]
     if study is not None:
         found += _brief(study)
     return found

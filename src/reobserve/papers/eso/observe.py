@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import DivergenceError
+from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
+from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.series import Channel, Series
 from reobserve.synthesis.extended_state.system import Gains
 
 
-def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObserver:
+def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:
     """The observer with a design's gains; its period is two steps of the plant.
 
     Raises
@@ -21,20 +24,14 @@ def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObse
     InputError
         If a setting cannot be used.
     """
-    check_algorithm(settings["observer"])
-    system = augmented(settings["plant"], design["filter_rate"])
+    job = read_job(keys.Ledger, settings)
+    system = augmented(job.plant, design["filter_rate"])
     gains = Gains(np.array(design["L"]), np.array(design["Ld"]))
     # Parabolas through the record's value in the middle of each step.
-    return ExtendedStateObserver(system, gains, 2.0 * settings["plant"]["step"], "second")
+    return ExtendedStateObserver(system, gains, 2.0 * job.plant.step, "second")
 
 
-def check_algorithm(observer: dict[str, Any]) -> None:
-    """Refuse an algorithm that there is not."""
-    if observer["algorithm"] != "extended_state":
-        raise InputError("algorithm", f"{observer['algorithm']!r} must be extended_state")
-
-
-def estimate(settings: dict[str, Any], plant: Series, design: dict[str, Any]) -> Series:
+def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
     """Estimates of state and faults at every second sample of the record.
 
     Raises
@@ -44,7 +41,8 @@ def estimate(settings: dict[str, Any], plant: Series, design: dict[str, Any]) ->
     DivergenceError
         If the observer leaves the range of floating-point numbers.
     """
-    observer = build(settings, design)
+    job = read_job(keys.Ledger, settings)
+    observer = build(job, design)
     run = run_on(observer, plant)
     if run.diverged_at is not None:
         raise DivergenceError("observer", run.diverged_at)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import Experiment, experiment
 from reobserve.random_streams import random_stream
 from reobserve.series import Channel, Series
@@ -14,12 +14,13 @@ from reobserve.series import Channel, Series
 Array = NDArray[np.float64]
 
 
-def build(settings: dict[str, Any]) -> Experiment:
+def build(settings: Settings) -> Experiment:
     """Everything a scenario states, checked; see `experiment`."""
-    return experiment(settings["plant"], settings["scenario"])
+    job = read_job(keys.Ledger, settings)
+    return experiment(job.plant, job.scenario)
 
 
-def simulate(settings: dict[str, Any]) -> Series:
+def simulate(settings: Settings) -> Series:
     """State, faults, and what is measured, over the horizon.
 
     ``state`` is speed and current, ``output`` y and ``control`` u, ``actuator_fault`` and
@@ -33,8 +34,9 @@ def simulate(settings: dict[str, Any]) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    setup = build(settings)
-    disturbance, noise = _drawn(setup, settings["seed"])
+    job = read_job(keys.Ledger, settings)
+    setup = build(job)
+    disturbance, noise = _drawn(setup, job.seed)
     run = setup.plant.simulate(
         setup.reference, setup.actuator_fault, setup.sensor_fault, disturbance, noise, setup.step
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve.layouts import by_layout
-from reobserve.papers.eso import plot_designs, plot_fault
+from reobserve.papers.eso import keys, plot_designs, plot_fault
 
 LAYOUTS = {
     "actuator": plot_fault.draw,
@@ -11,4 +11,4 @@ LAYOUTS = {
     "designs": plot_designs.draw,
 }
 
-draw = by_layout(LAYOUTS, ("designs",))
+draw = by_layout(keys.Ledger, LAYOUTS, ("designs",))

@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, WIDTH, add_note
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
@@ -24,7 +25,7 @@ _PANELS = (
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -54,14 +55,14 @@ def draw(
         panels[1, column].set_xlabel("lag of the estimate [s]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
-    chosen = settings["study"]
+    chosen = job.study
     add_note(
         figure,
         "Standard deviations at the ends of the holds, from a discrete Lyapunov equation. PI, "
-        f"feasible: filter rates {_listed(chosen['filter_rates'])}\nand decays "
-        f"{_listed(chosen['decays'])} per second. Optimised: γ over its floor "
-        f"{_listed(chosen['factors'])}; open squares and triangles fall together.\nLeast γ: poles "
-        f"within {_listed(chosen['pole_bounds'])} per second; these gains are not unique.",
+        f"feasible: filter rates {_listed(chosen.filter_rates)}\nand decays "
+        f"{_listed(chosen.decays)} per second. Optimised: γ over its floor "
+        f"{_listed(chosen.factors)}; open squares and triangles fall together.\nLeast γ: poles "
+        f"within {_listed(chosen.pole_bounds)} per second; these gains are not unique.",
     )
     return figure
 

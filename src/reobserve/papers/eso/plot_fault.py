@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.figures import STYLES, TRUTH, add_note, new_figure, thin
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
@@ -19,19 +20,19 @@ _LABELS = {"actuator": "actuator fault [V]", "sensor": "sensor fault [rad/s]"}
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Sequence[Mapping[str, Any]],
     __: Sequence[Metric],
 ) -> Figure:
     """The fault with its estimates, and their errors."""
-    layout = settings["figure"]["layout"]
+    layout = job.figure.layout
     figure, (fault, error) = new_figure((2.8, 2.0))
     channel = f"{layout}_fault"
     fault.plot(*upright(plant, channel), **TRUTH.line(), label=f"{layout} fault")
     for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
-        label = settings["observers"][name]["label"]
+        label = job.observers[name].label
         values, truth = estimate[channel], plant[channel][::2]
         fault.plot(*thin(estimate.time, values), **style.line(), label=label)
         error.plot(*thin(estimate.time, values - truth), **style.line())
@@ -44,7 +45,7 @@ def draw(
     error.set_title("(b) estimate minus fault")
     error.set_xlabel("time [s]")
     error.set_xlim(plant.time[0], plant.time[-1])
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
     return figure
 
 
@@ -57,17 +58,17 @@ def upright(plant: Series, channel: str) -> tuple[Array, Array]:
     return time[keep], values[keep]
 
 
-def _note(settings: dict[str, Any]) -> str:
-    scenario, plant = settings["scenario"], settings["plant"]
-    low, high = scenario["disturbance_low"], scenario["disturbance_high"]
+def _note(job: Job) -> str:
+    scenario, plant = job.scenario, job.plant
+    low, high = scenario.disturbance_low, scenario.disturbance_high
     noise = "no noise"
-    if scenario["noise_power"] > 0:
-        deviation = np.sqrt(scenario["noise_power"] / plant["hold_period"])
+    if scenario.noise_power > 0:
+        deviation = np.sqrt(scenario.noise_power / plant.hold_period)
         noise = f"noise of {deviation:.3g} rad/s"
     return (
         f"Chosen here: disturbances between {low} and {high}, {noise}, both held for "
-        f"{plant['hold_period']:g} s; PI gains by feasibility with decay "
-        f"{settings['designs']['pi_feasible']['decay']:g}/s,\nPD/PI gains of least norm with γ "
-        f"{100 * (settings['designs']['pd_pi']['factor'] - 1):.2g} % above its floor. Estimates do "
+        f"{plant.hold_period:g} s; PI gains by feasibility with decay "
+        f"{job.designs['pi_feasible'].decay:g}/s,\nPD/PI gains of least norm with γ "
+        f"{100 * (job.designs['pd_pi'].factor - 1):.2g} % above its floor. Estimates do "
         "not depend on controller or reference."
     )

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive, as_vector
 from reobserve.metrics import window
+from reobserve.papers.eso import keys
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
@@ -19,25 +19,22 @@ Score = tuple[str, float, str]
 FAULTS = {"actuator": "V", "sensor": "rad/s"}
 
 
-def check_rules(rules: dict[str, Any], plant: dict[str, Any]) -> None:
+def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
     """Refuse windows that no sample is in, and a longest lag that is none."""
-    horizon, period = plant["horizon"], 2.0 * plant["step"]
+    horizon, period = plant.horizon, 2.0 * plant.step
     with located("metrics"):
         for name in FAULTS:
             for what in ("varying", "constant"):
                 key = f"{name}_{what}"
-                first, last = as_vector(key, rules[key], 2)
-                if not 0 <= first < last or first >= horizon:
-                    raise InputError(
-                        key, f"[{first:g}, {last:g}] s must rise from 0 or more, within the horizon"
-                    )
+                first, last = getattr(rules, key)
+                if first >= horizon:
+                    raise InputError(key, f"[{first:g}, {last:g}] s must be within the horizon")
                 if last - first < 2.0 * period - 1e-9:
                     raise InputError(
                         key,
                         f"[{first:.9g}, {last:.9g}] s must hold two samples of the estimates, "
                         f"which are {period:g} s apart",
                     )
-        as_positive("longest_lag", rules["longest_lag"])
 
 
 def root_mean_square(values: Array) -> float:
@@ -83,14 +80,14 @@ def _likely(truth: Array, estimate: Array, most: int) -> list[int]:
     return likely
 
 
-def scores(rules: dict[str, Any], plant: Series, estimate: Series) -> Iterator[Score]:
+def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
     """Of both faults: errors where they vary and where they are constant, and the lag."""
     for name, unit in FAULTS.items():
         truth, found = plant[f"{name}_fault"][::2], estimate[f"{name}_fault"]
         error, time = found - truth, estimate.time
         for what in ("varying", "constant"):
-            chosen = error[window(time, *rules[f"{name}_{what}"])]
+            chosen = error[window(time, *getattr(rules, f"{name}_{what}"))]
             yield f"rms_{name}_error_{what}", root_mean_square(chosen), unit
             yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
-        bounds = rules[f"{name}_varying"]
-        yield f"{name}_lag", lag(time, truth, found, bounds, rules["longest_lag"]), "s"
+        bounds = getattr(rules, f"{name}_varying")
+        yield f"{name}_lag", lag(time, truth, found, bounds, rules.longest_lag), "s"

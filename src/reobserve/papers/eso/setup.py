@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.grid import multiple, plant_grid
-from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.matrices import as_floats, as_vector
+from reobserve.papers.eso import keys
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.signals import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-Settings = dict[str, Any]
 Array = NDArray[np.float64]
 
 MOST_STEPS = 2_000_000  # of a plant's record
@@ -30,17 +30,17 @@ CONSTANTS = (
 )
 
 
-def motor(plant: Settings) -> DCMotor:
+def motor(plant: keys.Plant) -> DCMotor:
     """The motor; `InputError` names the constant that is wrong."""
     with located("plant"):
-        return DCMotor(*(plant[name] for name in CONSTANTS))
+        return DCMotor(*(getattr(plant, name) for name in CONSTANTS))
 
 
-def controlled_motor(plant: Settings) -> ControlledMotor:
+def controlled_motor(plant: keys.Plant) -> ControlledMotor:
     """The motor in its speed control, with what disturbs it."""
     driven = motor(plant)
     with located("plant"):
-        real, imaginary, third = as_vector("controller_poles", plant["controller_poles"], 3)
+        real, imaginary, third = plant.controller_poles
         try:
             control = SpeedControl.placed(
                 driven, [complex(real, imaginary), complex(real, -imaginary), third]
@@ -50,20 +50,19 @@ def controlled_motor(plant: Settings) -> ControlledMotor:
         return ControlledMotor(
             driven,
             control,
-            _matrix(plant, "disturbance_matrix", 2),
-            _matrix(plant, "noise_matrix", 1),
-            _matrix(plant, "sensor_matrix", 1),
+            as_floats("disturbance_matrix", plant.disturbance_matrix),
+            as_floats("noise_matrix", plant.noise_matrix),
+            as_floats("sensor_matrix", plant.sensor_matrix),
         )
 
 
-def augmented(plant: Settings, filter_rate: Any) -> AugmentedSystem:
+def augmented(plant: keys.Plant, filter_rate: float) -> AugmentedSystem:
     """The system (7) that observers of the motor are designed for, with both states measured."""
     driven = controlled_motor(plant)
-    rate = as_positive("filter_rate", filter_rate)
-    B = driven.motor.B
+    B, rate = driven.motor.B, np.array(float(filter_rate))
     try:
         return AugmentedSystem(
-            driven.motor.A, B, np.eye(2), driven.Dd, driven.Dw, B, driven.Fs, np.array(rate)
+            driven.motor.A, B, np.eye(2), driven.Dd, driven.Dw, B, driven.Fs, rate
         )
     except InputError as error:
         raise InputError(
@@ -92,7 +91,7 @@ class Experiment:
     step: float
 
 
-def experiment(plant: Settings, scenario: Settings) -> Experiment:
+def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
     """What a scenario states.
 
     Raises
@@ -105,27 +104,24 @@ def experiment(plant: Settings, scenario: Settings) -> Experiment:
     with located("plant"):
         if steps % 2:
             raise InputError("horizon", "must be an even number of steps: observers take two")
-        period = as_positive("hold_period", plant["hold_period"])
+        period = plant.hold_period
         hold = multiple("hold_period", period, step, "the step")
         if hold % 2:
             raise InputError("hold_period", f"{period:g} s must be an even number of steps")
         # Jumps fall between steps of the observers, which are two of the plant's.
-        reference = _signal("reference", plant["reference"], 2 * step, steps * step)
+        reference = _signal("reference", plant.reference, 2 * step, steps * step)
     with located("scenario"):
         actuator, sensor = (
-            _signal(name, scenario[name], 2 * step, steps * step)
+            _signal(name, getattr(scenario, name), 2 * step, steps * step)
             for name in ("actuator_fault", "sensor_fault")
         )
-        low = as_vector("disturbance_low", scenario["disturbance_low"], 2)
-        high = as_vector("disturbance_high", scenario["disturbance_high"], 2)
+        low = as_vector("disturbance_low", scenario.disturbance_low, 2)
+        high = as_vector("disturbance_high", scenario.disturbance_high, 2)
         if (low > high).any():
             raise InputError(
                 "disturbance_low", f"{low.tolist()} must not be above {high.tolist()}, the high one"
             )
-        power = as_scalar("noise_power", scenario["noise_power"])
-        if power < 0:
-            raise InputError("noise_power", f"{power:g} must not be negative")
-    deviation = float(np.sqrt(power / period))
+    deviation = float(np.sqrt(scenario.noise_power / period))
     return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
 
 
@@ -133,11 +129,3 @@ def _signal(name: str, terms: Any, step: float, horizon: float) -> Signal:
     signal = Signal.parse(name, terms, 1)
     signal.check_jumps(name, step, horizon)
     return signal
-
-
-def _matrix(plant: Settings, name: str, columns: int) -> Array:
-    """Of as many columns as the ledger has disturbances, noises or sensor faults."""
-    matrix = as_floats(name, plant[name])
-    if matrix.shape != (2, columns):
-        raise InputError(name, f"has shape {matrix.shape}, must be (2, {columns})")
-    return matrix

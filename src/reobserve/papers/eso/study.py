@@ -7,13 +7,15 @@ deviations that these cause, tell all. The deviations come from a discrete Lyapu
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_floats
+from reobserve.errors import located
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.design import design
 from reobserve.papers.eso.observe import run_on
@@ -27,7 +29,7 @@ HEADER = ("kind", "filter_rate", "choice", "level", "unique", "quantity", "value
 Row = dict[str, Any]
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+def run(settings: Settings, plant: Series) -> list[Row]:
     """For each design: what its estimates are worth, and its certificate.
 
     Raises
@@ -35,38 +37,32 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If a level cannot be used, or one of the designs fails.
     """
-    with located("study"):
-        check_study(settings["study"])
-    scenario = {
-        **settings["scenario"],
-        "disturbance_low": [0.0, 0.0],
-        "disturbance_high": [0.0, 0.0],
-        "noise_power": 0.0,
-    }
-    clean = plant_stage.simulate({**settings, "scenario": scenario})
-    return [row for body in _bodies(settings["study"]) for row in _rows(settings, clean, body)]
+    job = read_job(keys.Ledger, settings)
+    undisturbed = replace(
+        job.scenario, disturbance_low=[0.0, 0.0], disturbance_high=[0.0, 0.0], noise_power=0.0
+    )
+    clean = plant_stage.simulate(replace(job, scenario=undisturbed))
+    return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]
 
 
-def _bodies(study: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The designs, each with the choice that is varied and whether its gains are unique."""
-    shared = {"solver": study["solver"]}
-    for rate in study["filter_rates"]:
-        for decay in study["decays"]:
-            yield {**shared, "kind": "pi_feasible", "filter_rate": rate, "choice": "decay",
-                   "decay": decay, "level": decay}  # fmt: skip
-    for kind in ("pi_least_norm", "pd_pi_least_norm"):
-        for factor in study["factors"]:
-            yield {**shared, "kind": kind, "filter_rate": 1.0, "choice": "factor",
-                   "factor": factor, "level": factor}  # fmt: skip
-    for bound in study["pole_bounds"]:
-        yield {**shared, "kind": "pd_pi_bounded", "filter_rate": 1.0, "choice": "bound",
-               "pole_bound": bound, "level": bound}  # fmt: skip
+def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
+    """The designs, each with the choice that is varied and its level."""
+    solver = study.solver
+    for rate in study.filter_rates:
+        for decay in study.decays:
+            yield keys.Feasible("pi_feasible", rate, decay, solver), "decay", decay
+    for factor in study.factors:
+        yield keys.LeastNorm("pi_least_norm", 1.0, factor, solver), "factor", factor
+    for factor in study.factors:
+        yield keys.LeastNorm("pd_pi_least_norm", 1.0, factor, solver), "factor", factor
+    for bound in study.pole_bounds:
+        yield keys.Bounded("pd_pi_bounded", 1.0, bound, solver), "bound", bound
 
 
-def _rows(settings: dict[str, Any], clean: Series, body: dict[str, Any]) -> Iterator[Row]:
-    with located(f"study.{body['kind']} at {body['choice']} {body['level']:g}"):
-        found = design(settings["plant"], body)
-    system = augmented(settings["plant"], body["filter_rate"])
+def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float) -> Iterator[Row]:
+    with located(f"study.{body.kind} at {choice} {level:g}"):
+        found = design(job.plant, body)
+    system = augmented(job.plant, body.filter_rate)
     observer = ExtendedStateObserver(system, found.gains, 2.0 * clean.step, "second")
     run = run_on(observer, clean)
     estimate = Series(
@@ -77,15 +73,15 @@ def _rows(settings: dict[str, Any], clean: Series, body: dict[str, Any]) -> Iter
         },
     )
     about = {
-        "kind": body["kind"],
-        "filter_rate": body["filter_rate"],
-        "choice": body["choice"],
-        "level": body["level"],
+        "kind": body.kind,
+        "filter_rate": body.filter_rate,
+        "choice": choice,
+        "level": level,
         # Theorem 1 leaves directions in which gains grow without changing gamma.
-        "unique": "no" if body["kind"] == "pd_pi_bounded" else "yes",
+        "unique": "no" if body.kind == "pd_pi_bounded" else "yes",
     }
-    numbers = list(scores(settings["metrics"], clean, estimate))
-    numbers += _deviations(settings, system, found.gains)
+    numbers = list(scores(job.metrics, clean, estimate))
+    numbers += _deviations(job, system, found.gains)
     certificate = found.certificate
     numbers += [
         ("norm", certificate.norm_upper, "1"),
@@ -97,11 +93,9 @@ def _rows(settings: dict[str, Any], clean: Series, body: dict[str, Any]) -> Iter
         yield {**about, "quantity": quantity, "value": value, "unit": unit}
 
 
-def _deviations(
-    settings: dict[str, Any], system: Any, gains: Any
-) -> Iterator[tuple[str, float, str]]:
+def _deviations(job: Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
     """What held disturbances and noise of the ledger's noisy setting do to both faults."""
-    setup = experiment(settings["plant"], settings["scenario"])
+    setup = experiment(job.plant, job.scenario)
     period = setup.hold * setup.step
     uniform = (setup.high - setup.low) / np.sqrt(12.0)
     faults = ("actuator", "V"), ("sensor", "rad/s")
@@ -112,13 +106,3 @@ def _deviations(
         found = held_deviation(system, gains, deviations, period)[-2:]
         for (name, unit), value in zip(faults, found, strict=True):
             yield f"{source}_in_{name}_fault", float(value), unit
-
-
-def check_study(study: dict[str, Any]) -> None:
-    """Refuse a method that there is not, and levels that are no numbers of zero or more."""
-    if study.get("method") != "designs":
-        raise InputError("method", f"{study.get('method')!r} must be designs")
-    for name in ("filter_rates", "decays", "factors", "pole_bounds"):
-        levels = as_floats(name, study[name])
-        if levels.ndim != 1 or (levels < 0).any():
-            raise InputError(name, f"{study[name]} must be a list of numbers, none below zero")

@@ -12,17 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.matrices import as_floats, as_positive
+from reobserve.ledger_types import Settings, read_job
 from reobserve.metrics import Metric, settling_time
+from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
 from reobserve.signals import Signal
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-
-Settings = dict[str, Any]
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step: what counts as settled
@@ -36,20 +34,21 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     InputError
         If a value of the ledger cannot be used.
     """
-    plant, theory = settings["plant"], settings["theory"]
+    job = read_job(keys.Ledger, settings)
+    plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
     found = [*_motors(plant), *_conditions(system), *_step_response(plant)]
-    found += _floors(plant, theory["filter_rates"])
-    found += agreement(system, theory["cases"])
-    noise = float(np.sqrt(as_positive("noise_power", theory["noise_power"]) / plant["hold_period"]))
+    found += _floors(plant, theory.filter_rates)
+    found += agreement(system, theory.cases)
+    noise = float(np.sqrt(theory.noise_power / plant.hold_period))
     found.append(Metric("noise", "deviation", noise, "rad/s"))
-    records = records_of_two_controllers(plant, theory["other_poles"])
-    for name, body in settings["observers"].items():
-        found += measures(name, designs[body["design"]], plant, theory, noise, records)
+    records = records_of_two_controllers(plant, theory.other_poles)
+    for name, body in job.observers.items():
+        found += measures(name, designs[body.design], plant, theory, noise, records)
     return found
 
 
-def _motors(plant: Settings) -> Iterator[Metric]:
+def _motors(plant: keys.Plant) -> Iterator[Metric]:
     """Stability and observability of (A, C), with both signs of the back electromotive force."""
     driven = motor(plant)
     for name, printed in (("motor", False), ("motor_as_printed", True)):
@@ -84,7 +83,7 @@ def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
         yield Metric(name, "undetermined_faults", float(missing), "1")
 
 
-def _step_response(plant: Settings) -> Iterator[Metric]:
+def _step_response(plant: keys.Plant) -> Iterator[Metric]:
     """Of the speed to a step of the reference by one."""
     driven, steps = controlled_motor(plant), round(_DURATION / _STEP)
     step = Signal.parse("reference", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
@@ -97,15 +96,12 @@ def _step_response(plant: Settings) -> Iterator[Metric]:
     yield Metric("controller", "settling_time", settled, "s")
 
 
-def _floors(plant: Settings, filter_rates: Any) -> Iterator[Metric]:
+def _floors(plant: keys.Plant, filter_rates: list[float]) -> Iterator[Metric]:
     """Of gamma, with and without noise, and by how much the filter's rate changes it."""
-    quiet = {**plant, "noise_matrix": np.zeros((2, 1)).tolist()}
+    quiet = replace(plant, noise_matrix=np.zeros((2, 1)).tolist())
     floor = gamma_floor(augmented(plant, 1.0))
     yield Metric("any_observer", "gamma_floor", floor, "1")
     yield Metric("any_observer", "disturbance_floor", gamma_floor(augmented(quiet, 1.0)), "1")
-    rates = as_floats("filter_rates", filter_rates)
-    if rates.ndim != 1 or rates.size == 0 or (rates <= 0).any():
-        raise InputError("filter_rates", f"{filter_rates} must be a list of numbers above zero")
-    others = [gamma_floor(augmented(plant, rate)) for rate in rates.tolist()]
+    others = [gamma_floor(augmented(plant, rate)) for rate in filter_rates]
     change = float(np.abs(np.array(others) / floor - 1.0).max())
     yield Metric("any_observer", "filter_rate_effect", change, "1")

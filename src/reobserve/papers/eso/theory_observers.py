@@ -5,16 +5,19 @@ Only the last, that u is not in it, is told by two simulations with different co
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_floats, as_positive, as_vector
+from reobserve.ledger_types import Job
+from reobserve.matrices import as_floats
 from reobserve.metrics import Metric
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import augmented, controlled_motor
@@ -26,7 +29,6 @@ from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
 _DURATION = 4.0  # of the runs with different controllers [s]
@@ -34,9 +36,9 @@ _DURATION = 4.0  # of the runs with different controllers [s]
 
 def measures(
     name: str,
-    design: dict[str, Any],
-    plant: Settings,
-    theory: Settings,
+    design: Mapping[str, Any],
+    plant: keys.Plant,
+    theory: keys.Theory,
     noise: float,
     records: list[Series],
 ) -> Iterator[Metric]:
@@ -54,7 +56,7 @@ def measures(
     found = Design.from_dict(values)
     gains, certificate = found.gains, found.certificate
     Ao, Eo = error_system(system, gains)
-    margin = margin_above_norm(system, gains, certificate.norm_upper, theory["excess"])
+    margin = margin_above_norm(system, gains, certificate.norm_upper, theory.excess)
     for metric, value, unit in (
         ("norm", certificate.norm_upper, "1"),
         ("gamma", float("nan") if found.gamma is None else found.gamma, "1"),
@@ -62,8 +64,8 @@ def measures(
         ("infinite_poles", float(system.size - np.linalg.matrix_rank(Eo)), "1"),
         ("margin_above_norm", margin, "1"),
         *_missed(Ao, Eo, system, theory),
-        *_held(Ao, system, gains, plant["hold_period"], noise),
-        *_biases(Ao, system, theory["readings"]),
+        *_held(Ao, system, gains, plant.hold_period, noise),
+        *_biases(Ao, system, theory.readings),
     ):
         yield Metric(name, metric, value, unit)
     change = _controller_effect(system, gains, records)
@@ -72,15 +74,14 @@ def measures(
 
 
 def _missed(
-    Ao: Array, Eo: Array, system: AugmentedSystem, theory: Settings
+    Ao: Array, Eo: Array, system: AugmentedSystem, theory: keys.Theory
 ) -> Iterator[tuple[str, float, str]]:
     """What is missing of a steady sinusoidal fault, as a share: at the paper's and a faster rate.
 
     By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo.
     """
-    frequencies = as_vector("fault_frequencies", theory["fault_frequencies"], 2)
-    times = as_positive("fast_fault", theory["fast_fault"])
-    for suffix, factor in (("", 1.0), ("_when_fast", times)):
+    frequencies = np.array(theory.fault_frequencies, dtype=np.float64)
+    for suffix, factor in (("", 1.0), ("_when_fast", theory.fast_fault)):
         for row, (fault, _) in enumerate(_FAULTS, start=-2):
             s = 1j * factor * frequencies[row]
             error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
@@ -108,17 +109,13 @@ def _held(
 def _biases(Ao: Array, system: AugmentedSystem, readings: Any) -> Iterator[tuple[str, float, str]]:
     """Mean errors of the estimates, for each reading of the ranges of both disturbances."""
     ranges = as_floats("readings", readings)
-    if ranges.ndim != 3 or ranges.shape[1:] != (2, 2):
-        raise InputError(
-            "readings", f"has shape {ranges.shape}, must be (k, 2, 2): ranges of d1 and d2"
-        )
     at_rest = np.linalg.solve(Ao, system.Bo[:, :2])[-2:]  # e = -Ao^-1 Bo d, and the estimate f - e
     for number, means in enumerate(ranges.mean(axis=2), start=1):
         for (fault, unit), value in zip(_FAULTS, at_rest @ means, strict=True):
             yield f"bias_of_{fault}_fault_reading_{number}", float(value), unit
 
 
-def records_of_two_controllers(plant: Settings, other_poles: Any) -> list[Series]:
+def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Series]:
     """The motor with a step in both faults, by the ledger's controller and by another one.
 
     Raises
@@ -126,22 +123,18 @@ def records_of_two_controllers(plant: Settings, other_poles: Any) -> list[Series
     InputError
         If the other poles cannot be placed.
     """
-    other = {**plant, "controller_poles": other_poles}
+    other = replace(plant, controller_poles=other_poles)
     try:
         controlled_motor(other)
     except InputError as error:
         raise InputError("other_poles", error.problem) from None
     step = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.1}]
-    scenario = {
-        "actuator_fault": step,
-        "sensor_fault": step,
-        "disturbance_low": [0.0, 0.0],
-        "disturbance_high": [0.0, 0.0],
-        "noise_power": 0.0,
-    }
-    length = {"horizon": _DURATION, "hold_period": _DURATION}
+    still = [0.0, 0.0]
+    scenario = keys.Scenario(step, step, still, still, noise_power=0.0)
     return [
-        plant_stage.simulate({"plant": {**driven, **length}, "scenario": scenario, "seed": 0})
+        plant_stage.simulate(
+            Job(replace(driven, horizon=_DURATION, hold_period=_DURATION), scenario=scenario)
+        )
         for driven in (plant, other)
     ]
 

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.prediction import predicted_error
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.series import Series
 
 
 def measure(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Sequence[Mapping[str, str]] | None = None,
@@ -28,16 +27,12 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    with located("metrics"):
-        axis = settings["metrics"]["axis"]
-        if axis not in (1, 2, 3):
-            raise InputError("axis", f"{axis!r} must be 1, 2 or 3")
-        for name in ("settling_skip", "late_window", "residual_threshold"):
-            as_positive(name, settings["metrics"][name])
+    job = read_job(keys.Ledger, settings)
+    axis = job.metrics.axis
     found = [
         Metric(name, *numbers)
         for name, estimate in estimates.items()
-        for numbers in _judge(settings, plant, estimate, name, axis - 1)
+        for numbers in _judge(job, plant, estimate, name, axis - 1)
     ]
     if study is not None:
         found += _summarise(study)
@@ -57,20 +52,20 @@ def _summarise(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
 
 
 def _judge(
-    settings: dict[str, Any], plant: Series, estimate: Series, name: str, axis: int
+    job: Job, plant: Series, estimate: Series, name: str, axis: int
 ) -> Iterator[tuple[str, float, str]]:
-    rules = settings["metrics"]
+    rules = job.metrics
     onsets = plant.events["onsets"]
     errors = Errors.of(plant, estimate, axis)
-    score = scored(errors, onsets, rules["settling_skip"])
+    score = scored(errors, onsets, rules.settling_skip)
     end = float(estimate.time[-1])
-    late = errors.window(end - rules["late_window"])
+    late = errors.window(end - rules.late_window)
     first = onsets[0] if onsets else end
     last = onsets[-1] if onsets else 0.0
     before = estimate.time < first - 1e-9
     time, v = estimate.time[~before], estimate["fault"][~before]
     v_before = estimate["fault_before"][~before]
-    threshold = rules["residual_threshold"]
+    threshold = rules.residual_threshold
 
     rms = root_mean_square(score.start, score.end)
     yield "rms_error", rms, "N m"
@@ -85,6 +80,6 @@ def _judge(
     settled = settling_time(np.append(after.time, end), after.start, after.end, threshold)
     yield "settling_time", settled - last, "s"
     yield "leakage", peak(np.delete(v, axis, axis=1)), "N m"
-    predicted = predicted_error(settings, settings["observers"][name], axis)
+    predicted = predicted_error(job, job.observers[name], axis)
     if predicted is not None:
         yield "predicted_rms_error", predicted, "N m"

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.errors import DivergenceError
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import build_observer, stride
 from reobserve.series import Channel, Series
 
 
-def estimate(settings: dict[str, Any], plant: Series) -> Series:
+def estimate(settings: Settings, plant: Series) -> Series:
     """Estimated rate [rad/s] and fault torque [N m] at the ends of the observer's steps.
 
     ``fault_before`` holds the limits from the left, which differ where the estimate jumps.
@@ -22,14 +24,15 @@ def estimate(settings: dict[str, Any], plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    return observe(build_observer(settings["plant"], settings["observer"]), settings, plant)
+    job = read_job(keys.Ledger, settings)
+    return observe(build_observer(job.plant, job.observer), job, plant)
 
 
-def observe(observer: RigidBodyObserver, settings: dict[str, Any], plant: Series) -> Series:
+def observe(observer: RigidBodyObserver, job: Job, plant: Series) -> Series:
     """`estimate` with an observer that is built already."""
-    every = stride(settings["plant"], observer)
+    every = stride(job.plant, observer)
     measured = "measured" if "measured" in plant.channels else "rate"
-    mine = settings["observer"]
+    mine = job.observer
 
     def samples(name: str) -> Any:
         return plant[name][::every] if name in plant.channels else None
@@ -37,12 +40,12 @@ def observe(observer: RigidBodyObserver, settings: dict[str, Any], plant: Series
     run = observer.run(
         samples(measured),
         samples("control"),
-        observer.init(mine["initial_rate"], mine["initial_fault"]),
+        observer.init(mine.initial_rate, mine.initial_fault),
         samples(f"{measured}_before"),
         samples("control_before"),
     )
     if run.diverged_at is not None:
-        raise DivergenceError(mine["algorithm"], run.diverged_at)
+        raise DivergenceError(mine.algorithm, run.diverged_at)
     channels = {
         "rate": Channel(run.rate, "rad/s"),
         "fault": Channel(run.fault, "N m"),

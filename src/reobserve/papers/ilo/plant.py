@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.matrices import as_vector
-from reobserve.papers.ilo.setup import grid, held_noise, noise_deviation
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.setup import grid, held_noise
 from reobserve.plants.satellite import Satellite
 from reobserve.random_streams import random_stream
 from reobserve.series import Channel, Series
 from reobserve.signals import Signal
 
 
-def build(settings: dict[str, Any]) -> tuple[Satellite, Signal, Signal]:
+def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
     """Satellite, control and fault of a scenario, checked against the grid.
 
     Raises
@@ -23,20 +22,20 @@ def build(settings: dict[str, Any]) -> tuple[Satellite, Signal, Signal]:
     InputError
         If a parameter or a signal cannot be used.
     """
-    plant = settings["plant"]
+    job = read_job(keys.Ledger, settings)
+    plant = job.plant
     steps, step = grid(plant)
     with located("plant"):
-        satellite = Satellite(plant["inertia"], plant["input_matrix"], plant["fault_matrix"])
-        as_vector("initial_rate", plant["initial_rate"], 3)
-        control = Signal.parse("control", plant["control"], 3)
+        satellite = Satellite(plant.inertia, plant.input_matrix, plant.fault_matrix)
+        control = Signal.parse("control", plant.control, 3)
         control.check_grid("control", 2 * step, steps * step)
     with located("scenario"):
-        fault = Signal.parse("fault", settings["scenario"]["fault"], 3)
+        fault = Signal.parse("fault", job.scenario.fault, 3)
         fault.check_grid("fault", 2 * step, steps * step)
     return satellite, control, fault
 
 
-def simulate(settings: dict[str, Any]) -> Series:
+def simulate(settings: Settings) -> Series:
     """Rate, control and fault torque of a scenario over the horizon.
 
     Channels ``rate`` [rad/s], ``control`` and ``fault`` [N m]; where a channel jumps, its limits
@@ -49,18 +48,18 @@ def simulate(settings: dict[str, Any]) -> Series:
     DivergenceError
         If the rate leaves the range of floating-point numbers.
     """
-    plant = settings["plant"]
-    satellite, control, fault = build(settings)
+    job = read_job(keys.Ledger, settings)
+    plant = job.plant
+    satellite, control, fault = build(job)
     steps, step = grid(plant)
-    rate = satellite.simulate(plant["initial_rate"], control, fault, step, steps)
+    rate = satellite.simulate(plant.initial_rate, control, fault, step, steps)
     time = np.arange(steps + 1, dtype=np.float64) * step
     channels = {"rate": Channel(rate, "rad/s")}
-    deviation = noise_deviation(plant)
-    if deviation > 0:
-        stream = random_stream(settings["seed"], "ilo", "rate noise")
+    if plant.noise > 0:
+        stream = random_stream(job.seed, "ilo", "rate noise")
         noise, noise_before = held_noise(stream, plant, steps + 1)
-        channels["measured"] = Channel(rate + deviation * noise, "rad/s")
-        channels["measured_before"] = Channel(rate + deviation * noise_before, "rad/s")
+        channels["measured"] = Channel(rate + plant.noise * noise, "rad/s")
+        channels["measured_before"] = Channel(rate + plant.noise * noise_before, "rad/s")
     for name, signal in (("control", control), ("fault", fault)):
         channels[name] = Channel(signal(time), "N m")
         if signal.jumps:

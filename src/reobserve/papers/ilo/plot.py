@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 
 from reobserve.errors import InputError
 from reobserve.figures import STYLES, TRUTH, Style, add_note, decades, new_figure, thin
+from reobserve.ledger_types import Job, Settings, named, read_job
 from reobserve.metrics import Metric
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.series import Series
 
@@ -19,7 +21,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def draw(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Rows | None,
@@ -32,17 +34,18 @@ def draw(
     InputError
         If there is no such layout, or ``matching`` has no study.
     """
-    layout = settings["figure"]["layout"]
+    job = read_job(keys.Ledger, settings)
+    layout = job.figure.layout
     if layout == "estimation":
-        return _estimation(settings, plant, estimates)
+        return _estimation(job, plant, estimates)
     if layout == "matching" and study is not None:
-        return _matching(settings, plant, estimates, study)
+        return _matching(job, plant, estimates, study)
     raise InputError("layout", f"{layout!r} must be estimation, or matching with a study")
 
 
-def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str, Series]) -> Figure:
-    axis = settings["metrics"]["axis"]
-    labels = {name: settings["observers"][name]["label"] for name in estimates}
+def _estimation(job: Job, plant: Series, estimates: Mapping[str, Series]) -> Figure:
+    axis = job.metrics.axis
+    labels = {name: job.observers[name].label for name in estimates}
     main = next(iter(estimates))
     figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
 
@@ -70,7 +73,7 @@ def _estimation(settings: dict[str, Any], plant: Series, estimates: Mapping[str,
     below.set_xlabel("time [s]")
     below.set_xlim(plant.time[0], plant.time[-1])
     below.legend(loc="center right", bbox_to_anchor=(1.0, 0.34))
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
     return figure
 
 
@@ -94,13 +97,11 @@ def _envelope(time: Any, size: Any, width: float = 0.01) -> tuple[Any, Any]:
     return time[: bins * per_bin : per_bin], largest
 
 
-def _matching(
-    settings: dict[str, Any], plant: Series, estimates: Mapping[str, Series], rows: Rows
-) -> Figure:
-    names = settings["study"]["observers"]
-    labels = {name: settings["observers"][name]["label"] for name in names}
+def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Rows) -> Figure:
+    names = job.study.observers
+    labels = {name: job.observers[name].label for name in names}
     styles = dict(zip(names, STYLES, strict=False))
-    axis = settings["metrics"]["axis"]
+    axis = job.metrics.axis
     figure, (gains, noise, trace) = new_figure((2.1, 2.1, 1.5), share_time=False)
 
     families = (
@@ -114,7 +115,7 @@ def _matching(
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
     for name, place in (("adaptive", "Fig. 4"), ("matched", "ILO of Fig. 3")):
-        gain = settings["observers"][name]["integral_gain"]
+        gain = named(job.observers, name, keys.Adaptive).integral_gain
         gains.axvline(gain, color="0.5", linewidth=0.8, linestyle=":")
         gains.annotate(
             place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(3, 0),
@@ -139,7 +140,7 @@ def _matching(
     trace.set_ylim(-0.06, 0.06)
     trace.set_title("(c) error of the ILO and of its match, without noise")
     trace.legend(loc="upper right")
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
     return figure
 
 
@@ -159,7 +160,7 @@ def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: s
     axes.fill_between(level, least, most, color=style.color, alpha=0.2, linewidth=0)
 
 
-def _note(settings: dict[str, Any]) -> str:
+def _note(job: Job) -> str:
     """One line an observer: the settings behind its curve."""
     lines = ["Settings (the paper names only K₁ = I; units: N m, s, rad):"]
     symbols = {
@@ -170,13 +171,13 @@ def _note(settings: dict[str, Any]) -> str:
         "integral_gain": "Γ",
         "proportional_gain": "Kₚ",
     }
-    for observer in settings["observers"].values():
+    for observer in job.observers.values():
         values = ", ".join(
-            f"{symbol} = {_short(observer[key])}"
+            f"{symbol} = {_short(getattr(observer, key))}"
             for key, symbol in symbols.items()
-            if key in observer
+            if hasattr(observer, key)
         )
-        lines.append(f"{observer['label']}: {values}")
+        lines.append(f"{observer.label}: {values}")
     return "\n".join(lines)
 
 

@@ -6,23 +6,24 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.ledger_types import Job
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import known_body
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
 
 
-def predicted_error(settings: dict[str, Any], observer: dict[str, Any], axis: int) -> float | None:
+def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | None:
     """RMS of e on ``axis`` [N m] in steady state, once every term of the fault is on.
 
     None where the fault is no sum of constants and sines of distinct frequencies, or where the
     observer is told a wrong inertia, for which the gyroscopic and control torques matter, too.
     """
-    if observer["inertia_factor"] != 1.0 or any(
-        term["kind"] not in ("constant", "sine") or "until" in term
-        for term in settings["scenario"]["fault"]
+    if observer.inertia_factor != 1.0 or any(
+        term["kind"] not in ("constant", "sine") or "until" in term for term in job.scenario.fault
     ):
         return None
     waves: dict[float, np.ndarray[Any, np.dtype[np.complex128]]] = {}
-    for term in settings["scenario"]["fault"]:
+    for term in job.scenario.fault:
         constant = term["kind"] == "constant"
         frequency = 0.0 if constant else float(term["frequency"])
         size = term["size"] if constant else term["amplitude"] * np.exp(1j * term.get("phase", 0.0))
@@ -30,11 +31,11 @@ def predicted_error(settings: dict[str, Any], observer: dict[str, Any], axis: in
         wave[term["axis"] - 1] += size
     omega = np.array(list(waves))
     torque = np.array(list(waves.values()))
-    body = known_body(settings["plant"])
-    common = (body.inertia, observer["damping"], body.fault_matrix)
-    if observer["algorithm"] == "adaptive":
+    body = known_body(job.plant)
+    common = (body.inertia, observer.damping, body.fault_matrix)
+    if observer.algorithm == "adaptive":
         transfer = pi_error_transfer(
-            omega, *common, observer["integral_gain"], observer["proportional_gain"]
+            omega, *common, observer.integral_gain, observer.proportional_gain
         )
         error = np.einsum("kij,kj->ki", transfer, torque)[:, axis]
         return float(np.sqrt(np.sum(np.abs(error) ** 2 * np.where(omega == 0, 1.0, 0.5))))
@@ -42,10 +43,10 @@ def predicted_error(settings: dict[str, Any], observer: dict[str, Any], axis: in
         np.where(omega[:, None] == 0, torque.real, np.abs(torque)),
         omega,
         *common,
-        observer["K1"],
-        observer["K2"],
-        observer["interval"],
+        observer.K1,
+        observer.K2,
+        observer.interval,
         phases=np.angle(torque),
-        reading="sampled" if observer["algorithm"] == "sampled_ilo" else "continuous",
+        reading="sampled" if observer.algorithm == "sampled_ilo" else "continuous",
     )
     return float(rms[axis])

@@ -12,14 +12,17 @@ families over Gamma on the same fault, then all observers of the ledger over the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
+from reobserve.ledger_types import Job, Settings, named, read_job
 from reobserve.metrics import root_mean_square
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.papers.ilo.setup import build_observer, held_noise, known_body
@@ -31,7 +34,7 @@ Array = NDArray[np.float64]
 HEADER = ("sweep", "observer", "level", "run", "relative_rms_error")
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[dict[str, Any]]:
+def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     """One row for each run, with the columns of `HEADER`; ``level`` is Gamma or the noise.
 
     Raises
@@ -39,49 +42,51 @@ def run(settings: dict[str, Any], plant: Series) -> list[dict[str, Any]]:
     InputError
         If an observer or a level cannot be used.
     """
-    return [*_gain_rows(settings, plant), *_noise_rows(settings, plant)]
+    job = read_job(keys.Ledger, settings)
+    return [*_gain_rows(job, plant), *_noise_rows(job, plant)]
 
 
-def _gain_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, Any]]:
-    study, observers = settings["study"], settings["observers"]
-    axis = settings["metrics"]["axis"] - 1
-    inertia = known_body(settings["plant"]).inertia[axis, axis]
-    ilo, adaptive = observers["continuous"], observers["adaptive"]
-    for gain in study["integral_gains"]:
-        critical = 2.0 * study["damping_ratio"] * float(np.sqrt(gain * inertia))
-        correction = gain * ilo["interval"]
-        families = {
-            "integral": {**adaptive, "integral_gain": gain, "damping": critical},
-            "proportional_integral": {
-                **adaptive,
-                "integral_gain": gain,
-                "proportional_gain": 0.5 * correction,
-                "damping": ilo["damping"],
-            },
-            "ilo": {**ilo, "K2": correction},
+def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
+    study, observers = job.study, job.observers
+    axis = job.metrics.axis - 1
+    inertia = known_body(job.plant).inertia[axis, axis]
+    ilo: keys.Continuous = named(observers, "continuous", keys.Continuous)
+    adaptive: keys.Adaptive = named(observers, "adaptive", keys.Adaptive)
+    for gain in study.integral_gains:
+        critical = 2.0 * study.damping_ratio * float(np.sqrt(gain * inertia))
+        correction = gain * ilo.interval
+        families: dict[str, keys.Observer] = {
+            "integral": replace(adaptive, integral_gain=gain, damping=critical),
+            "proportional_integral": replace(
+                adaptive,
+                integral_gain=gain,
+                proportional_gain=0.5 * correction,
+                damping=ilo.damping,
+            ),
+            "ilo": replace(ilo, K2=correction),
         }
         for name, observer in families.items():
             with located(f"studies.integral_gains, {gain:g}"):
-                built = build_observer(settings["plant"], observer)
-                score = _score(settings, plant, plant, built, observer)
+                built = build_observer(job.plant, observer)
+                score = _score(job, plant, plant, built, observer)
             yield _row("integral_gain", name, gain, 0, score)
 
 
-def _noise_rows(settings: dict[str, Any], plant: Series) -> Iterator[dict[str, Any]]:
-    study, observers = settings["study"], settings["observers"]
+def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
+    study, observers = job.study, job.observers
     built = {}
     for name, observer in observers.items():
         with located(f"observers.{name}"):
-            built[name] = build_observer(settings["plant"], observer)
-    for run in range(int(study["noise_runs"])):
-        stream = random_stream(settings["seed"], "ilo", "matching noise", str(run))
-        noise = held_noise(stream, settings["plant"], len(plant.time))
-        for level in study["noise_levels"]:
+            built[name] = build_observer(job.plant, observer)
+    for run in range(study.noise_runs):
+        stream = random_stream(job.seed, "ilo", "matching noise", str(run))
+        noise = held_noise(stream, job.plant, len(plant.time))
+        for level in study.noise_levels:
             # The same draw for every observer and level: they differ by what is compared only.
             noisy = _with_noise(plant, level, noise)
             for name, observer in observers.items():
                 with located(f"observers.{name}"):
-                    score = _score(settings, plant, noisy, built[name], observer)
+                    score = _score(job, plant, noisy, built[name], observer)
                 yield _row("noise", name, level, run, score)
 
 
@@ -96,15 +101,15 @@ def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dic
 
 
 def _score(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     record: Series,
     built: RigidBodyObserver,
-    observer: dict[str, Any],
+    observer: keys.Observer,
 ) -> float:
     """RMS of e over that of u_f on ``record``, by the windows of the figures' metrics."""
-    estimated = observe(built, {"plant": settings["plant"], "observer": observer}, record)
-    axis, skip = settings["metrics"]["axis"] - 1, settings["metrics"]["settling_skip"]
+    estimated = observe(built, Job(job.plant, observer=observer), record)
+    axis, skip = job.metrics.axis - 1, job.metrics.settling_skip
     errors = scored(Errors.of(plant, estimated, axis), plant.events["onsets"], skip)
     return root_mean_square(errors.start, errors.end) / root_mean_square(
         errors.fault_start, errors.fault_end

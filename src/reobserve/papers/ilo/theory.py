@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.metrics import Metric
-from reobserve.papers.ilo import theory_limits, theory_runs
+from reobserve.papers.ilo import keys, theory_limits, theory_runs
 from reobserve.papers.ilo.setup import known_body
 from reobserve.random_streams import random_stream
 from reobserve.rigid_body import RigidBody
@@ -28,7 +30,7 @@ _HARDLY_ANY = 1e-9  # a damping [N m s/rad] that is certified for no gains here
 _ROWS = 20  # cases of Lemma 1 with the same gains
 
 
-def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
+def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """The numbers of the theory; see ``results/README.md`` for their names.
 
     Raises
@@ -36,29 +38,30 @@ def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
     InputError
         If a value of the ledger cannot be used.
     """
-    used = ("inertia", "input_matrix", "fault_matrix", "initial_rate")
-    plant = {key: settings["plant"][key] for key in used}
+    job = read_job(keys.Ledger, settings)
+    plant = job.plant
+    body = (plant.inertia, plant.input_matrix, plant.fault_matrix)
     return [
-        *_without_observers(json.dumps([settings["theory"], plant])),
-        *_certificates(settings),
-        *theory_limits.measure(settings),
-        *theory_runs.measure(settings),
+        *_without_observers(json.dumps([asdict(job.theory), plant.initial_rate, *body])),
+        *_certificates(job),
+        *theory_limits.measure(job),
+        *theory_runs.measure(job),
     ]
 
 
 @lru_cache(maxsize=4)
 def _without_observers(stated: str) -> tuple[Metric, ...]:
     """What stays as it is while gains are drawn, which is done many times."""
-    theory, plant = json.loads(stated)
-    body = known_body(plant)
-    return (*_lemma(theory), *_assumption(theory, plant, body), *_theorem(theory, body))
+    given, rate, *matrices = json.loads(stated)
+    theory, body = keys.Theory(**given), RigidBody(*matrices)
+    return (*_lemma(theory), *_assumption(theory, rate, body), *_theorem(theory, body))
 
 
-def _lemma(theory: dict[str, Any]) -> Iterator[Metric]:
+def _lemma(theory: keys.Theory) -> Iterator[Metric]:
     """Lemma 1 on random cases; without a mismatch its right side is that of (12)."""
-    stream = random_stream(theory["random_seed"], "ilo", "lemma 1")
+    stream = random_stream(theory.random_seed, "ilo", "lemma 1")
     violations, constant, closest = 0, 0, np.inf
-    for _ in range(int(theory["cases"]) // _ROWS):
+    for _ in range(theory.cases // _ROWS):
         K1, K2 = stream.normal(size=(2, 3, 3)) * 10 ** stream.uniform(-2, 2, (2, 1, 1))
         weights = 10 ** stream.uniform(-3, 3, 3)
         sizes = 10 ** stream.uniform(-2, 2, (3, _ROWS, 1))
@@ -75,17 +78,17 @@ def _lemma(theory: dict[str, Any]) -> Iterator[Metric]:
     yield Metric("lemma_1", "closest_ratio", closest, "1")
 
 
-def _assumption(theory: dict[str, Any], plant: dict[str, Any], body: RigidBody) -> Iterator[Metric]:
+def _assumption(theory: keys.Theory, start: list[float], body: RigidBody) -> Iterator[Metric]:
     """Assumption 2: the largest torque difference per rate error, in directions at random."""
-    stream = random_stream(theory["random_seed"], "ilo", "assumption 2")
-    inertia, rate = body.inertia, np.array(plant["initial_rate"])
-    directions = stream.normal(size=(int(theory["cases"]), 3))
+    stream = random_stream(theory.random_seed, "ilo", "assumption 2")
+    inertia, rate = body.inertia, np.array(start)
+    directions = stream.normal(size=(theory.cases, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
 
     def gyroscopic(rates: Array) -> Array:
         return np.cross(rates, rates @ inertia)
 
-    for size in theory["rate_errors"]:
+    for size in theory.rate_errors:
         difference = gyroscopic(rate) - gyroscopic(rate - size * directions)
         ratio = float(np.max(np.linalg.norm(difference, axis=1))) / size
         yield Metric("assumption_2", f"torque_ratio_at_{size:g}", ratio, "N m s/rad")
@@ -93,14 +96,14 @@ def _assumption(theory: dict[str, Any], plant: dict[str, Any], body: RigidBody) 
     yield Metric("assumption_2", "one_sided_constant", eta, "N m s/rad")
 
 
-def _theorem(theory: dict[str, Any], body: RigidBody) -> Iterator[Metric]:
+def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
     """The floors of all designs that Theorem 1 certifies, and whether such designs are stable."""
     fault = body.fault_matrix
-    identity = certify(_AMPLE, fault, 1.0, theory["learning_gains"][0])
+    identity = certify(_AMPLE, fault, 1.0, theory.learning_gains[0])
     needed = _or_nan(identity.required_damping)
     yield Metric("theorem_1", "required_damping_at_identity", needed, "N m s/rad")
     left, promised = [], []
-    for k1 in theory["learning_gains"]:
+    for k1 in theory.learning_gains:
         # With B_f = I the floor lies at K2 = K1; another B_f moves it by its norm.
         gains = k1 * np.linalg.norm(fault, 2) * np.geomspace(0.01, 100.0, 41)
         for k2 in gains.tolist():
@@ -114,10 +117,10 @@ def _theorem(theory: dict[str, Any], body: RigidBody) -> Iterator[Metric]:
     yield Metric("theorem_1", "unstable_share", float(np.mean(unstable)), "1")
 
 
-def _certified(theory: dict[str, Any], fault: Array) -> Iterator[tuple[float, Array, Array, float]]:
+def _certified(theory: keys.Theory, fault: Array) -> Iterator[tuple[float, Array, Array, float]]:
     """Random designs just inside what Theorem 1 certifies: Lambda, K1, K2, tau."""
-    stream = random_stream(theory["random_seed"], "ilo", "certified designs")
-    for _ in range(int(theory["certified_designs"])):
+    stream = random_stream(theory.random_seed, "ilo", "certified designs")
+    for _ in range(theory.certified_designs):
         K1, K2 = stream.normal(size=(2, 3, 3))
         K1 *= stream.uniform(0.1, 0.98) / np.linalg.norm(K1, 2)
         K2 *= 10 ** stream.uniform(-2, 2)
@@ -130,12 +133,12 @@ def _unstable(body: RigidBody, damping: float, K1: Array, K2: Array, interval: f
     return continuous_stability(*law).verdict != "stable"
 
 
-def _certificates(settings: dict[str, Any]) -> Iterator[Metric]:
+def _certificates(job: Job) -> Iterator[Metric]:
     """Whether Theorem 1 certifies the observers of the figures, and the damping it asks for."""
-    fault = known_body(settings["plant"]).fault_matrix
-    for name, observer in settings["observers"].items():
-        if "K1" in observer:
-            found = certify(observer["damping"], fault, observer["K1"], observer["K2"])
+    fault = known_body(job.plant).fault_matrix
+    for name, observer in job.observers.items():
+        if not isinstance(observer, keys.Adaptive):
+            found = certify(observer.damping, fault, observer.K1, observer.K2)
             yield Metric(name, "certified", float(found.certified), "1")
             yield Metric(name, "required_damping", _or_nan(found.required_damping), "N m s/rad")
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
+from reobserve.ledger_types import Job, named
 from reobserve.metrics import Metric
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import known_body
 from reobserve.rigid_body import RigidBody
 from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer
@@ -28,7 +30,7 @@ Law = tuple[Any, Any, Any, Any, Any, float]  # J, Lambda, B_f, K1, K2, tau
 _SHORTEST = 1e-6  # [s] from here on the largest accurate interval is sought
 
 
-def measure(settings: dict[str, Any]) -> Iterator[Metric]:
+def measure(job: Job) -> Iterator[Metric]:
     """The numbers of `reobserve.papers.ilo.theory` that need no run.
 
     Raises
@@ -36,28 +38,30 @@ def measure(settings: dict[str, Any]) -> Iterator[Metric]:
     InputError
         If a value of the ledger cannot be used.
     """
-    theory, observers = settings["theory"], settings["observers"]
-    body, axis = known_body(settings["plant"]), settings["metrics"]["axis"] - 1
-    yield from _sampled(_law(body, observers["sampled"]), theory["multiples"], axis)
+    theory, observers = job.theory, job.observers
+    learning = named(observers, "continuous", keys.Continuous)
+    body, axis = known_body(job.plant), job.metrics.axis - 1
+    yield from _sampled(
+        _law(body, named(observers, "sampled", keys.Sampled)), theory.multiples, axis
+    )
     for name in ("continuous", "forgetting"):
-        stability = continuous_stability(*_law(body, observers[name]))
+        stability = continuous_stability(*_law(body, named(observers, name, keys.Continuous)))
         count = stability.unstable_roots
         yield Metric(name, "unstable_roots", float("nan") if count is None else count, "1")
         yield Metric(name, "worst_round_gain", stability.worst_round_gain, "1")
-    learning = observers["continuous"]
-    for K1 in theory["excessive_learning_gains"]:
-        rate = continuous_stability(*_law(body, {**learning, "K1": K1})).growth_rate
+    for K1 in theory.excessive_learning_gains:
+        rate = continuous_stability(*_law(body, replace(learning, K1=K1))).growth_rate
         found = float("nan") if rate is None else rate
         yield Metric("continuous", f"growth_rate_at_K1_{K1:g}", found, "1/s")
     yield from _accuracy(_law(body, learning), theory, axis)
-    yield from _resemblance(_law(body, learning), theory["frequency"], axis)
-    rate = _decay_rate(body, observers["adaptive"])
+    yield from _resemblance(_law(body, learning), theory.frequency, axis)
+    rate = _decay_rate(body, named(observers, "adaptive", keys.Adaptive))
     yield Metric("adaptive", "decay_rate_at_rest", rate, "1/s")
 
 
-def _law(body: RigidBody, observer: dict[str, Any]) -> Law:
-    gains = (observer["K1"], observer["K2"], observer["interval"])
-    return (body.inertia, observer["damping"], body.fault_matrix, *gains)
+def _law(body: RigidBody, observer: keys.Learning) -> Law:
+    gains = (observer.K1, observer.K2, observer.interval)
+    return (body.inertia, observer.damping, body.fault_matrix, *gains)
 
 
 def _sampled(law: Law, multiples: list[int], axis: int) -> Iterator[Metric]:
@@ -87,20 +91,20 @@ def _noise_gain(law: Law, axis: int) -> float:
     return float(np.sqrt(covariance[size + axis, size + axis]) / scale[-1])
 
 
-def _accuracy(law: Law, theory: dict[str, Any], axis: int) -> Iterator[Metric]:
+def _accuracy(law: Law, theory: keys.Theory, axis: int) -> Iterator[Metric]:
     """How the error under a sine follows the interval and the frequency."""
 
     def error(omega: float, interval: float) -> float:
         return float(abs(error_transfer(omega, *law[:-1], interval)[0, axis, axis]))
 
-    intervals, omega = theory["intervals"], theory["frequency"]
+    intervals, omega = theory.intervals, theory.frequency
     errors = [error(omega, interval) for interval in intervals]
     for interval, value in zip(intervals, errors, strict=True):
         yield Metric("continuous", f"sine_error_at_interval_{interval:g}", value, "1")
     slope = float(np.polyfit(np.log(intervals), np.log(errors), 1)[0])
     yield Metric("continuous", "sine_error_slope", slope, "1")
-    for frequency in theory["frequencies"]:
-        longest = _largest_interval(error, frequency, theory["accuracy"])
+    for frequency in theory.frequencies:
+        longest = _largest_interval(error, frequency, theory.accuracy)
         yield Metric("continuous", f"largest_interval_at_{frequency:g}", longest, "s")
 
 
@@ -133,19 +137,17 @@ def _resemblance(law: Law, omega: float, axis: int) -> Iterator[Metric]:
     yield Metric("continuous", "distance_from_integrator", distance, "1")
 
 
-def _decay_rate(body: RigidBody, observer: dict[str, Any]) -> float:
+def _decay_rate(body: RigidBody, observer: keys.Adaptive) -> float:
     """The slowest decay [1/s] of the adaptive observer's errors, at rest and without a torque."""
-    if observer["algorithm"] != "adaptive":
-        raise InputError("observers.adaptive.algorithm", "must be adaptive")
     one = np.eye(3)
-    feedthrough = body.fault_matrix * observer["proportional_gain"]
+    feedthrough = body.fault_matrix * observer.proportional_gain
     matrix = np.block(
         [
             [
-                -body.inverse @ (observer["damping"] * one + feedthrough),
+                -body.inverse @ (observer.damping * one + feedthrough),
                 body.inverse @ body.fault_matrix,
             ],
-            [-observer["integral_gain"] * one, np.zeros((3, 3))],
+            [-observer.integral_gain * one, np.zeros((3, 3))],
         ]
     )
     return -float(np.max(np.linalg.eigvals(matrix).real))

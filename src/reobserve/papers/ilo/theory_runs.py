@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.conditions import Terms
+from reobserve.ledger_types import Job, named
 from reobserve.metrics import Metric, peak, root_mean_square
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
@@ -22,49 +24,53 @@ from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_theorem import bound18, certify
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]
 
 _HARDLY_ANY = 1e-9  # a damping [N m s/rad] that is certified for no gains here
-_LEARNING = ("sampled", "continuous", "forgetting")
+_LEARNING = {
+    "sampled": keys.Sampled,
+    "continuous": keys.Continuous,
+    "forgetting": keys.Continuous,
+}
 
 
 @dataclass(frozen=True)
 class _Bench:
     """The ledger without noise, its observers built once, and the record of the stuck fault."""
 
-    settings: Settings
+    job: Job
     built: dict[str, RigidBodyObserver]
     stuck: Series
 
     @classmethod
-    def of(cls, settings: Settings) -> _Bench:
-        plant = {**settings["plant"], "noise": 0.0}
-        names = (*_LEARNING, "adaptive")
-        built = {name: build_observer(plant, settings["observers"][name]) for name in names}
-        stuck = _record(plant, settings["theory"]["stuck"])
-        return cls(settings | {"plant": plant}, built, stuck)
+    def of(cls, job: Job) -> _Bench:
+        plant = replace(job.plant, noise=0.0)
+        kinds = [*_LEARNING.items(), ("adaptive", keys.Adaptive)]
+        built = {
+            name: build_observer(plant, named(job.observers, name, kind)) for name, kind in kinds
+        }
+        stuck = _record(plant, job.theory.stuck)
+        return cls(replace(job, plant=plant), built, stuck)
 
     def estimate(self, name: str, record: Series, **start: list[float]) -> Series:
-        observer = self.settings["observers"][name] | start
-        settings = {"plant": self.settings["plant"], "observer": observer}
-        return observe(self.built[name], settings, record)
+        observer = replace(self.job.observers[name], **start)
+        return observe(self.built[name], Job(self.job.plant, observer=observer), record)
 
     def errors(self, estimate: Series, record: Series) -> Errors:
-        return Errors.of(record, estimate, self.settings["metrics"]["axis"] - 1)
+        return Errors.of(record, estimate, self.job.metrics.axis - 1)
 
     def late(self, errors: Errors) -> float:
         """Relative error in the last window of the run."""
-        window = self.settings["metrics"]["late_window"]
+        window = self.job.metrics.late_window
         return _relative(errors.window(float(self.stuck.time[-1]) - window))
 
     @property
     def eta(self) -> float:
         """The constant [N m s] that Assumption 2 needs on the record."""
-        inertia = known_body(self.settings["plant"]).inertia
+        inertia = known_body(self.job.plant).inertia
         return gyroscopic_eta(inertia, float(np.max(np.linalg.norm(self.stuck["rate"], axis=1))))
 
 
-def measure(settings: Settings) -> Iterator[Metric]:
+def measure(job: Job) -> Iterator[Metric]:
     """The numbers of `reobserve.papers.ilo.theory` that need runs, all without noise.
 
     Raises
@@ -74,25 +80,25 @@ def measure(settings: Settings) -> Iterator[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    bench, theory = _Bench.of(settings), settings["theory"]
+    bench, theory = _Bench.of(job), job.theory
     for name in _LEARNING:
         yield from _other_start(bench, name)
     adaptive = bench.errors(bench.estimate("adaptive", bench.stuck), bench.stuck)
     constant = bench.late(adaptive)
     yield Metric("adaptive", "late_relative_error_under_a_constant", constant, "1")
-    for factor in theory["slowdowns"]:
+    for factor in theory.slowdowns:
         found = _slowed(bench, factor)
         yield Metric("sampled", f"relative_error_slowed_by_{factor:g}", found, "1")
     yield from _lyapunov(bench)
     yield from _bound(bench)
-    fault = _jumps(theory, settings["plant"]["horizon"], settings["metrics"]["axis"])
-    jumping = _record(bench.settings["plant"], fault)
+    fault = _jumps(theory, job.plant.horizon, job.metrics.axis)
+    jumping = _record(bench.job.plant, fault)
     for name in _LEARNING:
         yield from _under_jumps(bench, jumping, name)
 
 
-def _record(plant: Settings, fault: list[Settings]) -> Series:
-    return simulate({"plant": plant, "scenario": {"fault": fault}, "seed": 0})
+def _record(plant: keys.Plant, fault: Terms) -> Series:
+    return simulate(Job(plant, scenario=keys.Scenario(fault)))
 
 
 def _relative(errors: Errors) -> float:
@@ -100,12 +106,12 @@ def _relative(errors: Errors) -> float:
     return root_mean_square(errors.start, errors.end) / fault
 
 
-def _jumps(theory: Settings, horizon: float, axis: int) -> list[Settings]:
+def _jumps(theory: keys.Theory, horizon: float, axis: int) -> Terms:
     """A fault that takes a new normal value whenever the last one was held for ``jump_hold``."""
-    stream = random_stream(theory["random_seed"], "ilo", "jumping fault")
-    hold = theory["jump_hold"]
+    stream = random_stream(theory.random_seed, "ilo", "jumping fault")
+    hold = theory.jump_hold
     begins = hold * np.arange(1, int(np.ceil(horizon / hold - 1e-9)))
-    sizes = theory["jump_size"] * stream.standard_normal(len(begins))
+    sizes = theory.jump_size * stream.standard_normal(len(begins))
     return [
         {"kind": "constant", "axis": axis, "from": begin, "until": begin + hold, "size": size}
         for begin, size in zip(begins.tolist(), sizes.tolist(), strict=True)
@@ -114,7 +120,7 @@ def _jumps(theory: Settings, horizon: float, axis: int) -> list[Settings]:
 
 def _under_jumps(bench: _Bench, jumping: Series, name: str) -> Iterator[Metric]:
     """Errors of fault and rate once the first jump is past, later jumps included."""
-    first = jumping.events["onsets"][0] + bench.settings["metrics"]["settling_skip"]
+    first = jumping.events["onsets"][0] + bench.job.metrics.settling_skip
     estimate = bench.estimate(name, jumping)
     found = _relative(bench.errors(estimate, jumping).window(first))
     yield Metric(name, "relative_error_under_jumps", found, "1")
@@ -127,8 +133,8 @@ def _under_jumps(bench: _Bench, jumping: Series, name: str) -> Iterator[Metric]:
 
 def _other_start(bench: _Bench, name: str) -> Iterator[Metric]:
     """An observer that starts from another rate than the plant's: before and after the fault."""
-    onset, window = bench.stuck.events["onsets"][0], bench.settings["metrics"]["late_window"]
-    start = bench.settings["theory"]["start_rate"]
+    onset, window = bench.stuck.events["onsets"][0], bench.job.metrics.late_window
+    start = bench.job.theory.start_rate
     estimate = bench.estimate(name, bench.stuck, initial_rate=start)
     before = (estimate.time > onset - window) & (estimate.time < onset - 1e-9)
     residual = peak(estimate["fault"][before], estimate["fault_before"][before])
@@ -143,21 +149,21 @@ def _slowed(bench: _Bench, factor: float) -> float:
     It learns until half-way between the onset and the end, and goes on from that state; nan if it
     then diverges.
     """
-    settings, plant = bench.settings, bench.stuck
-    observer, quick = settings["observers"]["sampled"], bench.built["sampled"]
-    every = stride(settings["plant"], quick)
+    job, plant = bench.job, bench.stuck
+    observer, quick = job.observers["sampled"], bench.built["sampled"]
+    every = stride(job.plant, quick)
     rate, control, fault = (plant[name][::every] for name in ("rate", "control", "fault"))
-    onset, axis = plant.events["onsets"][0], settings["metrics"]["axis"] - 1
+    onset, axis = plant.events["onsets"][0], job.metrics.axis - 1
     change = 2 * round(0.5 * (onset + float(plant.time[-1])) / quick.step_size)
-    start = quick.init(observer["initial_rate"], observer["initial_fault"])
+    start = quick.init(observer.initial_rate, observer.initial_fault)
     state = quick.run(rate[: change + 1], control[: change + 1], start).state
     slow = SampledIterativeLearningObserver(
         quick.model,
         quick.step_size,
-        observer["K1"],
-        observer["K2"],
-        observer["damping"],
-        factor * observer["interval"],
+        observer.K1,
+        observer.K2,
+        observer.damping,
+        factor * observer.interval,
         allow_unstable=True,
     )
     run = slow.run(rate[change:], control[change:], State(state.rate, state.memory))
@@ -170,17 +176,17 @@ def _slowed(bench: _Bench, factor: float) -> float:
 
 def _lyapunov(bench: _Bench) -> Iterator[Metric]:
     """How (13) and its repair change over an interval under the stuck fault, K1 = I and d = 0."""
-    settings, plant = bench.settings, bench.stuck
-    observer = settings["observers"]["continuous"]
+    job, plant = bench.job, bench.stuck
+    observer = job.observers["continuous"]
     estimate = bench.estimate("continuous", plant)
     rates, errors = _rate_and_error(plant, estimate)
-    step, interval = estimate.step, observer["interval"]
+    step, interval = estimate.step, observer.interval
     samples = round(interval / step)
     first = round(plant.events["onsets"][0] / step)
-    last = first + round(settings["theory"]["lyapunov_window"] / step)
+    last = first + round(job.theory.lyapunov_window / step)
     window = slice(first, last + 1)
-    body = known_body(settings["plant"])
-    gains = (body.inertia, observer["damping"], body.fault_matrix, observer["K1"], observer["K2"])
+    body = known_body(job.plant)
+    gains = (body.inertia, observer.damping, body.fault_matrix, observer.K1, observer.K2)
     repaired = RepairedLyapunov(*gains, bench.eta)
     values = {"lyapunov_repaired": repaired.value(rates[window], errors[window], interval, samples)}
     squares = np.sum(errors[window] ** 2, axis=1)
@@ -205,15 +211,14 @@ def _rate_and_error(plant: Series, estimate: Series) -> tuple[Array, Array]:
 
 def _bound(bench: _Bench) -> Iterator[Metric]:
     """Both sides of (18) for a certified design under the stuck fault."""
-    settings, plant = bench.settings, bench.stuck
-    fault, K1 = known_body(settings["plant"]).fault_matrix, settings["theory"]["learning_gains"][0]
+    job, plant = bench.job, bench.stuck
+    fault, K1 = known_body(job.plant).fault_matrix, job.theory.learning_gains[0]
     least = certify(_HARDLY_ANY, fault, K1, K1, bench.eta).required_damping
     design = certify(2 * least, fault, K1, K1, bench.eta)
     assert design.theorem is not None  # at twice the damping that is required
-    gains = {"K1": K1, "K2": K1, "damping": 2 * least}
-    observer = settings["observers"]["continuous"] | gains
-    built = build_observer(settings["plant"], observer)
-    estimate = observe(built, {"plant": settings["plant"], "observer": observer}, plant)
+    observer = replace(job.observers["continuous"], K1=K1, K2=K1, damping=2 * least)
+    built = build_observer(job.plant, observer)
+    estimate = observe(built, Job(job.plant, observer=observer), plant)
     rates, errors = _rate_and_error(plant, estimate)
     # The mismatch is largest just after the onset, when it is the fault itself.
     k_d = float(np.max(np.linalg.norm(plant["fault"], axis=1)))

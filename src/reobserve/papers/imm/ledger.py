@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from reobserve.errors import located
-from reobserve.ledger import Ledger
 from reobserve.ledger_check import check_scenarios
-from reobserve.papers.imm import observe, plant, search
-from reobserve.papers.imm.scoring import check_quoted, check_rules
+from reobserve.ledger_types import Job
+from reobserve.papers.imm import keys, observe, plant, search, theory
+from reobserve.papers.imm.scoring import check_rules
 from reobserve.papers.imm.setup import start
 from reobserve.papers.imm.study import check_study
 
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
 
 
-def check(ledger: Ledger) -> None:
+def check(ledger: keys.Ledger) -> None:
     """Raise the `InputError` that a stage would raise, with the config key of the ledger."""
-    settings = ledger.section("plant")
     check_scenarios(ledger, plant.build)
-    for name, observer in ledger.section("observers").items():
-        with located(f"{ledger.paper}.observers.{name}"):
-            bank = observe.build({"plant": settings, "observer": observer}, PERIOD)
-            start(bank, observer)
-            check_quoted(observer)
-    with located(ledger.paper):
-        check_rules(ledger.section("metrics"), settings["horizon"])
-    for name in ledger.section("studies"):
-        with located(f"{ledger.paper}.studies.{name}"):
-            check_study(ledger.settings("study", name))
-    for name, body in ledger.section("searches").items():
-        with located(f"{ledger.paper}.searches.{name}"):
+    for name, observer in ledger.observers.items():
+        with located(f"observers.{name}"):
+            start(observe.build(Job(ledger.plant, observer=observer), PERIOD), observer)
+    check_rules(ledger.metrics, ledger.plant.horizon)
+    for name, study in ledger.studies.items():
+        with located(f"studies.{name}"):
+            scenario = ledger.scenarios[study.scenario]
+            check_study(Job(ledger.plant, scenario=scenario, study=study))
+    for name, body in ledger.searches.items():
+        with located(f"searches.{name}"):
             search.check(body)
+    with located("theory"):
+        theory.check(ledger.theory, ledger.observers)

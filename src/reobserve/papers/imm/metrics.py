@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.matrices import as_scalar
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.metrics import Metric
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance, window
 from reobserve.papers.imm.setup import MODES, UNITS
 from reobserve.papers.imm.tuning import TUNED
@@ -20,7 +21,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def measure(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Rows | None = None,
@@ -32,26 +33,27 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    check_rules(settings["metrics"], settings["plant"]["horizon"])
+    job = read_job(keys.Ledger, settings)
+    check_rules(job.metrics, job.plant.horizon)
     found = []
     for name, estimate in estimates.items():
-        found += [Metric(name, *score) for score in _judge(settings, plant, name, estimate)]
+        found += [Metric(name, *score) for score in _judge(job, plant, name, estimate)]
     if study is not None:
-        method = settings["study"]["method"]
-        found += list(_SUMMARIES[method](settings, study))
+        method = job.study.method
+        found += list(_SUMMARIES[method](job, study))
     return found
 
 
 def _judge(
-    settings: dict[str, Any], plant: Series, name: str, estimate: Series
+    job: Job, plant: Series, name: str, estimate: Series
 ) -> Iterator[tuple[str, float, str]]:
-    rules, observer = settings["metrics"], settings["observers"][name]
+    rules, observer = job.metrics, job.observers[name]
     time, probability = estimate.time, estimate["probability"]
     onset = estimate.events["fault"][0]
-    fault = MODES.index(settings["scenario"]["fault"])
+    fault = MODES.index(job.scenario.fault)
     yield from probabilities(rules, time, probability, onset, fault)
-    high = bool(observer["quoted_high"])
-    off = quoted_distance(rules, time, probability, observer["quoted"], high)
+    high = bool(observer.quoted_high)
+    off = quoted_distance(rules, time, probability, observer.quoted, high)
     yield "quoted_distance", off, "1"
     later = window(time, (onset, np.inf))
     for what in ("position", "velocity"):
@@ -62,7 +64,7 @@ def _judge(
         yield "outside_share", float(np.mean(estimate["outside"][later])), "1"
 
 
-def _neighbourhood(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _neighbourhood(job: Job, study: Rows) -> Iterator[Metric]:
     """What the search says of itself, and how far each number may move."""
     for row in study:
         if row["sweep"] == "kept":
@@ -70,12 +72,12 @@ def _neighbourhood(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
         elif row["sweep"] == "stated":
             yield Metric(row["observer"], f"{row['quantity']}_stated", float(row["value"]), "1")
     for parameter in TUNED:
-        low, high = reach(settings, study, parameter)
+        low, high = reach(job, study, parameter)
         yield Metric(parameter, "least_factor", low, "1")
         yield Metric(parameter, "greatest_factor", high, "1")
 
 
-def reach(settings: dict[str, Any], study: Rows, parameter: str) -> tuple[float, float]:
+def reach(job: Job, study: Rows, parameter: str) -> tuple[float, float]:
     """The least and the greatest factor that keep all quoted values within the band.
 
     Moving outwards from 1, where the largest distance first leaves the band: between two factors
@@ -85,8 +87,8 @@ def reach(settings: dict[str, Any], study: Rows, parameter: str) -> tuple[float,
     for row in study:
         if row["sweep"] in (parameter, "stated"):
             level = float(row["level"])
-            worst[level] = max(worst.get(level, 0.0), _off(settings, row))
-    band = as_scalar("metrics.band", settings["metrics"]["band"])
+            worst[level] = max(worst.get(level, 0.0), _off(job, row))
+    band = job.metrics.band
     below = sorted((level for level in worst if level <= 1.0), reverse=True)
     above = sorted(level for level in worst if level >= 1.0)
     return _leaves(worst, below, band), _leaves(worst, above, band)
@@ -104,25 +106,25 @@ def _leaves(worst: dict[float, float], levels: list[float], band: float) -> floa
     return levels[-1]
 
 
-def _off(settings: dict[str, Any], row: Mapping[str, Any]) -> float:
+def _off(job: Job, row: Mapping[str, Any]) -> float:
     """How far a mean probability is from the paper's; zero where the paper is silent."""
     value, quantity = float(row["value"]), row["quantity"]
-    if row["observer"] not in settings["observers"]:
+    if row["observer"] not in job.observers:
         return 0.0 if np.isfinite(value) else np.inf
-    observer = settings["observers"][row["observer"]]
+    observer = job.observers[row["observer"]]
     if quantity == "normal_before":
-        return 1.0 - value if observer["quoted_high"] else 0.0
-    return float(abs(value - observer["quoted"][("normal_after", "leakage_after").index(quantity)]))
+        return 1.0 - value if observer.quoted_high else 0.0
+    return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
 
 
-def _changes(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _changes(job: Job, study: Rows) -> Iterator[Metric]:
     """Each mean probability, named after the change and its level."""
     for row in study:
         place = f"{row['sweep']}_{float(row['level']):g}"
         yield Metric(row["observer"], f"{row['quantity']}_with_{place}", float(row["value"]), "1")
 
 
-def _closeness(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _closeness(job: Job, study: Rows) -> Iterator[Metric]:
     """Correct diagnoses and mean probability by bank, noise and share; the gap that is enough."""
     levels = diagnoses(study)
     for (observer, noise), shares in levels.items():
@@ -135,7 +137,7 @@ def _closeness(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
             correct = float(np.mean(np.array(values) > 0.5))
             yield Metric(observer, f"correct_share_at_{place}", correct, "1")
             yield Metric(observer, f"mean_probability_at_{place}", float(np.mean(values)), "1")
-    wanted = as_scalar("study.enough", settings["study"]["enough"])
+    wanted = job.study.enough
     for (observer, noise), shares in levels.items():
         if observer != "models":
             gaps = [levels["models", noise][share][0] for share in shares]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from reobserve.errors import DivergenceError
+from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import (
     MODES,
     UNITS,
@@ -20,12 +20,13 @@ from reobserve.plants.hydraulic_actuator import REALISATIONS
 from reobserve.series import Channel, Series
 
 
-def build(settings: dict[str, Any], period: float) -> InteractingMultipleModel:
+def build(settings: Settings, period: float) -> InteractingMultipleModel:
     """The bank that an observer's settings state, for samples at a period [s]."""
-    return bank(settings["plant"], settings["observer"], period)
+    job = read_job(keys.Ledger, settings)
+    return bank(job.plant, job.observer, period)
 
 
-def estimate(settings: dict[str, Any], plant: Series) -> Series:
+def estimate(settings: Settings, plant: Series) -> Series:
     """Probabilities of the modes and estimates of what is measured, from t = 0 on.
 
     ``probability`` has one component a mode, in the order of `MODES`; ``position`` and ``velocity``
@@ -39,22 +40,23 @@ def estimate(settings: dict[str, Any], plant: Series) -> Series:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    observer = settings["observer"]
-    chosen = build(settings, plant.step)
+    job = read_job(keys.Ledger, settings)
+    observer = job.observer
+    chosen = build(job, plant.step)
     columns = measured_columns(observer)
     found = run(chosen, observer, plant["measured"][1:, columns], plant["input"][:-1])
     if found.diverged_at is not None:
-        raise DivergenceError(observer["algorithm"], float(plant.time[found.diverged_at]))
+        raise DivergenceError(observer.algorithm, float(plant.time[found.diverged_at]))
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
     channels = {"probability": Channel(np.vstack([start, found.probability]), "1")}
-    names = REALISATIONS[observer["realisation"]]
+    names = REALISATIONS[observer.realisation]
     # Neither has a share of the input in it: the same row of H in all modes.
     rows = chosen.filters[0].model.H
     for name in ("position", "velocity"):
         if name in names:
             values = np.concatenate([[0.0], found.estimate @ rows[names.index(name)]])
             channels[name] = Channel(values, UNITS[name])
-    if observer["algorithm"] == "smooth_variable_structure":
+    if observer.algorithm == "smooth_variable_structure":
         layer = boundary_layer(observer, len(columns))
         outside = np.mean(np.abs(found.innovation) > layer, axis=(1, 2))
         channels["outside"] = Channel(np.concatenate([[0.0], outside]), "1")

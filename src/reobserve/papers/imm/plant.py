@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import UNITS, Experiment, experiment
 from reobserve.plants.hydraulic_actuator import MOTION
 from reobserve.plants.hydraulic_actuator import simulate as move
@@ -13,12 +13,13 @@ from reobserve.random_streams import random_stream
 from reobserve.series import Channel, Series
 
 
-def build(settings: dict[str, Any]) -> Experiment:
+def build(settings: Settings) -> Experiment:
     """Everything a scenario states, checked; see `experiment`."""
-    return experiment(settings["plant"], settings["scenario"])
+    job = read_job(keys.Ledger, settings)
+    return experiment(job.plant, job.scenario)
 
 
-def simulate(settings: dict[str, Any]) -> Series:
+def simulate(settings: Settings) -> Series:
     """The motion, and what is measured of it, over the horizon.
 
     ``motion`` has the components of `MOTION`, ``measured`` the same with their noise, ``input``
@@ -30,9 +31,10 @@ def simulate(settings: dict[str, Any]) -> Series:
     InputError
         If a value cannot be used.
     """
-    setup = build(settings)
+    job = read_job(keys.Ledger, settings)
+    setup = build(job)
     motion = move(setup.models, setup.mode, setup.control, setup.period)
-    stream = random_stream(settings["seed"], "imm", "noise")
+    stream = random_stream(job.seed, "imm", "noise")
     measured = motion + setup.noise * stream.standard_normal(motion.shape)
     time = np.arange(len(motion), dtype=np.float64) * setup.period
     units = ", ".join(UNITS[name] for name in MOTION)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from reobserve.layouts import by_layout
 from reobserve.papers.imm import (
+    keys,
     plot_changes,
     plot_closeness,
     plot_neighbourhood,
@@ -18,4 +19,4 @@ LAYOUTS = {
     "closeness": plot_closeness.draw,
 }
 
-draw = by_layout(LAYOUTS, ("neighbourhood", "changes", "closeness"))
+draw = by_layout(keys.Ledger, LAYOUTS, ("neighbourhood", "changes", "closeness"))

@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, WIDTH, add_note
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
@@ -26,7 +27,7 @@ _NAMES = {
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -40,7 +41,7 @@ def draw(
     changes = list(dict.fromkeys((sweep, level) for _, sweep, level, _ in values))
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(changes)))
     panels = figure.subplots(1, 2, sharey=True)
-    observers = settings["observers"]
+    observers = job.observers
     for axes, (mode, place) in zip(panels, (("normal", 0), ("leakage", 1)), strict=True):
         for order, (style, name) in enumerate(zip(STYLES, observers, strict=False)):
             found = [values.get((name, *change, f"{mode}_after")) for change in changes]
@@ -48,10 +49,10 @@ def draw(
             axes.plot(
                 [value if value is not None else float("nan") for value in found], rows,
                 linestyle="", marker=style.marker, color=style.color, markersize=4.5,
-                label=observers[name]["label"],
+                label=observers[name].label,
             )  # fmt: skip
             axes.axvline(
-                observers[name]["quoted"][place], color=style.color, linestyle=":", linewidth=1.4
+                observers[name].quoted[place], color=style.color, linestyle=":", linewidth=1.4
             )
         axes.set_xlim(-0.05, 1.05)
         axes.set_xlabel("mean probability, 7 to 10 s")

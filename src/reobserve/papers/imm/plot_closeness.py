@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.figures import STYLES, add_note, new_figure
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.imm.metrics import diagnoses
 from reobserve.series import Series
@@ -20,7 +21,7 @@ NORMAL_QUANTILE = 1.959963984540054  # of 0.975
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -30,8 +31,8 @@ def draw(
     found = diagnoses(study)
     levels = list(dict.fromkeys(noise for _, noise in found))
     figure, panels = new_figure((1.75,) * len(levels), share_time=True)
-    wanted = settings["study"]["enough"]
-    labels = {name: body["label"] for name, body in settings["observers"].items()}
+    wanted = job.study.enough
+    labels = {name: body.label for name, body in job.observers.items()}
     names = list(dict.fromkeys(name for name, _ in found if name != "models"))
     for axes, noise, letter in zip(panels, levels, "abcdefgh", strict=False):
         gaps = found["models", noise]
@@ -59,12 +60,12 @@ def draw(
     panels[-1].xaxis.set_major_formatter("{x:g}")
     panels[-1].set_xticks((0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
     panels[-1].xaxis.set_minor_formatter("")
-    study_settings = settings["study"]
+    study_settings = job.study
     add_note(
         figure,
-        f"Pseudo-random input, {study_settings['runs']:g} runs a point, bands of 95 % (Wilson). "
+        f"Pseudo-random input, {study_settings.runs:g} runs a point, bands of 95 % (Wilson). "
         "Banks of two models: normal, and its blend with the leakage model\nthat the plant changes "
-        f"to. Correct: over the last {study_settings['judged']:g} s the faulty model is the more "
+        f"to. Correct: over the last {study_settings.judged:g} s the faulty model is the more "
         f"probable. Dotted: {wanted:.0%}.",
     )
     return figure

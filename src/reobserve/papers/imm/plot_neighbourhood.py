@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, add_note, new_figure
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric, lookup
 from reobserve.papers.imm.tuning import TUNED
 from reobserve.series import Series
@@ -26,7 +27,7 @@ _NAMES = {
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -35,7 +36,7 @@ def draw(
     """A bar a number, and below the mean probabilities while one number moves."""
     figure, (bars, curves) = new_figure((2.5, 2.3), share_time=True)
     numbers = lookup(metrics)
-    most = max(settings["study"]["factors"])
+    most = max(job.study.factors)
     for row, parameter in enumerate(TUNED):
         low = numbers[parameter, "least_factor"]
         high = numbers[parameter, "greatest_factor"]
@@ -48,14 +49,14 @@ def draw(
     bars.set_yticks(range(len(TUNED)), [_NAMES[name] for name in TUNED])
     bars.invert_yaxis()
     bars.set_xscale("log")
-    band = settings["metrics"]["band"]
+    band = job.metrics.band
     bars.set_title(f"(a) factors that keep every quoted value within ±{band:g}")
     narrow = min(
         TUNED,
         key=lambda name: numbers[name, "greatest_factor"] / numbers[name, "least_factor"],
     )
-    for style, name in zip(STYLES, settings["observers"], strict=False):
-        label = settings["observers"][name]["label"]
+    for style, name in zip(STYLES, job.observers, strict=False):
+        label = job.observers[name].label
         for quantity, width in (("normal_after", 1.2), ("leakage_after", 2.4)):
             points = sorted(
                 (float(row["level"]), float(row["value"]))

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.figures import STYLES, add_note, new_figure, thin
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.imm.setup import MODES
 from reobserve.series import Series
@@ -23,7 +24,7 @@ _PANELS = {
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Sequence[Mapping[str, Any]],
@@ -31,20 +32,20 @@ def draw(
 ) -> Figure:
     """The mode's probability with the values that the paper quotes, friction, and the velocity."""
     figure, (wanted, friction, motion) = new_figure((2.5, 1.2, 1.2))
-    layout = settings["figure"]["layout"]
+    layout = job.figure.layout
     for axes, mode, letter in zip((wanted, friction), _PANELS[layout], "ab", strict=True):
         index = MODES.index(mode)
         for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
             time, low, mean, high = binned(estimate.time, estimate["probability"][:, index])
             axes.fill_between(time, low, high, color=style.color, alpha=0.15, linewidth=0)
-            axes.plot(time, mean, **style.line(), label=settings["observers"][name]["label"])
+            axes.plot(time, mean, **style.line(), label=job.observers[name].label)
         axes.set_ylim(-0.04, 1.08)
         axes.set_ylabel("probability")
         axes.set_title(f"({letter}) {mode} mode")
-    start, end = settings["metrics"]["after"]
+    start, end = job.metrics.after
     place = ("normal", "leakage").index(layout)
     for style, name in zip(STYLES, estimates, strict=False):
-        quoted = settings["observers"][name]["quoted"][place]
+        quoted = job.observers[name].quoted[place]
         wanted.plot(
             (start, end), (quoted, quoted), color=style.color, linestyle=":", linewidth=2.2,
             label=f"quoted by the paper: {quoted:g}",
@@ -65,7 +66,7 @@ def draw(
         axes.axvline(onset, color="0.4", linewidth=0.8, linestyle=":")
     motion.set_xlabel("time [s]")
     motion.set_xlim(plant.time[0], plant.time[-1])
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
     return figure
 
 
@@ -81,15 +82,15 @@ def binned(time: Array, values: Array, width: float = 0.03) -> tuple[Array, Arra
     return middle, block.min(axis=1), block.mean(axis=1), block.max(axis=1)
 
 
-def _note(settings: dict[str, Any]) -> str:
-    scenario, first = settings["scenario"], next(iter(settings["observers"].values()))
-    noise = "no noise" if not any(scenario["noise"]) else "noise of one per cent of each output"
-    kind = scenario["input"][0]["kind"]
+def _note(job: Job) -> str:
+    scenario, first = job.scenario, next(iter(job.observers.values()))
+    noise = "no noise" if not any(scenario.noise) else "noise of one per cent of each output"
+    kind = scenario.input[0]["kind"]
     stimulus = {"constant": "a step", "prbs": "a pseudo-random binary sequence"}.get(kind, kind)
     return (
         "Vertical line: the leak begins. Curves are means over 30 ms, bands reach from the least "
         f"to the greatest\nvalue. Chosen here: {stimulus} of 1.5 V from 0.5 s on, samples every "
-        f"{1000 * scenario['period']:g} ms,\n{noise}, position, velocity and acceleration as "
+        f"{1000 * scenario.period:g} ms,\n{noise}, position, velocity and acceleration as "
         "outputs, covariances of the noise as in\nthe ledger, modes that stay with a probability "
-        f"of {first['stay']:g} a sample."
+        f"of {first.stay:g} a sample."
     )

@@ -9,36 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_scalar, as_vector
-from reobserve.papers.imm.setup import MODES, as_truth
+from reobserve.papers.imm import keys
+from reobserve.papers.imm.setup import MODES
 
 Array = NDArray[np.float64]
 Score = tuple[str, float, str]
 
 
-def check_rules(rules: dict[str, Any], horizon: float) -> None:
-    """Refuse windows that no sample up to the horizon [s] is in, and levels that are none."""
+def check_rules(rules: keys.Metrics, horizon: float) -> None:
+    """Refuse windows that no sample up to the horizon [s] is in."""
     with located("metrics"):
         for name in ("before", "after", "overshoot"):
-            first, last = as_vector(name, rules[name], 2)
-            if not 0 <= first < last:
-                raise InputError(name, f"[{first:g}, {last:g}] s must be 0 or more, rising")
+            first = getattr(rules, name)[0]
             if first >= horizon:
                 raise InputError(
                     name, f"starts at {first:g} s, must start before the end at {horizon:g} s"
                 )
-        for name in ("alarm", "band"):
-            level = as_scalar(name, rules[name])
-            if not 0 < level < 1:
-                raise InputError(name, f"{level:g} must be between 0 and 1")
-
-
-def check_quoted(observer: dict[str, Any]) -> None:
-    """Refuse what cannot be a pair of probabilities, or whether there is a third one."""
-    values = as_vector("quoted", observer["quoted"], 2)
-    if values.min() < 0 or values.max() > 1:
-        raise InputError("quoted", f"{values.tolist()} must be from 0 to 1")
-    as_truth(observer, "quoted_high")
 
 
 def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
@@ -48,35 +34,35 @@ def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
 
 
 def probabilities(
-    rules: dict[str, Any], time: Array, probability: Array, onset: float, fault: int
+    rules: keys.Metrics, time: Array, probability: Array, onset: float, fault: int
 ) -> Iterator[Score]:
     """Means over the windows, their spread, alarm and diagnosis, and the overshoot.
 
     ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
     for when in ("before", "after"):
-        chosen = probability[window(time, rules[when])]
+        chosen = probability[window(time, getattr(rules, when))]
         for mode, mean in zip(MODES, np.mean(chosen, axis=0), strict=True):
             yield f"{mode}_{when}", float(mean), "1"
-    late = probability[window(time, rules["after"])]
+    late = probability[window(time, rules.after)]
     for mode, spread in zip(MODES, np.std(late, axis=0), strict=True):
         yield f"{mode}_spread", float(spread), "1"
-    early = probability[window(time, rules["overshoot"])]
+    early = probability[window(time, rules.overshoot)]
     yield "overshoot", float(np.max(early[:, 0]) - np.mean(late[:, 0])), "1"
     faulty = time > onset + 1e-9
-    healthy = ~faulty & (time > rules["before"][0])
-    alarm = _since(time, faulty & (probability[:, 0] < rules["alarm"]), onset)
+    healthy = ~faulty & (time > rules.before[0])
+    alarm = _since(time, faulty & (probability[:, 0] < rules.alarm), onset)
     yield "alarm_delay", alarm, "s"
     yield "alarm_samples", round(alarm / (time[1] - time[0]), 6), "1"
     right = np.argmax(probability, axis=1) == fault
     yield "diagnosis_delay", _since(time, faulty & right, onset), "s"
-    yield "diagnosed_share", float(np.mean(right[window(time, rules["after"])])), "1"
-    false = probability[healthy, 0] < rules["alarm"]
+    yield "diagnosed_share", float(np.mean(right[window(time, rules.after)])), "1"
+    false = probability[healthy, 0] < rules.alarm
     yield "false_alarm_share", float(np.mean(false)), "1"
 
 
 def quoted_distance(
-    rules: dict[str, Any], time: Array, probability: Array, quoted: Any, high: bool
+    rules: keys.Metrics, time: Array, probability: Array, quoted: Any, high: bool
 ) -> float:
     """Root mean square distance from the values that the paper quotes, over time.
 
@@ -84,10 +70,10 @@ def quoted_distance(
     ``high`` that of the normal mode before it is compared with one, too. Over time and not of the
     means, so that a probability that jumps between 0 and 1 does not pass for one in between.
     """
-    late = probability[window(time, rules["after"])]
+    late = probability[window(time, rules.after)]
     squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]
     if high:
-        squares.append(np.mean((probability[window(time, rules["before"])][:, 0] - 1.0) ** 2))
+        squares.append(np.mean((probability[window(time, rules.before)][:, 0] - 1.0) ** 2))
     return float(np.sqrt(np.mean(squares)))
 
 

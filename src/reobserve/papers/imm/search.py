@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_scalar, as_vector
+from reobserve.errors import InputError
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.tuning import OUTPUTS, STATES, TUNED, Calibration
 from reobserve.random_streams import random_stream
 from reobserve.series import Series
@@ -30,7 +31,7 @@ DIGITS = 3  # to which the numbers found are rounded
 THREADS = 2
 
 
-def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]) -> dict[str, Any]:
+def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> dict[str, Any]:
     """The numbers found, the distance that is left, and how it came to that.
 
     ``progress`` is called with a line whenever a generation is over.
@@ -40,12 +41,12 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
     InputError
         If a bound cannot be used.
     """
-    body = settings["search"]
-    calibration = Calibration(settings["plant"], settings["observers"], settings["metrics"], plant)
+    job = read_job(keys.Ledger, settings)
+    body = job.search
+    calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     calibration.stated()
-    with located("search"):
-        low, high = bounds(body)
-    nearby = _nearby(settings["seed"], int(body["neighbour_pairs"]), float(body["spread"]))
+    low, high = bounds(body)
+    nearby = _nearby(job.seed, body.neighbour_pairs, body.spread)
     history: list[list[float]] = []
 
     def distance(logarithms: Array) -> float:
@@ -66,11 +67,11 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
         result = differential_evolution(
             distance,
             list(zip(low, high, strict=True)),
-            popsize=int(body["population"]),
-            maxiter=int(body["generations"]),
+            popsize=body.population,
+            maxiter=body.generations,
             mutation=(0.4, 0.9),
             recombination=0.8,
-            seed=np.random.Generator(np.random.PCG64(settings["seed"])),
+            seed=np.random.Generator(np.random.PCG64(job.seed)),
             init="sobol",
             updating="deferred",
             workers=pool.map,
@@ -80,7 +81,7 @@ def run(settings: dict[str, Any], plant: Series, progress: Callable[[str], None]
         )
     rounded = [float(f"{10.0**value:.{DIGITS}g}") for value in result.x]
     trial = calibration.try_out(np.array(rounded))
-    targets = sum(3 if one["quoted_high"] else 2 for one in settings["observers"].values())
+    targets = sum(3 if one.quoted_high else 2 for one in job.observers.values())
     return {
         "found": dict(zip(TUNED, rounded, strict=True)),
         "distance": trial.distance,
@@ -102,40 +103,23 @@ def _nearby(seed: int, pairs: int, spread: float) -> Array:
     return found
 
 
-def bounds(body: dict[str, Any]) -> tuple[Array, Array]:
-    """The logarithms of the least and the greatest of the numbers of `TUNED`.
-
-    Raises
-    ------
-    InputError
-        If a pair is not positive and rising.
-    """
+def bounds(body: keys.Search) -> tuple[Array, Array]:
+    """The logarithms of the least and the greatest of the numbers of `TUNED`."""
     found = []
-    for name, places in (
-        ("process_noise", STATES),
-        ("position_noise", 1),
-        ("velocity_noise", 1),
-        ("acceleration_noise", OUTPUTS - 2),
-        ("leave", 1),
+    for (low, high), places in (
+        (body.process_noise, STATES),
+        (body.position_noise, 1),
+        (body.velocity_noise, 1),
+        (body.acceleration_noise, OUTPUTS - 2),
+        (body.leave, 1),
     ):
-        low, high = as_vector(name, body[name], 2)
-        if not 0 < low < high:
-            raise InputError(name, f"[{low:g}, {high:g}] must be above 0 and rise")
         found += [(np.log10(low), np.log10(high))] * places
-    low_high = np.array(found)
+    low_high: Array = np.array(found)
     return low_high[:, 0], low_high[:, 1]
 
 
-def check(body: dict[str, Any]) -> None:
-    """Refuse a search that cannot be run."""
-    for name in ("population", "generations"):
-        if not isinstance(body[name], int) or body[name] < 1:
-            raise InputError(name, f"{body[name]!r} must be a whole number, 1 or more")
-    pairs, spread = body["neighbour_pairs"], as_scalar("spread", body["spread"])
-    if not isinstance(pairs, int) or pairs < 0:
-        raise InputError("neighbour_pairs", f"{pairs!r} must be a whole number, 0 or more")
-    if not 0 <= spread < 1:
-        raise InputError("spread", f"{spread:g} must be from 0 to below 1")
-    most = 10.0 ** float(bounds(body)[1][-1]) * (1 + spread)
+def check(body: keys.Search) -> None:
+    """Refuse a probability to leave a mode that may reach one."""
+    most = 10.0 ** float(bounds(body)[1][-1]) * (1 + body.spread)
     if most >= 1:
         raise InputError("leave", f"is up to {most:g} with the spread, must stay below 1")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +12,18 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located
 from reobserve.grid import multiple
 from reobserve.linear_model import LinearModel
-from reobserve.matrices import as_positive, as_scalar, as_vector
+from reobserve.matrices import as_vector
 from reobserve.observers.imm import InteractingMultipleModel, Run, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.papers.imm import keys
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.signals import Signal
 
-Settings = dict[str, Any]
 Array = NDArray[np.float64]
 
 MODES = ("normal", "friction", "leakage")
-ALGORITHMS = ("kalman", "smooth_variable_structure")
 UNITS = dict(zip(MOTION, ("y s", "y", "y/s", "y/s^2"), strict=True))  # y: a velocity, not stated
 
 MOST_STEPS = 5_000_000  # of a plant's record
@@ -39,12 +37,15 @@ _KEYS = {
 }
 
 
-def modes(plant: Settings) -> list[ActuatorModel]:
+def modes(plant: keys.Plant) -> list[ActuatorModel]:
     """The identified models, in the order of `MODES`; `InputError` names the one that is wrong."""
     found = []
     for name in MODES:
         try:
-            found.append(ActuatorModel(plant[f"{name}_numerator"], plant[f"{name}_denominator"]))
+            numerator, denominator = (
+                getattr(plant, f"{name}_{part}") for part in ("numerator", "denominator")
+            )
+            found.append(ActuatorModel(numerator, denominator))
         except InputError as error:
             raise InputError(f"plant.{name}_{error.parameter}", error.problem) from None
     return found
@@ -66,7 +67,7 @@ class Experiment:
     onset: float
 
 
-def experiment(plant: Settings, scenario: Settings) -> Experiment:
+def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
     """What a scenario states.
 
     Raises
@@ -75,27 +76,18 @@ def experiment(plant: Settings, scenario: Settings) -> Experiment:
         If one of its values cannot be used, with its key.
     """
     known = modes(plant)
-    with located("plant"):
-        horizon = as_positive("horizon", plant["horizon"])
+    horizon, period, onset = plant.horizon, scenario.period, scenario.onset
     with located("scenario"):
-        period = as_positive("period", scenario["period"])
         if horizon > MOST_STEPS * period:
             raise InputError("period", f"{period:g} s makes more than {MOST_STEPS:g} steps")
         steps = multiple("period", horizon, period, "the period")
-        control = Signal.parse("input", scenario["input"], 1)
+        control = Signal.parse("input", scenario.input, 1)
         control.check_grid("input", period, horizon)
-        if scenario["fault"] not in MODES[1:]:
-            raise InputError("fault", f"{scenario['fault']!r} must be friction or leakage")
-        onset = as_positive("onset", scenario["onset"])
         if onset >= horizon:
             raise InputError("onset", f"{onset:g} s must be before the end at {horizon:g} s")
         begin = multiple("onset", onset, period, "the period")
-        noise = as_vector("noise", scenario["noise"], len(MOTION))
-        if noise.min() < 0:
-            raise InputError("noise", f"{noise.tolist()} must not be negative")
-        faulty = known[0].blended(
-            known[MODES.index(scenario["fault"])], as_scalar("share", scenario["share"])
-        )
+        noise = np.array(scenario.noise, dtype=np.float64)
+        faulty = known[0].blended(known[MODES.index(scenario.fault)], scenario.share)
     rows = np.arange(steps, dtype=np.float64)
     return Experiment(
         (known[0], faulty),
@@ -108,7 +100,10 @@ def experiment(plant: Settings, scenario: Settings) -> Experiment:
 
 
 def bank(
-    plant: Settings, observer: Settings, period: float, models: list[ActuatorModel] | None = None
+    plant: keys.Plant,
+    observer: keys.Observer,
+    period: float,
+    models: list[ActuatorModel] | None = None,
 ) -> InteractingMultipleModel:
     """The filters on all modes, or on ``models``, and the chain.
 
@@ -117,52 +112,42 @@ def bank(
     InputError
         If a value of the observer cannot be used.
     """
-    algorithm = observer["algorithm"]
-    if algorithm not in ALGORITHMS:
-        raise InputError("algorithm", f"{algorithm!r} must be one of {', '.join(ALGORITHMS)}")
     known = modes(plant) if models is None else models
     with _ledger_keys():
         filters = [_filter(observer, mode, period) for mode in known]
-    transition = _transition(observer["stay"], len(known))
-    return InteractingMultipleModel(filters, transition, as_truth(observer, "mixing"))
+    transition = _transition(observer.stay, len(known))
+    return InteractingMultipleModel(filters, transition, observer.mixing)
 
 
-def _filter(observer: Settings, mode: ActuatorModel, period: float) -> LinearFilter:
-    one = mode.sampled(observer["realisation"], period, observer["state_frequency"])
+def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
+    one = mode.sampled(observer.realisation, period, observer.state_frequency)
     # A number stands for all states, or all outputs.
     model = LinearModel(
-        one.A, one.B, one.H, observer["process_noise"], observer["measurement_noise"], one.D
+        one.A, one.B, one.H, observer.process_noise, observer.measurement_noise, one.D
     )  # fmt: skip
-    if observer["algorithm"] == "kalman":
+    if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
-    return SmoothVariableStructureFilter(model, layer, observer["memory"])
+    return SmoothVariableStructureFilter(model, layer, observer.memory)
 
 
-def boundary_layer(observer: Settings, outputs: int) -> Array:
+def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
     """Psi of each output; `InputError` if it cannot be used."""
-    factor = as_positive("layer_factor", observer["layer_factor"])
-    return factor * as_vector("boundary_layer", observer["boundary_layer"], outputs)
+    return observer.layer_factor * as_vector("boundary_layer", observer.boundary_layer, outputs)
 
 
-def run(chosen: InteractingMultipleModel, observer: Settings, measured: Array, held: Array) -> Run:
+def run(
+    chosen: InteractingMultipleModel, observer: keys.Observer, measured: Array, held: Array
+) -> Run:
     """Filter a record, from rest and equal probabilities of all modes."""
     return chosen.run(measured, start(chosen, observer), held[:, None])
 
 
-def start(chosen: InteractingMultipleModel, observer: Settings) -> State:
+def start(chosen: InteractingMultipleModel, observer: keys.Observer) -> State:
     """Rest, and equal probabilities of all modes; `InputError` if the covariance is none."""
     with _ledger_keys():
         rest = np.zeros(chosen.filters[0].model.states)
-        return chosen.init(rest, observer["initial_covariance"])
-
-
-def as_truth(observer: Settings, name: str) -> bool:
-    """A value that is true or false; `InputError` if it is anything else."""
-    value: bool = observer[name]
-    if not isinstance(value, bool):
-        raise InputError(name, f"{value!r} must be one of true and false, not a word or a number")
-    return value
+        return chosen.init(rest, observer.initial_covariance)
 
 
 @contextmanager
@@ -174,16 +159,13 @@ def _ledger_keys() -> Iterator[None]:
         raise InputError(_KEYS.get(error.parameter, error.parameter), error.problem) from None
 
 
-def measured_columns(observer: Settings) -> list[int]:
+def measured_columns(observer: keys.Observer) -> list[int]:
     """The columns of `MOTION` that the observer's realisation measures."""
-    return [MOTION.index(name) for name in REALISATIONS[observer["realisation"]]]
+    return [MOTION.index(name) for name in REALISATIONS[observer.realisation]]
 
 
-def _transition(stay: Any, size: int) -> Array:
+def _transition(kept: float, size: int) -> Array:
     """Each mode stays with one probability, and goes to each other with the same."""
-    kept = as_scalar("stay", stay)
-    if not 0 < kept <= 1:
-        raise InputError("stay", f"{kept:g} must be above 0 and not above 1")
     rows = np.full((size, size), (1.0 - kept) / max(size - 1, 1))
     np.fill_diagonal(rows, kept)
     return rows

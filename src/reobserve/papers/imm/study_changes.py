@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 from reobserve.errors import InputError
+from reobserve.ledger_types import Job
+from reobserve.papers.imm import keys
 from reobserve.papers.imm import plant as plant_stage
 from reobserve.papers.imm.study_neighbourhood import trial_rows
 from reobserve.papers.imm.tuning import Calibration
@@ -21,7 +24,7 @@ _KEYS = {"period": "periods", "share": "shares"}
 THREADS = 2
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+def run(job: Job, plant: Series) -> list[Row]:
     """Mean probabilities of all banks for each change of the scenario or of the observers.
 
     Raises
@@ -29,30 +32,30 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If a changed value cannot be used.
     """
-    found = list(_changes(settings["study"]))
+    found = list(_changes(job.study))
     with ThreadPoolExecutor(THREADS) as pool:
-        parts = pool.map(lambda change: _rows(settings, plant, change), found)
+        parts = pool.map(lambda change: _rows(job, plant, change), found)
         return [row for part in parts for row in part]
 
 
-def _changes(study: dict[str, Any]) -> Iterator[Change]:
+def _changes(study: keys.Changes) -> Iterator[Change]:
     """Name, level, and what differs in the scenario and in the observers."""
     yield "as_stated", 1.0, {}, {}
     yield "unmixed", 1.0, {}, {"mixing": False}
-    yield "prbs", 1.0, {"input": study["prbs"]}, {}
-    yield "square", 1.0, {"input": study["square"]}, {}
-    yield "sweep", 1.0, {"input": study["sweep"]}, {}
+    yield "prbs", 1.0, {"input": study.prbs}, {}
+    yield "square", 1.0, {"input": study.square}, {}
+    yield "sweep", 1.0, {"input": study.sweep}, {}
     yield "friction", 1.0, {"fault": "friction"}, {}
-    for period in study["periods"]:
+    for period in study.periods:
         yield "period", period, {"period": period}, {}
-    for share in study["shares"]:
+    for share in study.shares:
         yield "share", share, {"share": share}, {}
-    for factor in study["layer_factors"]:
+    for factor in study.layer_factors:
         yield "layer", factor, {}, {"layer_factor": factor}
-    yield "noise", 1.0, {"noise": study["noise"]}, {}
+    yield "noise", 1.0, {"noise": study.noise}, {}
 
 
-def check(settings: dict[str, Any]) -> None:
+def check(job: Job) -> None:
     """Build the plant of each change and run none.
 
     Raises
@@ -60,10 +63,10 @@ def check(settings: dict[str, Any]) -> None:
     InputError
         With the key of the study whose value cannot be used.
     """
-    for sweep, _, scenario, _ in _changes(settings["study"]):
+    for sweep, _, scenario, _ in _changes(job.study):
         for changed in scenario:
             try:
-                plant_stage.build(_changed(settings, scenario))
+                plant_stage.build(_changed(job, scenario))
             except InputError as error:
                 key, own = _KEYS.get(sweep, sweep), f"scenario.{changed}"
                 if error.parameter.startswith(own):
@@ -72,24 +75,22 @@ def check(settings: dict[str, Any]) -> None:
                 raise InputError(key, f"with it, {error}") from None
 
 
-def _changed(settings: dict[str, Any], scenario: dict[str, Any]) -> dict[str, Any]:
-    """The settings of the plant's stage with something else in the scenario."""
-    return {
-        "plant": settings["plant"],
-        "scenario": {**settings["scenario"], **scenario},
-        "seed": settings["seed"],
-    }
+def _changed(job: Job, scenario: dict[str, Any]) -> Job:
+    """What the plant's stage sees, with something else in the scenario."""
+    return replace(job, scenario=replace(job.scenario, **scenario))
 
 
-def _rows(settings: dict[str, Any], plant: Series, change: Change) -> list[Row]:
+def _rows(job: Job, plant: Series, change: Change) -> list[Row]:
     sweep, level, scenario, observer = change
-    record = plant_stage.simulate(_changed(settings, scenario)) if scenario else plant
-    observers = {name: {**body} for name, body in settings["observers"].items()}
-    for body in observers.values():
-        if "layer_factor" in observer and "layer_factor" in body:
-            body["layer_factor"] *= observer["layer_factor"]
-        elif "layer_factor" not in observer:
-            body.update(observer)
-    calibration = Calibration(settings["plant"], observers, settings["metrics"], record)
+    record = plant_stage.simulate(_changed(job, scenario)) if scenario else plant
+    observers = {name: _moved(body, **observer) for name, body in job.observers.items()}
+    calibration = Calibration(job.plant, observers, job.metrics, record)
     trial = calibration.try_out(calibration.stated())
     return list(trial_rows(sweep, level, trial))
+
+
+def _moved(body: keys.Observer, layer_factor: float | None = None, **others: Any) -> keys.Observer:
+    """An observer with other values, and the layers of an SVSF wider by a factor."""
+    if layer_factor is not None and isinstance(body, keys.SmoothVariableStructure):
+        return replace(body, layer_factor=body.layer_factor * layer_factor)
+    return replace(body, **others)

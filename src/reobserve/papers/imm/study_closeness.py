@@ -8,17 +8,18 @@ of two cores; rows come in a fixed order.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.grid import multiple
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.ledger_types import Job
 from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
@@ -43,7 +44,7 @@ class Task:
     banks: dict[str, InteractingMultipleModel]
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+def run(job: Job, plant: Series) -> list[Row]:
     """For each share, noise, run and bank: the faulty model's mean probability at the end.
 
     Raises
@@ -51,11 +52,11 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    study, observers = settings["study"], _with_unmixed(settings["observers"])
-    period = settings["scenario"]["period"]
-    normal, _, leakage = modes(settings["plant"])
+    study, observers = job.study, _with_unmixed(job.observers)
+    period = job.scenario.period
+    normal, _, leakage = modes(job.plant)
     steps, begin, judged = _grid(study, period)
-    control = Signal.parse("input", study["input"], 1)(np.arange(steps) * period)[:, 0]
+    control = Signal.parse("input", study.input, 1)(np.arange(steps) * period)[:, 0]
     late = (np.arange(steps) >= begin).astype(np.int64)
     rest = np.zeros(steps, dtype=np.int64)
     healthy = simulate([normal], rest, control, period)
@@ -63,24 +64,24 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     size = np.sqrt(np.mean(healthy[:, columns] ** 2, axis=0))
     # Noise changes neither the models nor the record that it is added to.
     pairs = []
-    for share in study["shares"]:
+    for share in study.shares:
         faulty = normal.blended(leakage, share)
         gap = nu_gap(*(_fraction(model) for model in (normal, faulty)))
         motion = simulate([normal, faulty], late, control, period)[1:, columns]
         pairs.append((share, faulty, gap, motion))
     rows: list[Row] = []
-    for level in study["noise_levels"]:
+    for level in study.noise_levels:
         tasks = []
         for share, faulty, gap, motion in pairs:
             banks = {}
             for name, body in observers.items():
-                told = {**body, "measurement_noise": ((level * size) ** 2).tolist()}
+                told = replace(body, measurement_noise=((level * size) ** 2).tolist())
                 with located(f"observers.{name}"):
-                    banks[name] = bank(settings["plant"], told, period, [normal, faulty])
+                    banks[name] = bank(job.plant, told, period, [normal, faulty])
             tasks.append(Task(share, gap, motion, banks))
             rows.append(("models", f"noise_{level:g}", share, 0, "nu_gap", gap, "1"))
-        for number in range(1, int(study["runs"]) + 1):
-            stream = random_stream(settings["seed"], "imm", "closeness", f"{level:g}", str(number))
+        for number in range(1, study.runs + 1):
+            stream = random_stream(job.seed, "imm", "closeness", f"{level:g}", str(number))
             noise = level * size * stream.standard_normal((steps, len(columns)))
 
             def probabilities(task: Task, noise: Array = noise) -> list[float]:
@@ -101,7 +102,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     return rows
 
 
-def check(settings: dict[str, Any]) -> None:
+def check(job: Job) -> None:
     """Refuse times that do not fit, an input that is none, and models that cannot be had.
 
     Raises
@@ -109,39 +110,36 @@ def check(settings: dict[str, Any]) -> None:
     InputError
         With the key of the study.
     """
-    study, period = settings["study"], settings["scenario"]["period"]
+    study, period = job.study, job.scenario.period
     _grid(study, period)
-    Signal.parse("input", study["input"], 1).check_grid("input", period, study["horizon"])
-    enough = as_scalar("enough", study["enough"])
-    if not 0 < enough < 1:
-        raise InputError("enough", f"{enough:g} must be between 0 and 1")
-    normal, _, leakage = modes(settings["plant"])
-    for share in study["shares"]:
+    Signal.parse("input", study.input, 1).check_grid("input", period, study.horizon)
+    normal, _, leakage = modes(job.plant)
+    for share in study.shares:
         try:
             normal.blended(leakage, share)
         except InputError as error:
             raise InputError("shares", error.problem) from None
 
 
-def _grid(study: dict[str, Any], period: float) -> tuple[int, int, int]:
+def _grid(study: keys.Closeness, period: float) -> tuple[int, int, int]:
     """Steps of the whole run, before the fault, and of the end that is judged."""
     steps, begin, judged = (
-        multiple(name, as_positive(name, study[name]), period, "the scenario's period")
+        multiple(name, getattr(study, name), period, "the scenario's period")
         for name in ("horizon", "onset", "judged")
     )
     if begin + judged > steps:
         raise InputError(
             "judged",
-            f"{study['judged']:g} s must fit between onset and horizon, {study['onset']:g} and "
-            f"{study['horizon']:g} s",
+            f"{study.judged:g} s must fit between onset and horizon, {study.onset:g} and "
+            f"{study.horizon:g} s",
         )
     return steps, begin, judged
 
 
-def _with_unmixed(observers: dict[str, Any]) -> dict[str, Any]:
+def _with_unmixed(observers: Mapping[str, keys.Observer]) -> dict[str, keys.Observer]:
     """The observers, and the first one without mixing after it: what mixing does to a diagnosis."""
     first = next(iter(observers))
-    unmixed = {f"{first}_unmixed": {**observers[first], "mixing": False}}
+    unmixed = {f"{first}_unmixed": replace(observers[first], mixing=False)}
     return {first: observers[first], **unmixed, **observers}
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.ledger_types import Job
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
 from reobserve.series import Series
 
@@ -20,7 +21,7 @@ QUANTITIES = ("normal_after", "leakage_after", "normal_before")
 THREADS = 2
 
 
-def run(settings: dict[str, Any], plant: Series) -> list[Row]:
+def run(job: Job, plant: Series) -> list[Row]:
     """For each tuned number and factor the mean probabilities of all banks; and the search's count.
 
     Raises
@@ -28,10 +29,10 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     InputError
         If the search's kept result cannot be read.
     """
-    study = settings["study"]
-    calibration = Calibration(settings["plant"], settings["observers"], settings["metrics"], plant)
+    study = job.study
+    calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     stated = calibration.stated()
-    kept = read_kept(Path(study["kept"]))
+    kept = read_kept(Path(study.kept))
     rows: list[Row] = [
         ("search", "kept", 1.0, 0, name, float(kept[name]), "1")
         for name in ("trials", "tuned", "targets", "distance")
@@ -44,7 +45,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
     tasks = [(None, 1.0)] + [
         (index, level)
         for index in range(len(TUNED))
-        for factor in study["factors"]
+        for factor in study.factors
         for level in (1.0 / factor, factor)
     ]
 
@@ -58,13 +59,6 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
         for (index, level), found in zip(tasks, pool.map(trial, tasks), strict=True):
             rows += trial_rows("stated" if index is None else TUNED[index], level, found)
     return rows
-
-
-def check(settings: dict[str, Any]) -> None:
-    """Refuse what cannot be the name of a file; whether there is one shows when it is read."""
-    kept = settings["study"]["kept"]
-    if not isinstance(kept, str):
-        raise InputError("kept", f"{kept!r} must be the path of a file")
 
 
 def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:

@@ -6,26 +6,30 @@ bank; whether any gain is better than Kalman's; what (8) and (15) give as they a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.config import nearest
 from reobserve.errors import DivergenceError, InputError, located
 from reobserve.grid import multiple
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.linear_model import LinearModel
-from reobserve.matrices import as_positive
 from reobserve.metrics import Metric
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import MODES, UNITS, bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, simulate
 from reobserve.random_streams import random_stream
 from reobserve.signals import Signal
 
 Array = NDArray[np.float64]
+Observers = dict[str, keys.Observer]
 
 
-def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
+def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """The numbers of the paper's theory; see ``results/README.md`` for their names.
 
     Raises
@@ -35,26 +39,35 @@ def measure(settings: dict[str, Any], designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    chosen = _check(settings)
+    job = read_job(keys.Ledger, settings)
+    chosen = check(job.theory, job.observers)
     return [
-        *_corrections(settings),
-        *_mismatches(settings, chosen),
-        *_gains(settings, chosen),
-        *_printed(settings, chosen),
+        *_corrections(job),
+        *_mismatches(job, chosen),
+        *_gains(job, chosen),
+        *_printed(job, chosen),
     ]
 
 
-def _check(settings: dict[str, Any]) -> dict[str, Any]:
-    """The settings of the banks that the theory names; `InputError` for a rule that is none."""
-    rules, known = settings["theory"], settings["observers"]
-    names = rules["observers"]
-    if not isinstance(names, list) or not names or not set(names) <= set(known):
-        raise InputError("observers", f"{names!r} must be a list of some of {', '.join(known)}")
-    if not isinstance(rules["gains"], int) or rules["gains"] < 1:
-        raise InputError("gains", f"{rules['gains']!r} must be a whole number, 1 or more")
-    as_positive("spread", rules["spread"])
-    as_positive("period", rules["period"])
-    return {name: known[name] for name in names}
+def check(theory: keys.Theory, observers: Mapping[str, keys.Observer]) -> Observers:
+    """The banks that the theory names; `InputError` for one that there is not, or for its times."""
+    for name in theory.observers:
+        if name not in observers:
+            raise InputError("observers", f"there is no {name!r}{nearest(name, observers)}")
+    _grid(theory)
+    return {name: observers[name] for name in theory.observers}
+
+
+def _grid(theory: keys.Theory) -> tuple[int, int, Signal]:
+    """The steps of the run, those before the leak, and the input."""
+    period = theory.period
+    steps = multiple("horizon", theory.horizon, period, "theory.period")
+    begin = multiple("onset", theory.onset, period, "theory.period")
+    if begin >= steps:
+        raise InputError("onset", f"{theory.onset:g} s must be before the end of the horizon")
+    signal = Signal.parse("input", theory.input, 1)
+    signal.check_grid("input", period, theory.horizon)
+    return steps, begin, signal
 
 
 def corrected_radius(A: Array, H: Array) -> float:
@@ -67,41 +80,36 @@ def corrected_radius(A: Array, H: Array) -> float:
     return float(np.abs(np.linalg.eigvals(left)).max())
 
 
-def _corrections(settings: dict[str, Any]) -> Iterator[Metric]:
+def _corrections(job: Job) -> Iterator[Metric]:
     """The largest radius of all modes, for each choice of outputs; no unit of states matters."""
-    period = settings["theory"]["period"]
+    period = job.theory.period
     for realisation in REALISATIONS:
         radius = 0.0
-        for mode in modes(settings["plant"]):
+        for mode in modes(job.plant):
             one = mode.sampled(realisation, period, 1.0 / period)
             radius = max(radius, corrected_radius(one.A, one.H))
         yield Metric("svsf_law", f"corrected_radius_{realisation}", radius, "1")
 
 
-def _mismatches(settings: dict[str, Any], chosen: dict[str, Any]) -> Iterator[Metric]:
+def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
     """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank.
 
     Root mean square over the time from the leak on, without noise.
     """
-    rules, known = settings["theory"], modes(settings["plant"])
-    period = rules["period"]
-    steps = multiple("horizon", as_positive("horizon", rules["horizon"]), period, "theory.period")
-    begin = multiple("onset", as_positive("onset", rules["onset"]), period, "theory.period")
-    if begin >= steps:
-        raise InputError("onset", f"{rules['onset']:g} s must be before the end of the horizon")
-    signal = Signal.parse("input", rules["input"], 1)
-    signal.check_grid("input", period, rules["horizon"])
+    rules, known = job.theory, modes(job.plant)
+    period = rules.period
+    steps, begin, signal = _grid(rules)
     control = signal(np.arange(steps) * period)[:, 0]
     leaks = (np.arange(steps) >= begin).astype(np.int64)
     healthy, leaky = known[0], known[MODES.index("leakage")]
     motion = simulate([healthy, leaky], leaks, control, period)[1:]
     for name, body in chosen.items():
         columns = measured_columns(body)
-        names = REALISATIONS[body["realisation"]]
-        alone = {**body, "stay": 1.0}  # a bank of one
+        names = REALISATIONS[body.realisation]
+        alone = replace(body, stay=1.0)  # a bank of one
         for what, told, models in (("single", alone, [healthy]), ("bank", body, known)):
             with located(f"observers.{name}"):
-                filters = bank(settings["plant"], told, period, models)
+                filters = bank(job.plant, told, period, models)
                 found = run(filters, body, motion[:, columns], control)
             if found.diverged_at is not None:
                 raise DivergenceError(name, found.diverged_at * period)
@@ -136,22 +144,22 @@ def error_variance(model: LinearModel, gain: Array) -> float:
     return float(np.trace(solve_discrete_lyapunov(moves, left @ Q @ left.T + gain @ R @ gain.T)))
 
 
-def _gains(settings: dict[str, Any], chosen: dict[str, Any]) -> Iterator[Metric]:
+def _gains(job: Job, chosen: Observers) -> Iterator[Metric]:
     """How much larger the variance is at least with gains near Kalman's, of all modes."""
-    rules = settings["theory"]
+    rules = job.theory
     stream = random_stream(0, "imm", "theory", "gains")
     for name, body in chosen.items():
-        if body["algorithm"] != "kalman":
+        if not isinstance(body, keys.Kalman):
             continue
         with located(f"observers.{name}"):
-            filters = bank(settings["plant"], body, rules["period"]).filters
+            filters = bank(job.plant, body, rules.period).filters
         least = np.inf
         for one in filters:
             model: LinearModel = one.model
             gain = steady_gain(model)
             best = error_variance(model, gain)
-            for _ in range(rules["gains"]):
-                moved = gain * (1.0 + rules["spread"] * stream.standard_normal(gain.shape))
+            for _ in range(rules.gains):
+                moved = gain * (1.0 + rules.spread * stream.standard_normal(gain.shape))
                 least = min(least, error_variance(model, moved) / best)
         yield Metric(name, "least_variance_rise", float(least) - 1.0, "1")
 
@@ -163,17 +171,21 @@ def printed_weights(transition: Array, probabilities: Array) -> Array:
     return weights
 
 
-def _printed(settings: dict[str, Any], chosen: dict[str, Any]) -> Iterator[Metric]:
+def _printed(job: Job, chosen: Observers) -> Iterator[Metric]:
     """What (8) and (15) give by the letter."""
-    period = settings["theory"]["period"]
+    period = job.theory.period
     equal = np.full(len(MODES), 1.0 / len(MODES))
     largest = 0.0
     for name, body in chosen.items():
         with located(f"observers.{name}"):
-            filters = bank(settings["plant"], body, period)
+            filters = bank(job.plant, body, period)
         weights = printed_weights(np.asarray(filters.transition, dtype=np.float64), equal)
         largest = max(largest, float(np.abs(weights.sum(axis=0) - 1.0).max()))
     yield Metric("equation_8", "largest_weight_excess", largest, "1")
-    widths = [len(body["boundary_layer"]) for body in chosen.values() if "boundary_layer" in body]
+    widths = [
+        len(body.boundary_layer)
+        for body in chosen.values()
+        if isinstance(body, keys.SmoothVariableStructure)
+    ]
     if widths:
         yield Metric("equation_15", "states_without_gain", float(ORDER - max(widths)), "1")

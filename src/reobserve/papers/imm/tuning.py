@@ -7,15 +7,15 @@ measurement noise of three outputs, and the probability to leave a mode; all ban
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.matrices import as_vector
+from reobserve.papers.imm import keys
 from reobserve.papers.imm.scoring import quoted_distance, window
 from reobserve.papers.imm.setup import bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import ActuatorModel
@@ -47,9 +47,9 @@ class Trial:
 class Calibration:
     """Banks of several observers on one record, to be run with any of the tuned numbers."""
 
-    plant: dict[str, Any]
-    observers: Mapping[str, dict[str, Any]]
-    rules: dict[str, Any]
+    plant: keys.Plant
+    observers: Mapping[str, keys.Observer]
+    rules: keys.Metrics
     record: Series
 
     def stated(self) -> Array:
@@ -62,14 +62,14 @@ class Calibration:
         """
         found = []
         for name, body in self.observers.items():
-            if body["realisation"] != "motion":
+            if body.realisation != "motion":
                 raise InputError(f"observers.{name}.realisation", "must be motion to be tuned")
             found.append(
                 np.concatenate(
                     [
-                        as_vector("process_noise", body["process_noise"], STATES),
-                        as_vector("measurement_noise", body["measurement_noise"], OUTPUTS),
-                        [1.0 - body["stay"]],
+                        as_vector("process_noise", body.process_noise, STATES),
+                        as_vector("measurement_noise", body.measurement_noise, OUTPUTS),
+                        [1.0 - body.stay],
                     ]
                 )
             )
@@ -81,21 +81,21 @@ class Calibration:
         """Run all banks with these numbers, in the order of `TUNED`."""
         means, squares, weights = {}, [], []
         for name, body in self.observers.items():
-            changed = {
-                **body,
-                "process_noise": numbers[:STATES].tolist(),
-                "measurement_noise": numbers[STATES:-1].tolist(),
-                "stay": 1.0 - float(numbers[-1]),
-            }
+            changed = replace(
+                body,
+                process_noise=numbers[:STATES].tolist(),
+                measurement_noise=numbers[STATES:-1].tolist(),
+                stay=1.0 - float(numbers[-1]),
+            )
             probability = self._probability(changed)
             if probability is None:
                 return Trial({}, float("nan"))
             time, rules = self.record.time[1:], self.rules
-            late = np.mean(probability[window(time, rules["after"])], axis=0)
-            early = np.mean(probability[window(time, rules["before"])], axis=0)
+            late = np.mean(probability[window(time, rules.after)], axis=0)
+            early = np.mean(probability[window(time, rules.before)], axis=0)
             means[name] = (float(late[0]), float(late[2]), float(early[0]))
-            high = bool(body["quoted_high"])
-            squares.append(quoted_distance(rules, time, probability, body["quoted"], high) ** 2)
+            high = bool(body.quoted_high)
+            squares.append(quoted_distance(rules, time, probability, body.quoted, high) ** 2)
             weights.append(3 if high else 2)
         return Trial(means, float(np.sqrt(np.average(squares, weights=weights))))
 
@@ -103,21 +103,21 @@ class Calibration:
     def _models(self) -> list[ActuatorModel]:
         return modes(self.plant)
 
-    def _probability(self, observer: dict[str, Any]) -> Array | None:
+    def _probability(self, observer: keys.Observer) -> Array | None:
         chosen = bank(self.plant, observer, self.record.step, self._models)
         measured = self.record["measured"][1:, measured_columns(observer)]
         found = run(chosen, observer, measured, self.record["input"][:-1])
         return None if found.diverged_at is not None else found.probability
 
 
-def within(trial: Trial, observers: Mapping[str, dict[str, Any]], band: float) -> bool:
+def within(trial: Trial, observers: Mapping[str, keys.Observer], band: float) -> bool:
     """Whether all means are within ``band`` of the values that the paper quotes."""
     for name, body in observers.items():
         if name not in trial.means:
             return False
         normal, leakage, before = trial.means[name]
-        off = [abs(normal - body["quoted"][0]), abs(leakage - body["quoted"][1])]
-        if body["quoted_high"]:
+        off = [abs(normal - body.quoted[0]), abs(leakage - body.quoted[1])]
+        if body.quoted_high:
             off.append(1.0 - before)
         if max(off) > band:
             return False

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 
 
-def compute(settings: dict[str, Any]) -> dict[str, Any]:
+def compute(settings: Settings) -> dict[str, Any]:
     """Coefficients of S, T and the gain, one row a component, and the smallest divisor.
 
     The order of the monomials is that of `reobserve.power_series.monomials`.
@@ -19,7 +21,8 @@ def compute(settings: dict[str, Any]) -> dict[str, Any]:
     InputError
         If the injection cannot be used: unstable, resonant, or of the wrong size.
     """
-    problem = build_problem(settings["plant"], settings["design"])
+    job = read_job(keys.Ledger, settings)
+    problem = build_problem(job.plant, job.design)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
     found: dict[str, Any] = {
         "monomials": form.S.basis.exponents.tolist(),

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive, as_vector
+from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.metrics import Metric
+from reobserve.papers.lie import keys
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.papers.lie.study_rows import table
 from reobserve.series import Series
@@ -18,7 +18,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def measure(
-    settings: dict[str, Any],
+    settings: Settings,
     plant: Series,
     estimates: Mapping[str, Series],
     study: Rows | None = None,
@@ -30,24 +30,20 @@ def measure(
     InputError
         If a setting of the metrics cannot be used.
     """
-    rules = settings["metrics"]
-    with located("metrics"):
-        as_positive("settling_band", rules["settling_band"])
-        start, end = as_vector("decay_window", rules["decay_window"], 2)
-        if not 0 <= start < end:
-            raise InputError("decay_window", f"[{start:g}, {end:g}] s must be 0 or more, rising")
+    job = read_job(keys.Ledger, settings)
+    rules = job.metrics
     found = [
         Metric(name, *numbers)
         for name, estimate in estimates.items()
         for numbers in _judge(rules, plant, estimate)
     ]
     if study is not None:
-        found += _FROM_STUDY[settings["study"]["method"]](settings, study)
+        found += _FROM_STUDY[job.study.method](job, study)
     return found
 
 
 def _judge(
-    rules: dict[str, Any], plant: Series, estimate: Series
+    rules: keys.Metrics, plant: Series, estimate: Series
 ) -> Iterator[tuple[str, float, str]]:
     step = estimate.step
     error = estimate["state"] - plant["state"][:: round(step / plant.step)]
@@ -60,29 +56,29 @@ def _judge(
         yield f"peak_error_{i + 1}", float(value), "1"
     yield "peak_error", float(np.max(size)), "1"
     yield "final_error", float(size[-1]), "1"
-    yield "settling_time", settling_time(error, step, rules["settling_band"]), "s"
-    yield "decay_rate", decay_rate(error, step, *rules["decay_window"]), "1/s"
+    yield "settling_time", settling_time(error, step, rules.settling_band), "s"
+    yield "decay_rate", decay_rate(error, step, *rules.decay_window), "1/s"
 
 
-def _orders(settings: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _orders(job: Job, study: Rows) -> Iterator[Metric]:
     """All of the study where a figure draws it; else the exponents of the figure's observers."""
     values = table(study)
     for quantity, unit in (("period", "s"), ("mean_square_output", "1")):
         yield Metric("cycle", quantity, values["cycle", quantity][0][0], unit)
-    if settings["figure"]["layout"] == "orders":
+    if job.figure.layout == "orders":
         for row in study:
             if row["form"] != "cycle":
                 name = f"{row['quantity']}_order_{int(row['order'])}"
                 yield Metric(row["form"], name, float(row["value"]), row["unit"])
         return
-    for name, observer in settings["observers"].items():
-        form = name if (name, "ise") in values else observer.get("gain", "")
+    for name, observer in job.observers.items():
+        form = name if (name, "ise") in values else getattr(observer, "gain", "")
         exponents = values.get((form, "floquet_exponent"), {})
-        if observer["order"] in exponents:
-            yield Metric(name, "floquet_exponent", exponents[observer["order"]][0], "1/s")
+        if observer.order in exponents:
+            yield Metric(name, "floquet_exponent", exponents[observer.order][0], "1/s")
 
 
-def _domain(_: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _domain(_: Job, study: Rows) -> Iterator[Metric]:
     """The summaries of the study, those of a series named after its degree."""
     for row in study:
         if row["x1"] == "":
@@ -92,7 +88,7 @@ def _domain(_: dict[str, Any], study: Rows) -> Iterator[Metric]:
             )
 
 
-def _ensemble(_: dict[str, Any], study: Rows) -> Iterator[Metric]:
+def _ensemble(_: Job, study: Rows) -> Iterator[Metric]:
     """Over all initial states: which share is better than the constant gain, settles, diverges."""
     values = table(study)
     reference = np.array(values["constant", "ise"][0])

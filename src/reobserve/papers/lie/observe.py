@@ -7,12 +7,14 @@ from typing import Any
 
 from reobserve.errors import DivergenceError
 from reobserve.grid import stride
+from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.normal_form_observer import NormalFormObserver, Run
+from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_observer, stored_form
 from reobserve.series import Channel, Series
 
 
-def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> Series:
+def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
     """Estimated state x^ at the ends of the observer's steps, and z of the transformed form.
 
     Raises
@@ -22,12 +24,13 @@ def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any])
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    mine = settings["observer"]
-    form = stored_form(settings["plant"], settings["design"], design)
+    job = read_job(keys.Ledger, settings)
+    mine = job.observer
+    form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)
-    run, every = observe(observer, mine["initial_estimate"], settings["plant"], plant)
+    run, every = observe(observer, mine.initial_estimate, job.plant, plant)
     if run.diverged_at is not None:
-        raise DivergenceError(mine["algorithm"], run.diverged_at)
+        raise DivergenceError(mine.algorithm, run.diverged_at)
     channels = {"state": Channel(run.estimate, "1")}
     if run.coordinates is not None:
         channels["coordinates"] = Channel(run.coordinates, "1")
@@ -35,7 +38,7 @@ def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any])
 
 
 def observe(
-    observer: NormalFormObserver, initial: Any, plant_settings: dict[str, Any], plant: Series
+    observer: NormalFormObserver, initial: Any, plant_settings: keys.Plant, plant: Series
 ) -> tuple[Run, int]:
     """Run an observer on a record; also the plant samples in half of its steps."""
     every = stride(plant_settings, observer.step_size)

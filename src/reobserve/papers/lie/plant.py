@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.ledger_types import Settings, read_job
 from reobserve.matrices import as_vector
+from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_system, grid
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.series import Channel, Series
 
 
-def build(settings: dict[str, Any]) -> PolynomialPlant:
+def build(settings: Settings) -> PolynomialPlant:
     """The plant, its grid and its initial state checked; `InputError` if they cannot be used."""
-    grid(settings["plant"])
-    plant = PolynomialPlant(build_system(settings["plant"]))
+    job = read_job(keys.Ledger, settings)
+    grid(job.plant)
+    plant = PolynomialPlant(build_system(job.plant))
     with located("scenario"):
-        as_vector("initial_state", settings["scenario"]["initial_state"], plant.system.states)
+        as_vector("initial_state", job.scenario.initial_state, plant.system.states)
     return plant
 
 
-def simulate(settings: dict[str, Any]) -> Series:
+def simulate(settings: Settings) -> Series:
     """Channels ``state``, x, and ``output``, y = h(x), over the horizon.
 
     Raises
@@ -32,9 +33,10 @@ def simulate(settings: dict[str, Any]) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    plant = build(settings)
-    steps, step = grid(settings["plant"])
-    states = plant.simulate(settings["scenario"]["initial_state"], step, steps)
+    job = read_job(keys.Ledger, settings)
+    plant = build(job)
+    steps, step = grid(job.plant)
+    states = plant.simulate(job.scenario.initial_state, step, steps)
     time = np.arange(steps + 1, dtype=np.float64) * step
     channels = {"state": Channel(states, "1"), "output": Channel(plant.output(states), "1")}
     return Series(time, channels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve.layouts import by_layout
-from reobserve.papers.lie import plot_domain, plot_ensemble, plot_errors, plot_orders
+from reobserve.papers.lie import keys, plot_domain, plot_ensemble, plot_errors, plot_orders
 
 LAYOUTS = {
     "errors": plot_errors.responses,
@@ -13,4 +13,4 @@ LAYOUTS = {
     "domain": plot_domain.draw,
 }
 
-draw = by_layout(LAYOUTS, ("orders", "ensemble", "domain"))
+draw = by_layout(keys.Ledger, LAYOUTS, ("orders", "ensemble", "domain"))

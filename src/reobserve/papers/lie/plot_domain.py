@@ -9,13 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, TRUTH, WIDTH, add_note, decades
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric, lookup
 from reobserve.papers.lie.study_rows import table
 from reobserve.series import Series
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     _: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -23,7 +24,7 @@ def draw(
 ) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
     numbers, values = lookup(metrics), table(study)
-    degree = int(settings["study"]["degree"])
+    degree = int(job.study.degree)
     figure = Figure(figsize=(WIDTH, 4.7))
     axes = figure.subplot_mosaic([["plane", "errors"], ["plane", "radii"]], width_ratios=(1.1, 1.0))
     plane, errors, radii = axes["plane"], axes["errors"], axes["radii"]

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, WIDTH, add_note
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric, lookup
 from reobserve.series import Series
 
@@ -22,7 +23,7 @@ _SHARES = (
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -30,7 +31,7 @@ def draw(
 ) -> Figure:
     """Shares by order, the median of the ISE ratio, and where order 4 is better."""
     numbers = lookup(metrics)
-    orders = [int(order) for order in settings["study"]["orders"]]
+    orders = [int(order) for order in job.study.orders]
     figure = Figure(figsize=(WIDTH, 4.9))
     axes = figure.subplot_mosaic(
         [["shares", "plane"], ["ratio", "plane"]],
@@ -71,8 +72,8 @@ def draw(
     add_note(
         figure,
         f"{len(states)} initial states on a square of half width "
-        f"{settings['study']['half_width']:g}, estimate at the origin, "
-        f"{settings['plant']['horizon']:g} s. Grid, size and steps are chosen here.\n"
+        f"{job.study.half_width:g}, estimate at the origin, "
+        f"{job.plant.horizon:g} s. Grid, size and steps are chosen here.\n"
         "A gap in (b): most runs diverge.",
     )
     return figure

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.series import Series
 
@@ -20,7 +21,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def responses(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Rows,
@@ -29,7 +30,7 @@ def responses(
     """Both error components and the size of the error, for every observer of the figure."""
     figure, (first, second, size) = new_figure((1.8, 1.8, 1.8))
     for index, (name, estimate) in enumerate(estimates.items()):
-        line = {**STYLES[index].line(), "label": settings["observers"][name]["label"]}
+        line = {**STYLES[index].line(), "label": job.observers[name].label}
         error = _error(plant, estimate)
         for component, axes in enumerate((first, second)):
             axes.plot(*thin(estimate.time, error[:, component]), **line)
@@ -40,12 +41,12 @@ def responses(
     second.set_ylabel("error of x₂")
     second.set_title("(b) error of the other state, x̂₂ − x₂")
     size.set_title("(c) size of the error")
-    _finish(settings, figure, size, plant, 1e-12)
+    _finish(job, figure, size, plant, 1e-12)
     return figure
 
 
 def forms(
-    settings: dict[str, Any],
+    job: Job,
     plant: Series,
     estimates: Mapping[str, Series],
     _: Rows,
@@ -56,7 +57,7 @@ def forms(
     true = thin(plant.time, plant["state"][:, 1])
     state.plot(*true, **TRUTH.line(), label="Van der Pol's oscillator")
     for index, (name, estimate) in enumerate(estimates.items()):
-        line = {**STYLES[index].line(), "label": settings["observers"][name]["label"]}
+        line = {**STYLES[index].line(), "label": job.observers[name].label}
         state.plot(*thin(estimate.time, estimate["state"][:, 1]), **line)
         _size(size, estimate.time, _error(plant, estimate), line)
     state.set_ylabel("x₂ and its estimates")
@@ -65,7 +66,7 @@ def forms(
     low, high = state.get_ylim()
     state.set_ylim(low, high + 0.3 * (high - low))
     size.set_title("(b) size of the error")
-    _finish(settings, figure, size, plant, 1e-12)
+    _finish(job, figure, size, plant, 1e-12)
     return figure
 
 
@@ -79,25 +80,23 @@ def _size(axes: Axes, time: Array, error: Array, line: dict[str, Any]) -> None:
     axes.semilogy(*thin(time, np.linalg.norm(error, axis=1), 600), **line)
 
 
-def _finish(
-    settings: dict[str, Any], figure: Figure, axes: Axes, plant: Series, lowest: float
-) -> None:
+def _finish(job: Job, figure: Figure, axes: Axes, plant: Series, lowest: float) -> None:
     axes.set_ylabel("|x̂ − x|")
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, lowest), high)
     decades(axes.yaxis)
     axes.set_xlabel("time [s]")
     axes.set_xlim(plant.time[0], plant.time[-1])
-    add_note(figure, _note(settings))
+    add_note(figure, _note(job))
 
 
-def _note(settings: dict[str, Any]) -> str:
-    start = ", ".join(f"{value:g}" for value in settings["scenario"]["initial_state"])
-    first = next(iter(settings["observers"].values()))
-    estimate = ", ".join(f"{value:g}" for value in first["initial_estimate"])
+def _note(job: Job) -> str:
+    start = ", ".join(f"{value:g}" for value in job.scenario.initial_state)
+    first = next(iter(job.observers.values()))
+    estimate = ", ".join(f"{value:g}" for value in first.initial_estimate)
     return (
         f"x(0) = ({start}), x̂(0) = ({estimate}), L₀ = (−2, −4)ᵀ as in the paper. Chosen here: "
-        f"output y = x₁, horizon {settings['plant']['horizon']:g} s,\n"
+        f"output y = x₁, horizon {job.plant.horizon:g} s,\n"
         f"Runge-Kutta steps of {1000 * first['step_size']:g} ms, and the nonlinear injection "
         "ℓ(y) = L₀ y + (1/3, 1/3)ᵀ y³, which makes the error exactly linear."
     )

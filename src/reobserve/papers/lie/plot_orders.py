@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.figures import STYLES, add_note, new_figure
+from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
 from reobserve.papers.lie.study_rows import table
 from reobserve.series import Series
@@ -22,7 +23,7 @@ LABELS = {
 
 
 def draw(
-    settings: dict[str, Any],
+    job: Job,
     _: Series,
     __: Mapping[str, Series],
     study: Sequence[Mapping[str, Any]],
@@ -56,19 +57,19 @@ def draw(
         "(c) largest Floquet exponent of the error on the limit cycle; above 0 the error grows"
     )
     floquet.set_xlabel("order of the gain")
-    floquet.set_xticks(settings["study"]["orders"])
+    floquet.set_xticks(job.study.orders)
     period = values["cycle", "period"][0][0]
     add_note(
         figure,
-        f"Identity form from x(0) = ({_pair(settings)}), estimate at the origin. Order 0 is the "
+        f"Identity form from x(0) = ({_pair(job)}), estimate at the origin. Order 0 is the "
         f"constant gain; odd orders equal the even one below.\nPeriod of the limit cycle "
         f"{period:.5g} s; what is off the scale of (c) grows faster than shown.",
     )
     return figure
 
 
-def _pair(settings: dict[str, Any]) -> str:
-    return ", ".join(f"{value:g}" for value in settings["scenario"]["initial_state"])
+def _pair(job: Job) -> str:
+    return ", ".join(f"{value:g}" for value in job.scenario.initial_state)
 
 
 def _curves(

@@ -9,23 +9,20 @@ import numpy as np
 
 from reobserve.errors import InputError, located
 from reobserve.grid import plant_grid
-from reobserve.matrices import as_positive, as_vector
+from reobserve.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.papers.lie import keys
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
-Settings = dict[str, Any]
-
-ALGORITHMS = ("identity", "transformed")
-
 MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
 
 
-def build_system(plant: Settings, *, exact: bool = False) -> PolynomialSystem:
+def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
     """The plant's system; its size is that of the first list of powers.
 
     Raises
@@ -34,16 +31,16 @@ def build_system(plant: Settings, *, exact: bool = False) -> PolynomialSystem:
         If a term cannot be read or the origin is no equilibrium.
     """
     with located("plant"):
-        states = _variables("dynamics", plant["dynamics"])
-        outputs = _components("output", plant["output"])
+        states = _variables("dynamics", plant.dynamics)
+        outputs = _components("output", plant.output)
         return PolynomialSystem(
-            PolynomialMap.from_terms("dynamics", plant["dynamics"], states, states, exact=exact),
-            PolynomialMap.from_terms("output", plant["output"], outputs, states, exact=exact),
+            PolynomialMap.from_terms("dynamics", plant.dynamics, states, states, exact=exact),
+            PolynomialMap.from_terms("output", plant.output, outputs, states, exact=exact),
         )
 
 
 def build_problem(
-    plant: Settings, design: Settings, *, degree: int | None = None, exact: bool = False
+    plant: keys.Plant, design: keys.Design, *, degree: int | None = None, exact: bool = False
 ) -> NormalFormProblem:
     """The normal-form problem of a ``designs`` branch, of its own degree or another.
 
@@ -53,14 +50,14 @@ def build_problem(
         If a term cannot be read, the degree is no whole number, or the problem has no solution.
     """
     system = build_system(plant, exact=exact)
-    terms = design["injection"]
+    terms = design.injection
     injection = PolynomialMap.from_terms(
         "injection", terms, system.states, system.outputs, exact=exact
     )
-    return NormalFormProblem(system, injection, degree or whole("degree", design["degree"], 1))
+    return NormalFormProblem(system, injection, degree or design.degree)
 
 
-def stored_form(plant: Settings, design: Settings, series: Mapping[str, Any]) -> NormalForm:
+def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any]) -> NormalForm:
     """The normal form whose series the stage design has computed."""
     problem = build_problem(plant, design)
     basis = problem.basis
@@ -69,43 +66,23 @@ def stored_form(plant: Settings, design: Settings, series: Mapping[str, Any]) ->
     return NormalForm(problem, None, S, T, gain)
 
 
-def build_observer(settings: Settings, form: NormalForm) -> NormalFormObserver:
+def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:
     """The observer that an ``observers`` branch of the ledger states.
 
     Raises
     ------
     InputError
-        If the algorithm is unknown, a parameter is missing, unknown or out of bounds.
+        If a parameter is out of bounds.
     """
-    algorithm = settings["algorithm"]
-    if algorithm not in ALGORITHMS:
-        raise InputError("algorithm", f"{algorithm!r} must be one of {', '.join(ALGORITHMS)}")
-    wanted = {"algorithm", "label", "design", "order", "initial_estimate", "step_size"}
-    if algorithm == "identity":
-        wanted.add("gain")
-    for name in sorted(wanted - {"label"}):
-        if name not in settings:
-            raise InputError(name, f"is missing; the algorithm {algorithm} needs it")
-    for name in settings:
-        if name not in wanted:
-            raise InputError(name, f"unknown key; {algorithm} takes {', '.join(sorted(wanted))}")
-    order, step = whole("order", settings["order"], 0), settings["step_size"]
-    as_vector("initial_estimate", settings["initial_estimate"], form.problem.system.states)
-    if algorithm == "identity":
-        return IdentityObserver(form, order, as_positive("step_size", step), settings["gain"])
-    return TransformedObserver(form, order, as_positive("step_size", step))
+    as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
+    if isinstance(observer, keys.Identity):
+        return IdentityObserver(form, observer.order, observer.step_size, observer.gain)
+    return TransformedObserver(form, observer.order, observer.step_size)
 
 
-def grid(plant: Settings) -> tuple[int, float]:
+def grid(plant: keys.Plant) -> tuple[int, float]:
     """The number of plant steps and the step [s]; see `plant_grid`."""
     return plant_grid(plant, MOST_STEPS)
-
-
-def whole(name: str, value: Any, least: int) -> int:
-    """A whole number of at least ``least``; `InputError` names ``name`` otherwise."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise InputError(name, f"{value!r} must be a whole number, {least} or more")
-    return value
 
 
 def _variables(name: str, terms: Any) -> int:

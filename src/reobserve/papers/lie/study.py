@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.errors import InputError, located
+from reobserve.errors import located
+from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.papers.lie import study_domain, study_ensemble, study_orders
-from reobserve.papers.lie.setup import whole
+from reobserve.papers.lie import keys, study_domain, study_ensemble, study_orders
 from reobserve.papers.lie.study_rows import HEADER, Row
 from reobserve.series import Series
 from reobserve.synthesis.normal_form.design import NormalForm
@@ -29,7 +29,7 @@ METHODS = {
 }
 
 
-def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The rows of the study's method, with the columns of `HEADER`.
 
     Raises
@@ -37,19 +37,14 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
     InputError
         If there is no such method or a setting cannot be used.
     """
-    method = settings["study"].get("method", "")
-    if method not in METHODS:
-        raise InputError("studies.method", f"{method!r} must be one of {', '.join(METHODS)}")
-    rows: list[Row] = METHODS[method](settings, plant, design)
+    job = read_job(keys.Ledger, settings)
+    rows: list[Row] = METHODS[job.study.method](job, plant, design)
     return [row._asdict() for row in rows]
 
 
-def check_study(study: dict[str, Any], form: NormalForm) -> None:
-    """Raise the `InputError` that the study would raise for its method, orders and degree."""
-    if study.get("method") not in METHODS:
-        raise InputError("method", f"{study.get('method')!r} must be one of {', '.join(METHODS)}")
-    for order in study.get("orders", ()):
-        with located("orders"):
-            IdentityObserver(form, whole("order", order, 0), 1.0)
-    if study["method"] == "domain":
-        whole("degree", study["degree"], study_domain.LEAST_DEGREE)
+def check_study(study: keys.Study, form: NormalForm) -> None:
+    """Raise the `InputError` that the study would raise for its orders."""
+    if not isinstance(study, keys.DomainStudy):
+        for order in study.orders:
+            with located("orders"):
+                IdentityObserver(form, order, 1.0)

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.papers.lie.setup import build_problem, whole
+from reobserve.ledger_types import Job
+from reobserve.papers.lie import keys
+from reobserve.papers.lie.setup import build_problem
 from reobserve.papers.lie.study_rows import Row, forms, summary
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.series import Series
@@ -25,11 +27,10 @@ from reobserve.synthesis.normal_form.solver import solver_for
 
 Array = NDArray[np.float64]
 
-LEAST_DEGREE = 13  # the degree from which on a radius is estimated
 _TURNS = 15  # of the cycle, until the start of z is forgotten
 
 
-def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     """Rows: the boundary of the domain, radii by degree, errors of the series on the cycle.
 
     Raises
@@ -37,14 +38,13 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
     InputError
         If a setting cannot be used.
     """
-    study = settings["study"]
-    form = forms(settings, design)[study["design"]]
+    study = job.study
+    form = forms(job, design)[study.design]
     with located("studies.domain"):
-        degree = whole("degree", study["degree"], LEAST_DEGREE)
-        count = whole("cycle_points", study["cycle_points"], 10)
-        cycle = limit_cycle(form.problem.system, plant["state"][0], study["settle"])
-    body = settings["designs"][study["design"]]
-    problem = build_problem(settings["plant"], body, degree=degree)
+        cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
+    degree, count = study.degree, study.cycle_points
+    body = job.designs[study.design]
+    problem = build_problem(job.plant, body, degree=degree)
     S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
     x = cycle.points(count)
     z = _true_coordinates(problem, cycle, x)
@@ -61,7 +61,7 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
     # f is odd, and so are S and T: every other degree adds nothing.
     rows += [
         summary("S", d, "radius", convergence(S.upto(d)).radius, "1")
-        for d in range(LEAST_DEGREE, degree + 1, 2)
+        for d in range(keys.LEAST_DEGREE, degree + 1, 2)
     ]
     for name, series, at, true in (("S", S, x, z), ("T", form.T, z, x)):
         sums = np.cumsum(series.parts(at), axis=0)

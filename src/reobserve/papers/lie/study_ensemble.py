@@ -6,6 +6,7 @@ All runs are compiled: a plant and its observers over twenty seconds take some m
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -13,17 +14,17 @@ import numpy as np
 
 from reobserve.errors import DivergenceError, located
 from reobserve.grid import multiple
-from reobserve.matrices import as_positive
+from reobserve.ledger_types import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
-from reobserve.papers.lie.setup import build_observer, build_system, whole
+from reobserve.papers.lie.setup import build_observer, build_system
 from reobserve.papers.lie.study_rows import Row, forms
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.series import Series
 
 
-def run(settings: dict[str, Any], _: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     """For each initial state and observer: ``ise`` [s], and ``settled`` and ``diverged`` (0, 1).
 
     The identity form of order k with the series gain is called ``series``; observers of the
@@ -34,16 +35,16 @@ def run(settings: dict[str, Any], _: Series, design: Mapping[str, Any]) -> list[
     InputError
         If a setting cannot be used.
     """
-    study = settings["study"]
+    study = job.study
     with located("studies.ensemble"):
-        step = as_positive("step_size", study["step_size"])
-        steps = multiple("step_size", settings["plant"]["horizon"], step, "the step")
-        axis = np.linspace(-1.0, 1.0, whole("points", study["points"], 2))
-        axis *= as_positive("half_width", study["half_width"])
-    plant = PolynomialPlant(build_system(settings["plant"]))
-    built = _observers(settings, design, step)
-    estimates = [np.array(body["initial_estimate"]) for body in settings["observers"].values()]
-    band = settings["metrics"]["settling_band"]
+        step = study.step_size
+        steps = multiple("step_size", job.plant.horizon, step, "the step")
+        axis = np.linspace(-1.0, 1.0, study.points)
+        axis *= study.half_width
+    plant = PolynomialPlant(build_system(job.plant))
+    built = _observers(job, design, step)
+    estimates = [np.array(body.initial_estimate) for body in job.observers.values()]
+    band = job.metrics.settling_band
     rows = []
     for point in product(axis, repeat=plant.system.states):
         start = np.array(point)
@@ -70,17 +71,17 @@ def run(settings: dict[str, Any], _: Series, design: Mapping[str, Any]) -> list[
 
 
 def _observers(
-    settings: dict[str, Any], design: Mapping[str, Any], step: float
+    job: Job, design: Mapping[str, Any], step: float
 ) -> list[tuple[str, int, NormalFormObserver]]:
-    study = settings["study"]
-    known = forms(settings, design)
+    study = job.study
+    known = forms(job, design)
     found: list[tuple[str, int, NormalFormObserver]] = []
-    for name, body in settings["observers"].items():
+    for name, body in job.observers.items():
         with located(f"observers.{name}"):
-            built = build_observer({**body, "step_size": step}, known[body["design"]])
+            built = build_observer(replace(body, step_size=step), known[body.design])
         found.append((name, built.order, built))
-    for order in study["orders"]:
+    for order in study.orders:
         with located("studies.ensemble.orders"):
-            observer = IdentityObserver(known[study["design"]], whole("order", order, 0), step)
+            observer = IdentityObserver(known[study.design], order, step)
         found.append(("series", order, observer))
     return found

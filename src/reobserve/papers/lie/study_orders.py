@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.ledger_types import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie.observe import observe
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
-from reobserve.papers.lie.setup import build_observer, whole
+from reobserve.papers.lie.setup import build_observer
 from reobserve.papers.lie.study_rows import Row, forms, summary
 from reobserve.series import Series
 from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
@@ -25,40 +26,38 @@ from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 NAN = float("nan")
 
 
-def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> list[Row]:
+def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     """Rows by gain and order, those of the study's observers, and those of the limit cycle."""
-    study, observers = settings["study"], settings["observers"]
-    known = forms(settings, design)
-    form = known[study["design"]]
+    study, observers = job.study, job.observers
+    known = forms(job, design)
+    form = known[study.design]
     with located("studies.orders"):
-        orders = [whole("orders", order, 0) for order in study["orders"]]
-        points = whole("cycle_points", study["cycle_points"], 100)
-        cycle = limit_cycle(form.problem.system, plant["state"][0], study["settle"])
-    where = cycle.points(2 * (points // 2))
+        cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
+    where = cycle.points(2 * (study.cycle_points // 2))
     rows = [
         summary("cycle", 0, "period", cycle.period, "s"),
         summary("cycle", 0, "mean_square_output", _mean_square(form, where), "1"),
     ]
     model = next(iter(observers.values()))
     for gain in GAINS:
-        for order in orders:
+        for order in study.orders:
             with located("studies.orders"):
-                observer = IdentityObserver(form, order, model["step_size"], gain)
-            rows += _errors(settings, plant, gain, order, observer, model["initial_estimate"])
+                observer = IdentityObserver(form, order, model.step_size, gain)
+            rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
             rows.append(_exponent(cycle, where, form, gain, order, gain))
     for name, body in observers.items():
         with located(f"observers.{name}"):
-            other = known[body["design"]]
+            other = known[body.design]
             built = build_observer(body, other)
-        rows += _errors(settings, plant, name, built.order, built, body["initial_estimate"])
+        rows += _errors(job, plant, name, built.order, built, body.initial_estimate)
         rows.append(_exponent(cycle, where, other, "jacobian", built.order, name))
     return rows
 
 
 def _errors(
-    settings: dict[str, Any], plant: Series, name: str, order: int, observer: Any, initial: Any
+    job: Job, plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
-    run, every = observe(observer, initial, settings["plant"], plant)
+    run, every = observe(observer, initial, job.plant, plant)
     step = observer.step_size
     squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
     if run.diverged_at is not None:
@@ -66,7 +65,7 @@ def _errors(
     else:
         error = run.estimate - plant["state"][:: 2 * every]
         squares = integral_of_squares(error, step)
-        settled = settling_time(error, step, settings["metrics"]["settling_band"])
+        settled = settling_time(error, step, job.metrics.settling_band)
     for i, value in enumerate(squares):
         yield summary(name, order, f"ise_{i + 1}", value, "s")
     yield summary(name, order, "ise", float(squares.sum()), "s")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from reobserve.errors import located
+from reobserve.ledger_types import Job
 from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 
@@ -39,14 +40,14 @@ def table(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], dict[int, 
     return found
 
 
-def forms(settings: dict[str, Any], design: Mapping[str, Any]) -> dict[str, NormalForm]:
+def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
     """The normal forms of a study by design: its own as stored, those of its observers anew."""
-    own = settings["study"]["design"]
-    found = {own: stored_form(settings["plant"], settings["designs"][own], design)}
-    for name, body in settings["designs"].items():
+    own = job.study.design
+    found = {own: stored_form(job.plant, job.designs[own], design)}
+    for name, body in job.designs.items():
         if name != own:
             with located(f"designs.{name}"):
-                problem = build_problem(settings["plant"], body)
+                problem = build_problem(job.plant, body)
                 found[name] = normal_form(
                     problem.system, problem.degree, injection=problem.injection
                 )

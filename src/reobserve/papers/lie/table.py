@@ -8,7 +8,9 @@ from fractions import Fraction
 from typing import Any
 
 from reobserve.errors import located
-from reobserve.papers.lie.setup import build_problem, whole
+from reobserve.ledger_types import Settings, read_job
+from reobserve.papers.lie import keys
+from reobserve.papers.lie.setup import build_problem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
@@ -17,7 +19,7 @@ from reobserve.synthesis.normal_form.solver import solver_for
 HEADER = ("component", "term", "exact", "decimal", "computed", "printed", "agrees")
 
 
-def rows(settings: dict[str, Any], design: Mapping[str, Any]) -> list[dict[str, Any]]:
+def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One row a term of T and of its inverse S, up to the degree that the paper prints.
 
     ``exact`` is the rational coefficient, ``decimal`` its value to nine digits, ``computed`` the
@@ -29,13 +31,13 @@ def rows(settings: dict[str, Any], design: Mapping[str, Any]) -> list[dict[str, 
     InputError
         If the injection is resonant.
     """
-    degree = whole("degree", settings["table"]["degree"], 1)
-    with located(f"designs.{settings['table']['design']}"):
-        problem = build_problem(settings["plant"], settings["design"], degree=degree, exact=True)
+    job = read_job(keys.Ledger, settings)
+    degree = job.table.degree
+    with located(f"designs.{job.table.design}"):
+        problem = build_problem(job.plant, job.design, degree=degree, exact=True)
     solver = solver_for(problem)
     printed = {
-        (term["component"], tuple(term["powers"])): term["text"]
-        for term in settings["table"]["printed"]
+        (term["component"], tuple(term["powers"])): term["text"] for term in job.table.printed
     }
     found = []
     for name, variable, solve in (("T", "z", solve_t), ("S", "x", solve_s)):

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive, as_vector
+from reobserve.ledger_types import Job, Settings, named, read_job
+from reobserve.matrices import as_vector
 from reobserve.metrics import Metric
-from reobserve.papers.lie import table
-from reobserve.papers.lie.setup import build_observer, build_problem, stored_form, whole
+from reobserve.papers.lie import keys, table
+from reobserve.papers.lie.setup import build_observer, build_problem, stored_form
 from reobserve.papers.lie.theory_cases import random_problem
 from reobserve.papers.lie.theory_runs import (
     Case,
@@ -45,7 +46,6 @@ from reobserve.synthesis.normal_form.problem import NormalFormProblem, hidden_mo
 from reobserve.synthesis.normal_form.resonance import resonance
 from reobserve.synthesis.normal_form.solver import identity
 
-Settings = dict[str, Any]
 Array = NDArray[np.float64]
 
 TRIANGLES = {"triangle_as_printed": True, "triangle": False}  # whether (22) is read literally
@@ -61,33 +61,30 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
     InputError
         If a value of the ledger cannot be used.
     """
+    job = read_job(keys.Ledger, settings)
     return [
-        *_example(settings, designs["linear"]),
-        *_runs(settings, designs),
-        *_series(settings),
-        *_random_systems(*_cases(settings["theory"])),
-        *_conditions(settings),
+        *_example(job, designs["linear"]),
+        *_runs(job, designs),
+        *_series(job),
+        *_random_systems(job.theory.seed, job.theory.cases, job.theory.case_degree),
+        *_conditions(job),
     ]
 
 
-def _example(settings: Settings, design: Mapping[str, Any]) -> Iterator[Metric]:
+def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 5 and Remark 4.23: eigenvalues, coefficients as printed, and what is imaginary."""
-    theory, body = settings["theory"], settings["designs"]["linear"]
-    problem = build_problem(settings["plant"], body)
+    theory, body = job.theory, job.designs["linear"]
+    problem = build_problem(job.plant, body)
     A, fed = problem.A, problem.A - problem.F
     fastest = max(np.linalg.eigvals(A), key=lambda value: value.imag)
     yield Metric("linear", "eigenvalue_real", float(fastest.real), "1/s")
     yield Metric("linear", "eigenvalue_imaginary", float(fastest.imag), "1/s")
     yield Metric("identity", "largest_real_part", _stability(problem.F + fed), "1/s")
     yield Metric("identity_as_printed", "largest_real_part", _stability(problem.F - fed), "1/s")
-    printed = {
-        "design": "linear",
-        "printed": theory["printed"],
-        "degree": theory["printed_degree"],
-    }
-    rows = table.rows({"plant": settings["plant"], "design": body, "table": printed}, design)
+    printed = keys.Table("linear", theory.printed, theory.printed_degree)
+    rows = table.rows(Job(job.plant, design=body, table=printed), design)
     agrees = [row["agrees"] == "yes" for row in rows if row["printed"]]
-    yield Metric("linear", "coefficients_printed", float(len(theory["printed"])), "1")
+    yield Metric("linear", "coefficients_printed", float(len(theory.printed)), "1")
     yield Metric("linear", "coefficients_agreeing", float(sum(agrees)), "1")
     solver = SchurSolver(problem.F, A)
     solve_s(problem, solver)
@@ -95,45 +92,51 @@ def _example(settings: Settings, design: Mapping[str, Any]) -> Iterator[Metric]:
     yield Metric("linear", "imaginary_part", solver.imaginary, "1")
 
 
-def _runs(settings: Settings, designs: Mapping[str, Any]) -> Iterator[Metric]:
+def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S and T."""
-    theory, plant, observer = settings["theory"], settings["plant"], settings["observers"]
-    injection, order4 = observer["injection"], observer["order4"]
+    theory, plant, observer = job.theory, job.plant, job.observers
+    injection, order4 = (named(observer, name, keys.Observer) for name in ("injection", "order4"))
     forms = {
-        name: stored_form(plant, settings["designs"][name], designs[name])
+        name: stored_form(plant, job.designs[name], designs[name])
         for name in ("linear", "nonlinear")
     }
-    start = as_vector("initial_state", theory["initial_state"], forms["linear"].S.variables)
-    near = as_positive("near_share", theory["near_share"]) * start
-    figure = Case(start, injection["initial_estimate"], plant["horizon"], injection["step_size"])
+    start = as_vector("initial_state", theory.initial_state, forms["linear"].S.variables)
+    near = theory.near_share * start
+    figure = Case(start, injection.initial_estimate, plant.horizon, injection.step_size)
     close = Case(
         near,
-        order4["initial_estimate"],
-        as_positive("near_duration", theory["near_duration"]),
-        order4["step_size"],
+        order4.initial_estimate,
+        theory.near_duration,
+        order4.step_size,
     )
     highest = forms["linear"].problem.degree - 1
     for name, order, case in (
         ("linear", highest, close),
-        ("nonlinear", injection["order"], figure),
+        ("nonlinear", injection.order, figure),
     ):
         form = forms[name]
         yield Metric(name, "deviation", deviation_from_linear(form, order, case), "1")
         yield Metric(name, "form_difference", difference_of_forms(form, order, case), "1")
         yield Metric(name, "inverse_radius", _inverse_radius(form.S), "1")
-    if theory["injection_form"] != "transformed":
-        injection = {**injection, "algorithm": "identity", "gain": theory["injection_form"]}
+    if theory.injection_form != "transformed":
+        injection = keys.Identity(
+            "identity",
+            injection.design,
+            injection.order,
+            theory.injection_form,
+            injection.initial_estimate,
+            injection.step_size,
+        )
     with located("injection_form"):
         error = squared_error(build_observer(injection, forms["nonlinear"]), figure)
     order4_error = squared_error(build_observer(order4, forms["linear"]), figure)
     yield Metric("injection", "ise_ratio", error / order4_error, "1")
 
 
-def _series(settings: Settings) -> Iterator[Metric]:
+def _series(job: Job) -> Iterator[Metric]:
     """Section 4 on the example: Lie transform and direct roads, Lemma 4.17, the triangle (22)."""
-    theory, body = settings["theory"], settings["designs"]["linear"]
-    degree = whole("degree", theory["degree"], 2)
-    exact = build_problem(settings["plant"], body, degree=degree, exact=True)
+    theory, body = job.theory, job.designs["linear"]
+    exact = build_problem(job.plant, body, degree=theory.degree, exact=True)
     roads = Roads(exact)
     yield Metric("linear", "largest_difference", roads.difference(), "1")
     yield Metric("linear", "largest_residual", roads.residual(), "1")
@@ -141,10 +144,10 @@ def _series(settings: Settings) -> Iterator[Metric]:
         wrong = roads.first_wrong_degree(literal=literal)
         yield Metric(name, "first_wrong_degree", wrong, "1")
     A = exact.A.astype(np.float64)
-    highest = whole("spectrum_degree", theory["spectrum_degree"], 2)
+    highest = theory.spectrum_degree
     differences = [spectrum_difference(A, d) for d in range(2, highest + 1)]
     yield Metric("ad", "spectrum_difference", max(differences), "1/s")
-    diagonal = ad_matrix(np.diag(as_vector("poles", theory["poles"], 2)), highest)
+    diagonal = ad_matrix(np.diag(as_vector("poles", theory.poles, 2)), highest)
     yield Metric("ad", "off_diagonal", largest(diagonal - np.diag(diagonal.diagonal())), "1/s")
 
 
@@ -178,23 +181,18 @@ def _random_systems(seed: int, cases: int, degree: int) -> tuple[Metric, ...]:
     )
 
 
-def _cases(theory: Settings) -> tuple[int, int, int]:
-    return (
-        whole("seed", theory["seed"], 0),
-        whole("cases", theory["cases"], 1),
-        whole("case_degree", theory["case_degree"], 3),
-    )
-
-
-def _conditions(settings: Settings) -> Iterator[Metric]:
+def _conditions(job: Job) -> Iterator[Metric]:
     """Remarks 3.7 and 4.19: which condition decides whether there is a transformation."""
-    theory = settings["theory"]
-    degree = whole("case_degree", theory["case_degree"], 3)
-    gain = {"injection": theory["singular_injection"]}
-    singular = build_problem(settings["plant"], gain, degree=degree, exact=True)
+    theory = job.theory
+    degree = theory.case_degree
+    gain = keys.Design(theory.singular_injection, degree)
+    singular = build_problem(job.plant, gain, exact=True)
     dynamics, injection = (
-        PolynomialMap.from_terms(name, theory[name], 1, 1, exact=True)
-        for name in ("regular_dynamics", "regular_injection")
+        PolynomialMap.from_terms(name, terms, 1, 1, exact=True)
+        for name, terms in (
+            ("regular_dynamics", theory.regular_dynamics),
+            ("regular_injection", theory.regular_injection),
+        )
     )
     system = PolynomialSystem(dynamics, PolynomialMap.linear(np.array([[1]], dtype=object)))
     for name, problem in (
@@ -208,12 +206,12 @@ def _conditions(settings: Settings) -> Iterator[Metric]:
     yield Metric("nonresonant", "share", _share_nonresonant(theory), "1")
 
 
-def _share_nonresonant(theory: Settings) -> float:
+def _share_nonresonant(theory: keys.Theory) -> float:
     """Of random real poles for random linear parts of two states, with divisors that are large."""
-    stream = random_stream(whole("seed", theory["seed"], 0), "lie", "poles")
-    basis = monomials(2, whole("printed_degree", theory["printed_degree"], 2))
-    slowest, fastest = as_vector("poles", theory["poles"], 2)
-    choices = whole("choices", theory["choices"], 1)
+    stream = random_stream(theory.seed, "lie", "poles")
+    basis = monomials(2, theory.printed_degree)
+    slowest, fastest = as_vector("poles", theory.poles, 2)
+    choices = theory.choices
     far = 0
     for _ in range(choices):
         F = stream.standard_normal((2, 2))
