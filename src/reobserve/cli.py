@@ -76,6 +76,16 @@ def _add_overview(commands: Any) -> None:
     )
     _project(params)
 
+    check = _command(
+        commands, "check", "stages.check:run", "check ledgers whole, without writing any"
+    )
+    check.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    check.add_argument(
+        "--overrides", type=_tree, default={}, metavar="JSON",
+        help='values to replace, by paper; - reads them from standard input',
+    )  # fmt: skip
+    _project(check)
+
 
 def _add_stages(commands: Any) -> None:
     ledger = _command(
@@ -285,8 +295,8 @@ def _tree(text: str) -> dict[str, Any]:
     import json
 
     try:
-        tree = json.loads(text)
-    except json.JSONDecodeError as error:
+        tree = json.loads(sys.stdin.read() if text == "-" else text)
+    except (ValueError, RecursionError) as error:
         raise argparse.ArgumentTypeError(f"is not JSON: {error}") from None
     if not isinstance(tree, dict):
         raise argparse.ArgumentTypeError("must be a JSON object")

@@ -4,17 +4,46 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 
 Tree = dict[str, Any]
 
+_DEPTH_OF_ENTRIES = 3  # in a ledger: the section, the name, the key
+
+# What may stand in a path, in a pattern of Snakemake's and in a command.
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+
 
 def known_papers(project: Path) -> list[str]:
-    """The papers that have a ledger."""
-    return sorted(path.stem for path in (project / "config" / "papers").glob("*.yaml"))
+    """The papers that have a ledger.
+
+    Raises
+    ------
+    InputError
+        If a ledger's file has a name that is none of a paper.
+    """
+    papers = sorted(path.stem for path in (project / "config" / "papers").glob("*.yaml"))
+    for paper in papers:
+        check_name("config.papers", paper)
+    return papers
+
+
+def check_name(place: str, name: object) -> None:
+    """Refuse a name that could be more than a name where it stands in a path or a command.
+
+    Raises
+    ------
+    InputError
+        If it is anything but a letter, and letters, digits and underscores after it.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise InputError(
+            place, f"{shown(name)} is no name: a letter, then up to 59 letters, digits and _"
+        )
 
 
 def read_yaml(path: Path) -> Tree:
@@ -49,6 +78,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     InputError
         If a key is neither of the schema nor a paper, or a value is not allowed.
     """
+    check_plain(config, "config")
     schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
     known = [*schema["properties"], *papers]
     for key in config:
@@ -57,7 +87,37 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     check_schema(project, "config", config, "config")
     for paper in config["papers"]:
         if paper not in papers:
-            raise InputError("config.papers", f"there is no {paper!r}{nearest(paper, papers)}")
+            raise InputError("config.papers", f"there is no {shown(paper)}{nearest(paper, papers)}")
+    for name in ("seed", "draws"):
+        if isinstance(config[name], float):
+            raise InputError(f"config.{name}", f"{config[name]:g} must be a whole number")
+
+
+def check_plain(tree: Any, place: str, depth: int = 40) -> None:
+    """Refuse what is no plain data, or more of it than a config needs.
+
+    Raises
+    ------
+    InputError
+        With the dotted key of what is too deep, too long or no plain value.
+    """
+    if depth == 0:
+        raise InputError(place, "is nested too deeply")
+    if isinstance(tree, dict | list):
+        if len(tree) > 10_000:
+            raise InputError(place, f"has {len(tree)} items, must have 10000 at most")
+        for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+            if isinstance(tree, dict) and not isinstance(key, str):
+                raise InputError(place, f"has the key {shown(key)}, must be text in quotes")
+            check_plain(value, f"{place}.{str(key)[:100]}", depth - 1)
+    elif isinstance(tree, str):
+        if len(tree) > 10_000:
+            raise InputError(place, f"has {len(tree)} letters, must have 10000 at most")
+    elif isinstance(tree, int | float):
+        if abs(tree) > 2**53 and isinstance(tree, int):
+            raise InputError(place, "is an integer beyond 2^53, must be one that a float holds")
+    elif tree is not None:
+        raise InputError(place, f"is a {type(tree).__name__}, no plain value")
 
 
 def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
@@ -76,7 +136,13 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
     if error is None:
         return
     path = ".".join([place, *map(str, error.absolute_path)])
-    problem = error.message
+    problem = error.message.replace(repr(error.instance), shown(error.instance))
+    if error.validator == "type" and error.validator_value == "object":
+        problem = f"{shown(error.instance)} must be a mapping of keys to values"
+        if name == "paper" and len(error.absolute_path) == _DEPTH_OF_ENTRIES:
+            problem += "; a bare value will do in a branch that says what it is `like`"
+    if error.validator == "pattern":
+        problem = f"{shown(error.instance)} is no name that can stand here, {error.validator_value}"
     if error.validator == "additionalProperties" and isinstance(error.instance, dict):
         known = list(error.schema.get("properties", {}))
         unknown = [key for key in error.instance if key not in known]
@@ -87,6 +153,6 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
 def nearest(key: str, known: Any) -> str:
     """The end of a sentence about an unknown key."""
     names = [str(name) for name in known]
-    close = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(key)[:100], names, n=1, cutoff=0.5)
     listed = ", ".join(names) if names else "none"
     return f"; did you mean {close[0]!r}?" if close else f"; there are: {listed}"

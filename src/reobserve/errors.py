@@ -4,14 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from reprlib import Repr
+from typing import Any
 
-_MOST_SHOWN = 100  # characters of a value that is refused
-_MOST_SAID = 400  # characters of a key, and of what is said of it
+# Characters of a message that a value, a place or a whole sentence may take.
+_VALUE = 100
+_PLACE = 300
+_SENTENCE = 600
 
-_brief = Repr()
-_brief.maxlevel, _brief.maxlist, _brief.maxtuple, _brief.maxdict = 4, 8, 8, 8
-_brief.maxstring = _brief.maxother = _brief.maxlong = _MOST_SHOWN - 2
+
+def one_line(text: object, most: int = _SENTENCE) -> str:
+    """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
+    told = " ".join(str(text).split())
+    if len(told) > most:
+        tail = most // 3
+        told = f"{told[: most - tail - 3]} … {told[-tail:]}"
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in told
+    )
+
+
+def shown(value: Any, most: int = _VALUE) -> str:
+    """A value as a message repeats it: bounded, whatever a user wrote."""
+    try:
+        return one_line(repr(value), most)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
+        return f"a {type(value).__name__} too large to show"
 
 
 class ReobserveError(Exception):
@@ -26,12 +44,13 @@ class InputError(ReobserveError, ValueError):
     parameter
         The parameter, config key or file that is wrong.
     problem
-        What it is, and what is allowed: the rest of the sentence.
+        What it is, and what is allowed: the rest of the sentence. Both are kept to one line and to
+        some hundred characters, whatever of a user's text they repeat.
     """
 
     def __init__(self, parameter: str, problem: str) -> None:
-        self.parameter = shortened(parameter, _MOST_SAID)
-        self.problem = shortened(problem, _MOST_SAID)
+        self.parameter = one_line(parameter, _PLACE)
+        self.problem = one_line(problem)
         super().__init__(f"{self.parameter}: {self.problem}")
 
 
@@ -61,22 +80,3 @@ def located(place: str) -> Iterator[None]:
         raise InputError(f"{place}.{error.parameter}", error.problem) from None
     except DivergenceError as error:
         raise DivergenceError(f"{place} ({error.what})", error.time) from None
-
-
-def shown(value: object) -> str:
-    """``value`` as a message shows it: on one line, and cut in the middle where it is long."""
-    try:
-        return shortened(_brief.repr(value), _MOST_SHOWN)
-    except ValueError:  # a whole number of thousands of digits
-        return f"<{type(value).__name__}>"
-
-
-def shortened(text: str, most: int) -> str:
-    """``text`` on one line, its middle left out where it has more than ``most`` characters."""
-    if len(text) > 10 * most:
-        text = f"{text[: 5 * most]} {text[-5 * most :]}"
-    line = " ".join(text.split()) if "\n" in text or "\r" in text else text
-    if len(line) <= most:
-        return line
-    half = (most - 3) // 2
-    return f"{line[:half]}...{line[-half:]}"

@@ -15,8 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reobserve.config import Tree, check_schema, known_papers, nearest, read_yaml
-from reobserve.errors import InputError
+from reobserve.config import (
+    Tree,
+    check_name,
+    check_plain,
+    check_schema,
+    known_papers,
+    nearest,
+    read_yaml,
+)
+from reobserve.errors import InputError, shown
 from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
@@ -33,6 +41,7 @@ _NAMING = {
     "tables": ("design",),
     "figures": ("scenario", "observers", "study"),
 }
+NAMED_SECTIONS = (*_NAMED.values(), "searches", "tables", "figures")
 # Where the body of a job stands that depends on a scenario and on observers.
 _SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
 
@@ -64,9 +73,11 @@ class Ledger:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
         if overrides:
+            check_plain(overrides, paper)
             tree = lay_over(tree, overrides, paper)
         check_schema(project, "paper", tree, paper)
         ledger = cls(paper, tree, seed)
+        ledger._check_names()
         ledger._check_ranges()
         ledger._check_references()
         return ledger
@@ -189,6 +200,11 @@ class Ledger:
                 entry["value"] /= 2
         return Ledger(self.paper, tree, self.seed)
 
+    def _check_names(self) -> None:
+        for section in NAMED_SECTIONS:
+            for name in self.tree.get(section, {}):
+                check_name(f"{self.paper}.{section}", name)
+
     def _check_ranges(self) -> None:
         for path, entry in self.entries():
             if entry["source"] == OVERRIDDEN or "range" not in entry:
@@ -206,7 +222,7 @@ class Ledger:
                         if wanted not in have:
                             raise InputError(
                                 f"{self.paper}.{section}.{name}",
-                                f"there is no {wanted!r} in {kind}{nearest(wanted, have)}",
+                                f"there is no {shown(wanted)} in {kind}{nearest(wanted, have)}",
                             )
 
 
@@ -270,7 +286,9 @@ def _check_range(place: str, value: Any, allowed: Any) -> None:
         allowed = {"": allowed}
     if "choices" in allowed:
         if value not in allowed["choices"]:
-            raise InputError(place, f"{value!r} must be one of {allowed['choices']}, its range")
+            raise InputError(
+                place, f"{shown(value)} must be one of {shown(allowed['choices'])}, its range"
+            )
         return
     for pattern, (low, high) in allowed.items():
         found = False
@@ -279,6 +297,8 @@ def _check_range(place: str, value: Any, allowed: Any) -> None:
                 found = True
                 if not isinstance(leaf, int | float) or not low <= leaf <= high:
                     where = ".".join((place, *map(str, path)))
-                    raise InputError(where, f"{leaf!r} is outside its range [{low:g}, {high:g}]")
+                    raise InputError(
+                        where, f"{shown(leaf)} is outside its range [{low:g}, {high:g}]"
+                    )
         if not found:
             raise InputError(f"{place}.range", f"{pattern!r} matches nothing in the value")

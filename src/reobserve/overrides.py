@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.config import Tree, nearest
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 
 OVERRIDDEN = "user override"
 
 # Keys whose value is a word, also where it looks like a number.
-_WORDS = ("unit", "source", "why", "label", "title", "file", "column")
+_WORDS = ("unit", "source", "why", "label", "title", "file", "column", "text")
 
 # Sections in which a user may add an entry of his own beside those of the paper.
 _OPEN = ("designs", "scenarios", "observers", "studies", "searches", "tables", "figures")
@@ -36,7 +36,7 @@ def lay_over(tree: Tree, overrides: Tree, paper: str) -> Tree:
 
 def _merge(base: Tree, over: Any, place: str, open_here: bool) -> Tree:
     if not isinstance(over, Mapping):
-        raise InputError(place, f"{over!r} must be a mapping, like the section it overrides")
+        raise InputError(place, f"{shown(over)} must be a mapping, like the section it overrides")
     merged = copy.deepcopy(base)
     for key, value in over.items():
         here = f"{place}.{key}"
@@ -78,7 +78,7 @@ def _override(entry: Tree, value: Any, place: str) -> Tree:
         if key not in ("value", "unit", "source", "why", "range"):
             raise InputError(f"{place}.{key}", f"unknown key{nearest(key, ['value', 'why'])}")
     if value.get("unit", entry["unit"]) != entry["unit"]:
-        raise InputError(f"{place}.unit", f"{value['unit']!r} must be {entry['unit']!r}")
+        raise InputError(f"{place}.unit", f"{shown(value['unit'])} must be {entry['unit']!r}")
     kept = {key: part for key, part in entry.items() if key != "why"}
     return {**kept, "source": OVERRIDDEN, **value}
 
@@ -89,6 +89,6 @@ def _added(siblings: Tree, body: Any, place: str) -> Any:
         return body
     model = str(body["like"])
     if model not in siblings:
-        raise InputError(f"{place}.like", f"there is no {model!r}{nearest(model, siblings)}")
+        raise InputError(f"{place}.like", f"there is no {shown(model)}{nearest(model, siblings)}")
     changes = {key: value for key, value in body.items() if key != "like"}
     return _merge(siblings[model], changes, place, open_here=False)

@@ -24,23 +24,45 @@ def take_build_lock():
 
 
 def write_ledgers():
-    """Write what changed. With overrides, every plant and observer is built once to check them."""
+    """Write the ledgers that changed, once all that changed since its last check is checked."""
+    stamp = PROJECT / ".snakemake" / "checked_ledgers.json"
+    found = {
+        paper: digest([ledger.text(), code_of_check(paper)])
+        for paper, ledger in LEDGERS.items()
+    }
+    known = read_stamp(stamp)
+    changed = [paper for paper in LEDGERS if known.get(paper) != found[paper]]
+    if changed:
+        check_ledgers(changed)
+        write_text(stamp, json.dumps(found))
     for paper, ledger in LEDGERS.items():
         path = PROJECT / ledger_path(paper)
-        if path.exists() and path.read_text(encoding="utf-8") == ledger.text():
-            continue
-        if config.get(paper):
-            check_overrides(paper, path)
-        else:
+        if not path.is_file() or path.read_text(encoding="utf-8") != ledger.text():
             write_text(path, ledger.text())
 
 
-def check_overrides(paper, path):
-    """Write a ledger by the command line, which refuses values that no stage could use."""
-    command = ["-m", "reobserve", "ledger", paper, "--seed", str(config["seed"])]
-    overrides = ["--overrides", json.dumps(config[paper]), "--output", str(path)]
+def code_of_check(paper):
+    parts = [f"reobserve.papers.{paper}.{part}" for part in ("keys", "ledger")]
+    return closure_digest(["reobserve.stages.check", *parts])
+
+
+def read_stamp(path):
+    """What was checked at which digest; nothing if that cannot be read."""
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return {}
+
+
+def check_ledgers(papers):
+    """Build what the ledgers of some papers state, in a process of its own: it loads kernels."""
+    overrides = {paper: config[paper] for paper in papers if paper in config}
+    command = [sys.executable, "-m", "reobserve", "check", "--overrides", "-", "--"]
     done = subprocess.run(
-        [sys.executable, *command, *overrides], capture_output=True, text=True
+        [*command, *papers],
+        input=json.dumps(overrides),
+        capture_output=True,
+        text=True,
     )
     if done.returncode:
-        sys.exit(done.stderr.strip())
+        sys.exit(done.stderr.strip().splitlines()[-1])

@@ -1,5 +1,6 @@
 # What the rules need to know: the checked ledgers, and what each job depends on.
 
+import re
 import shlex
 import sys
 from functools import cache
@@ -9,26 +10,36 @@ from reobserve.errors import ReobserveError
 from reobserve.config import check_config, known_papers, read_yaml
 from reobserve.claims.registry import claims_file, decisive
 from reobserve.ledger import Ledger, digest
+from reobserve.ledger_types import read_ledger
 from reobserve.provenance import code_digest, closure_digest, versions
 from reobserve.signals import sample_files
 
 PROJECT = Path()  # the working directory, as everywhere in Snakemake
 
 # Jobs run what runs Snakemake, also where its environment is not activated. With conda they run
-# what the environment of their rule holds.
+# what the environment of their rule holds. A prefix takes the place of Snakemake's strict mode,
+# so that must be said here: without it the failure of a step before a pipe goes unnoticed.
 if not workflow.deployment_settings.deployment_method:
-    shell.prefix(f"export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; ")
+    shell.prefix(
+        f"set -euo pipefail; export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; "
+    )
 
 
 def load_ledgers():
-    """The ledgers of all papers, with the overrides of this call; one sentence if one is wrong."""
-    papers = known_papers(PROJECT)
+    """The ledgers of all papers, with the overrides of this call; one sentence if one is wrong.
+
+    Every key is checked here, also for a dry run; `write_ledgers` builds what they state.
+    """
     try:
+        papers = known_papers(PROJECT)
         check_config(PROJECT, config, papers)
-        return {
+        ledgers = {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])
             for paper in papers
         }
+        for ledger in ledgers.values():
+            read_ledger(ledger)
+        return ledgers
     except ReobserveError as error:
         sys.exit(f"reobserve: {error}")
 
@@ -111,9 +122,7 @@ def told_in_report():
 
 def report_options():
     """What this call builds, where it may differ from the config."""
-    return (
-        f"--papers {' '.join(config['papers'])} --formats {' '.join(config['formats'])}"
-    )
+    return ["--papers", *config["papers"], "--formats", *config["formats"]]
 
 
 def all_designs(paper):
@@ -129,7 +138,12 @@ def names(section):
     found = {
         name for ledger in LEDGERS.values() for name in ledger.tree.get(section, {})
     }
-    return "|".join(sorted(found)) or "none"
+    return any_of(found) or "none"
+
+
+def any_of(names):
+    """A pattern that matches these names and nothing else."""
+    return "|".join(map(re.escape, sorted(names)))
 
 
 def settings(stage, name, observer=None):
@@ -208,7 +222,7 @@ def named_design(section, wildcard):
 
 
 def design_option(wildcards, input):
-    return f"--design-file {input.design}" if input.design else ""
+    return ["--design-file", input.design] if input.design else []
 
 
 def figure_estimates(wildcards):
@@ -225,7 +239,7 @@ def figure_study(wildcards):
 
 
 def study_option(wildcards, input):
-    return f"--study-file {input.study}" if input.study else ""
+    return ["--study-file", *input.study] if input.study else []
 
 
 def caption_template(wildcards):

@@ -27,8 +27,8 @@ rule theory:
     message:
         "{wildcards.paper}: compute the numbers of the theory"
     shell:
-        "(set -x; reobserve theory {params.ledger} --design-files {input.designs}"
-        " --output {output}) > {log} 2>&1"
+        "(set -x; reobserve theory {params.ledger:q} --design-files {input.designs:q}"
+        " --output {output:q}) > {log:q} 2>&1"
 
 
 rule robustness:
@@ -52,8 +52,8 @@ rule robustness:
     message:
         "{wildcards.paper}: decide the claims over {params.draws} draws of what is left open"
     shell:
-        "(set -x; reobserve robustness {params.ledger} --draws {params.draws}"
-        " {params.flips} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve robustness {params.ledger:q} --draws {params.draws:q}"
+        " {params.flips} --output {output:q}) > {log:q} 2>&1"
 
 
 rule claims:
@@ -80,7 +80,7 @@ rule claims:
     message:
         "decide all claims"
     shell:
-        "(set -x; reobserve claims {params.papers} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve claims {params.papers:q} --output {output:q}) > {log:q} 2>&1"
 
 
 rule report:
@@ -108,7 +108,7 @@ rule report:
     message:
         "write the replication report"
     shell:
-        "(set -x; reobserve report {params.built} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve report {params.built:q} --output {output:q}) > {log:q} 2>&1"
 
 
 # After the report, which shows what is broken: this is what fails then.
@@ -130,4 +130,4 @@ rule verdicts:
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve verdicts {input.claims:q} --output {output:q}) 2>&1 | tee {log:q} >&2"

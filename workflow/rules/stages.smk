@@ -5,7 +5,7 @@
 
 
 wildcard_constraints:
-    paper="|".join(LEDGERS),
+    paper=any_of(LEDGERS),
     scenario=names("scenarios"),
     design=names("designs"),
     observer=names("observers"),
@@ -34,7 +34,7 @@ rule plant:
     message:
         "{wildcards.paper}: simulate the plant, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve plant {params.ledger} {wildcards.scenario} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve plant {params.ledger:q} {wildcards.scenario:q} --output {output:q}) > {log:q} 2>&1"
 
 
 rule design:
@@ -54,7 +54,7 @@ rule design:
     message:
         "{wildcards.paper}: compute the design {wildcards.design}"
     shell:
-        "(set -x; reobserve design {params.ledger} {wildcards.design} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve design {params.ledger:q} {wildcards.design:q} --output {output:q}) > {log:q} 2>&1"
 
 
 rule observe:
@@ -78,8 +78,8 @@ rule observe:
     message:
         "{wildcards.paper}: run the observer {wildcards.observer}, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve observe {params.ledger} {input.plant} {wildcards.observer}"
-        " {params.design} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve observe {params.ledger:q} {input.plant:q} {wildcards.observer:q}"
+        " {params.design:q} --output {output:q}) > {log:q} 2>&1"
 
 
 rule study:
@@ -106,8 +106,8 @@ rule study:
     message:
         "{wildcards.paper}: run the study {wildcards.study}"
     shell:
-        "(set -x; reobserve study {params.ledger} {input.plant} {wildcards.study}"
-        " {params.design} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve study {params.ledger:q} {input.plant:q} {wildcards.study:q}"
+        " {params.design:q} --output {output:q}) > {log:q} 2>&1"
 
 
 # No figure asks for this one: what it found is kept under config/searches, where studies read it.
@@ -130,8 +130,8 @@ rule search:
     message:
         "{wildcards.paper}: search {wildcards.search}, some minutes"
     shell:
-        "(set -x; reobserve search {params.ledger} {input.plant} {wildcards.search}"
-        " --output {output}) 2>&1 | tee {log} >&2"
+        "(set -x; reobserve search {params.ledger:q} {input.plant:q} {wildcards.search:q}"
+        " --output {output:q}) 2>&1 | tee {log:q} >&2"
 
 
 rule table:
@@ -160,8 +160,8 @@ rule table:
     message:
         "{wildcards.paper}: fill {wildcards.table}"
     shell:
-        "(set -x; reobserve table {params.ledger} {wildcards.table} --design-file {input.design}"
-        " --output {output}) > {log} 2>&1"
+        "(set -x; reobserve table {params.ledger:q} {wildcards.table:q} --design-file {input.design:q}"
+        " --output {output:q}) > {log:q} 2>&1"
 
 
 rule metrics:
@@ -192,8 +192,8 @@ rule metrics:
     message:
         "{wildcards.paper}: judge the estimates of {wildcards.figure}"
     shell:
-        "(set -x; reobserve metrics {params.ledger} {wildcards.figure} --plant-file {input.plant}"
-        " --estimate-files {input.estimates} {params.study} --output {output}) > {log} 2>&1"
+        "(set -x; reobserve metrics {params.ledger:q} {wildcards.figure:q} --plant-file {input.plant:q}"
+        " --estimate-files {input.estimates:q} {params.study:q} --output {output:q}) > {log:q} 2>&1"
 
 
 rule plot:
@@ -234,7 +234,7 @@ rule plot:
     message:
         "{wildcards.paper}: draw {wildcards.figure}"
     shell:
-        "(set -x; reobserve plot {params.ledger} {wildcards.figure} --plant-file {input.plant}"
-        " --estimate-files {input.estimates} {params.study} --metrics-file {input.metrics}"
-        " --template {input.template} --caption {output.caption}"
-        " --outputs {params.drawings}) > {log} 2>&1"
+        "(set -x; reobserve plot {params.ledger:q} {wildcards.figure:q} --plant-file {input.plant:q}"
+        " --estimate-files {input.estimates:q} {params.study:q} --metrics-file {input.metrics:q}"
+        " --template {input.template:q} --caption {output.caption:q}"
+        " --outputs {params.drawings:q}) > {log:q} 2>&1"

@@ -10,5 +10,5 @@ onstart:
 onerror:
     if not set(workflow.dag_settings.targets) - {"all"}:
         shell(
-            f"reobserve report {report_options()} --output results/report.html >&2"
+            f"reobserve report {shlex.join(report_options())} --output results/report.html >&2"
         )
