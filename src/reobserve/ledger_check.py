@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
-from reobserve.errors import InputError, located
+from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger import Ledger
-from reobserve.ledger_types import Job, read_ledger
+from reobserve.ledger_types import Job, named, read_ledger
 
 
 def check_ledger(ledger: Ledger) -> None:
@@ -21,8 +23,26 @@ def check_ledger(ledger: Ledger) -> None:
     """
     stated = read_ledger(ledger)
     module = importlib.import_module(f"reobserve.papers.{ledger.paper}.ledger")
-    with located(ledger.paper):
+    with building(ledger.paper):
         module.check(stated)
+
+
+@contextmanager
+def building(place: str) -> Iterator[None]:
+    """`located`, for what is built to see whether it can be.
+
+    Numbers so large or small that they cannot be computed with are refused at ``place``, whatever
+    numpy makes of them.
+    """
+    with located(place), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        except ReobserveError:
+            raise
+        except (ArithmeticError, ValueError, MemoryError) as error:  # LinAlgError is the second
+            problem = f"its numbers are too large or too small to compute with ({error})"
+            raise InputError("values", problem) from None
 
 
 def check_scenarios(ledger: Any, build: Callable[[Job], object]) -> None:
@@ -39,3 +59,33 @@ def check_scenarios(ledger: Any, build: Callable[[Job], object]) -> None:
         except InputError as error:
             key = error.parameter.replace("scenario", f"scenarios.{name}", 1)
             raise InputError(key, error.problem) from None
+
+
+def check_studies(ledger: Any, wanted: Mapping[type, Mapping[str, Any]]) -> None:
+    """Studies have the observers that their method is about, by name and form.
+
+    ``wanted`` holds them by the type of the study.
+    """
+    for name, study in ledger.studies.items():
+        stated = {key: ledger.observers[key] for key in study.observers}
+        with located(f"studies.{name}"):
+            for observer, kind in wanted.get(type(study), {}).items():
+                named(stated, observer, kind)
+
+
+def check_figures(ledger: Any, of_studies: type, wanted: Mapping[str, Mapping[str, Any]]) -> None:
+    """Figures of studies draw one of the method that their layout draws, and know its observers.
+
+    ``wanted`` holds the observers, by name and form, that a layout is about.
+    """
+    for name, figure in ledger.figures.items():
+        if not isinstance(figure, of_studies):
+            continue
+        stated = {key: ledger.observers[key] for key in figure.observers}
+        with located(f"figures.{name}"):
+            method = getattr(ledger.studies[figure.study], "method", figure.layout)
+            if method != figure.layout:
+                problem = f"{figure.study!r} has the method {method}, must have {figure.layout}"
+                raise InputError("study", problem)
+            for observer, kind in wanted.get(figure.layout, {}).items():
+                named(stated, observer, kind)

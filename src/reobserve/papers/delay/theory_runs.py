@@ -42,6 +42,13 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     yield from _noise_of_the_amplitude(job, sine)
 
 
+# The observers that runs beside the figures are about, by name and form.
+NEEDED: dict[str, type] = {
+    **dict.fromkeys((*ORDERS.values(), "order2", "order2_noise"), keys.Extended),
+    "standard_noise": keys.Standard,
+}
+
+
 def record(job: Job, terms: Any, output_noise: float = 0, input_noise: float = 0) -> Any:
     """The pendulum's record under an input; deviations of the noise in rad and N m."""
     scenario = keys.Scenario(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.errors import located
-from reobserve.ledger_check import check_scenarios
+from reobserve.ledger_check import building, check_figures, check_scenarios
 from reobserve.papers.eso import keys, plant
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented
@@ -17,6 +16,7 @@ def check(ledger: keys.Ledger) -> None:
     check_scenarios(ledger, plant.build)
     augmented(ledger.plant, 1.0)  # what can be wrong with the plant is so with any filter
     for name, design in ledger.designs.items():
-        with located(f"designs.{name}"):
+        with building(f"designs.{name}"):
             augmented(ledger.plant, design.filter_rate)
+    check_figures(ledger, keys.DesignsFigure, {})
     check_rules(ledger.metrics, ledger.plant)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from reobserve.figures import STYLES, TRUTH, add_note, new_figure, thin
 from reobserve.ledger_types import Job
 from reobserve.metrics import Metric
+from reobserve.papers.eso import keys
 from reobserve.series import Series
 
 Array = NDArray[np.float64]
@@ -65,10 +66,19 @@ def _note(job: Job) -> str:
     if scenario.noise_power > 0:
         deviation = np.sqrt(scenario.noise_power / plant.hold_period)
         noise = f"noise of {deviation:.3g} rad/s"
+    stated = ",\n".join(dict.fromkeys(map(_gains, job.designs.values())))
     return (
         f"Chosen here: disturbances between {low} and {high}, {noise}, both held for "
-        f"{plant.hold_period:g} s; PI gains by feasibility with decay "
-        f"{job.designs['pi_feasible'].decay:g}/s,\nPD/PI gains of least norm with γ "
-        f"{100 * (job.designs['pd_pi'].factor - 1):.2g} % above its floor. Estimates do "
+        f"{plant.hold_period:g} s; {stated}. Estimates do "
         "not depend on controller or reference."
     )
+
+
+def _gains(design: keys.Design) -> str:
+    """How the gains of an observer came about."""
+    if isinstance(design, keys.Feasible):
+        return f"PI gains by feasibility with decay {design.decay:g}/s"
+    name = "PI" if design.kind == "pi_least_norm" else "PD/PI"
+    if isinstance(design, keys.Bounded):
+        return f"{name} gains with poles not faster than {design.pole_bound:g}/s"
+    return f"{name} gains of least norm with γ {100 * (design.factor - 1):.2g} % above its floor"

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from reobserve.errors import located
 from reobserve.grid import noise_hold
-from reobserve.ledger_check import check_scenarios
+from reobserve.ledger_check import building, check_figures, check_scenarios, check_studies
+from reobserve.ledger_types import named
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
+from reobserve.papers.ilo.theory_runs import NEEDED
+
+_MATCHED = {"continuous": keys.Continuous, "adaptive": keys.Adaptive}
 
 
 def check(ledger: keys.Ledger) -> None:
@@ -14,5 +18,11 @@ def check(ledger: keys.Ledger) -> None:
     noise_hold(ledger.plant)
     check_scenarios(ledger, plant.build)
     for name, observer in ledger.observers.items():
-        with located(f"observers.{name}"):
+        with building(f"observers.{name}"):
             build_observer(ledger.plant, observer)
+    check_studies(ledger, {keys.Matching: _MATCHED})
+    drawn = {**_MATCHED, "matched": keys.Adaptive}
+    check_figures(ledger, keys.MatchingFigure, {"matching": drawn})
+    with located("theory"):
+        for name, kind in NEEDED.items():
+            named(ledger.observers, name, kind)

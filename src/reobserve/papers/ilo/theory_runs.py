@@ -31,6 +31,7 @@ _LEARNING = {
     "continuous": keys.Continuous,
     "forgetting": keys.Continuous,
 }
+NEEDED = {**_LEARNING, "adaptive": keys.Adaptive}  # observers, by name and form
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,9 @@ class _Bench:
     @classmethod
     def of(cls, job: Job) -> _Bench:
         plant = replace(job.plant, noise=0.0)
-        kinds = [*_LEARNING.items(), ("adaptive", keys.Adaptive)]
         built = {
-            name: build_observer(plant, named(job.observers, name, kind)) for name, kind in kinds
+            name: build_observer(plant, named(job.observers, name, kind))
+            for name, kind in NEEDED.items()
         }
         stuck = _record(plant, job.theory.stuck)
         return cls(replace(job, plant=plant), built, stuck)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve.errors import located
-from reobserve.ledger_check import check_scenarios
+from reobserve.ledger_check import building, check_figures, check_scenarios
 from reobserve.ledger_types import Job
 from reobserve.papers.imm import keys, observe, plant, search, theory
 from reobserve.papers.imm.scoring import check_rules
@@ -17,15 +17,16 @@ def check(ledger: keys.Ledger) -> None:
     """Raise the `InputError` that a stage would raise, with the config key of the ledger."""
     check_scenarios(ledger, plant.build)
     for name, observer in ledger.observers.items():
-        with located(f"observers.{name}"):
+        with building(f"observers.{name}"):
             start(observe.build(Job(ledger.plant, observer=observer), PERIOD), observer)
     check_rules(ledger.metrics, ledger.plant.horizon)
     for name, study in ledger.studies.items():
-        with located(f"studies.{name}"):
+        with building(f"studies.{name}"):
             scenario = ledger.scenarios[study.scenario]
             check_study(Job(ledger.plant, scenario=scenario, study=study))
     for name, body in ledger.searches.items():
         with located(f"searches.{name}"):
             search.check(body)
+    check_figures(ledger, keys.StudyFigure, {})
     with located("theory"):
         theory.check(ledger.theory, ledger.observers)

@@ -183,10 +183,19 @@ def _random_systems(seed: int, cases: int, degree: int) -> tuple[Metric, ...]:
 
 def _conditions(job: Job) -> Iterator[Metric]:
     """Remarks 3.7 and 4.19: which condition decides whether there is a transformation."""
-    theory = job.theory
+    for name, problem in conditions(job.plant, job.theory).items():
+        A = problem.A.astype(np.float64)
+        degrees = range(2, problem.degree + 1)
+        sums = [np.min(np.abs(sums_of_eigenvalues(A, degree))) for degree in degrees]
+        yield Metric(name, "smallest_eigenvalue", float(min(sums)), "1/s")
+        yield Metric(name, "solvable", float(solvable(problem)), "1")
+    yield Metric("nonresonant", "share", _share_nonresonant(job.theory), "1")
+
+
+def conditions(plant: keys.Plant, theory: keys.Theory) -> dict[str, NormalFormProblem]:
+    """Problems with a singular and a regular condition; `InputError` for terms that are none."""
     degree = theory.case_degree
     gain = keys.Design(theory.singular_injection, degree)
-    singular = build_problem(job.plant, gain, exact=True)
     dynamics, injection = (
         PolynomialMap.from_terms(name, terms, 1, 1, exact=True)
         for name, terms in (
@@ -195,15 +204,10 @@ def _conditions(job: Job) -> Iterator[Metric]:
         )
     )
     system = PolynomialSystem(dynamics, PolynomialMap.linear(np.array([[1]], dtype=object)))
-    for name, problem in (
-        ("singular", singular),
-        ("regular", NormalFormProblem(system, injection, degree)),
-    ):
-        A = problem.A.astype(np.float64)
-        sums = [np.min(np.abs(sums_of_eigenvalues(A, d))) for d in range(2, degree + 1)]
-        yield Metric(name, "smallest_eigenvalue", float(min(sums)), "1/s")
-        yield Metric(name, "solvable", float(solvable(problem)), "1")
-    yield Metric("nonresonant", "share", _share_nonresonant(theory), "1")
+    return {
+        "singular": build_problem(plant, gain, exact=True),
+        "regular": NormalFormProblem(system, injection, degree),
+    }
 
 
 def _share_nonresonant(theory: keys.Theory) -> float:
