@@ -141,8 +141,8 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
         problem = f"{shown(error.instance)} must be a mapping of keys to values"
         if name == "paper" and len(error.absolute_path) == _DEPTH_OF_ENTRIES:
             problem += "; a bare value will do in a branch that says what it is `like`"
-    if error.validator == "pattern":
-        problem = f"{shown(error.instance)} is no name that can stand here, {error.validator_value}"
+    if error.validator in ("pattern", "oneOf", "maxLength", "not") and "title" in error.schema:
+        problem = f"{shown(error.instance)} must be {error.schema['title']}"
     if error.validator == "additionalProperties" and isinstance(error.instance, dict):
         known = list(error.schema.get("properties", {}))
         unknown = [key for key in error.instance if key not in known]

@@ -73,7 +73,7 @@ def check_studies(ledger: Any, wanted: Mapping[type, Mapping[str, Any]]) -> None
                 named(stated, observer, kind)
 
 
-def check_figures(ledger: Any, of_studies: type, wanted: Mapping[str, Mapping[str, Any]]) -> None:
+def check_figures(ledger: Any, of_studies: Any, wanted: Mapping[str, Mapping[str, Any]]) -> None:
     """Figures of studies draw one of the method that their layout draws, and know its observers.
 
     ``wanted`` holds the observers, by name and form, that a layout is about.
