@@ -6,7 +6,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from reobserve.errors import ReobserveError
+from reobserve.errors import InputError, ReobserveError, shown
 from reobserve.config import check_config, known_papers, read_yaml
 from reobserve.claims.registry import claims_file, decisive
 from reobserve.ledger import Ledger, digest
@@ -39,9 +39,24 @@ def load_ledgers():
         }
         for ledger in ledgers.values():
             read_ledger(ledger)
+            check_files(ledger)
         return ledgers
     except ReobserveError as error:
         sys.exit(f"reobserve: {error}")
+
+
+def check_files(ledger):
+    """Refuse names of files that Snakemake takes for patterns, wherever entries state them."""
+    for key, entry in ledger.entries():
+        files = sample_files(entry["value"])
+        if entry["unit"] == "file":
+            files.append(str(entry["value"]))
+        for file in files:
+            if set(file) & set("{}"):
+                problem = (
+                    f"{shown(file)} has braces in its name, which stand for wildcards"
+                )
+                raise InputError(f"{ledger.paper}.{key}", problem)
 
 
 LEDGERS = load_ledgers()
