@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import difflib
-import json
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError
-
-Tree = dict[str, Any]
+from reobserve.errors import InputError, shown
+from reobserve.files import read_text
+from reobserve.plain_data import Tree, check_plain
 
 
 def known_papers(project: Path) -> list[str]:
@@ -18,27 +17,19 @@ def known_papers(project: Path) -> list[str]:
 
 
 def read_yaml(path: Path) -> Tree:
-    """A YAML file whose top is a mapping.
+    """A YAML file whose top is a mapping: UTF-8, every key once, plain values only.
 
     Raises
     ------
     InputError
-        If the file is missing or no such YAML.
+        If the file is missing or no such YAML, or has more of it than a config needs.
     """
-    import yaml
+    from reobserve.yaml_reader import MOST_BYTES, parse_yaml
 
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(str(path), f"is not YAML: {reason}") from None
+    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
     if not isinstance(tree, dict):
         raise InputError(str(path), "must be a mapping of keys to values")
-    # A YAML alias is one object in several places; here every place has its own.
-    separate: Tree = json.loads(json.dumps(tree))
-    return separate
+    return tree
 
 
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:
@@ -49,6 +40,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     InputError
         If a key is neither of the schema nor a paper, or a value is not allowed.
     """
+    check_plain(config, "config")
     schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
     known = [*schema["properties"], *papers]
     for key in config:
@@ -57,7 +49,8 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     check_schema(project, "config", config, "config")
     for paper in config["papers"]:
         if paper not in papers:
-            raise InputError("config.papers", f"there is no {paper!r}{nearest(paper, papers)}")
+            problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
+            raise InputError("config.papers", problem)
 
 
 def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
@@ -76,7 +69,7 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
     if error is None:
         return
     path = ".".join([place, *map(str, error.absolute_path)])
-    problem = error.message
+    problem = error.message.replace(repr(error.instance), shown(error.instance))
     if error.validator == "additionalProperties" and isinstance(error.instance, dict):
         known = list(error.schema.get("properties", {}))
         unknown = [key for key in error.instance if key not in known]
@@ -87,6 +80,6 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
 def nearest(key: str, known: Any) -> str:
     """The end of a sentence about an unknown key."""
     names = [str(name) for name in known]
-    close = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(key)[:100], names, n=1, cutoff=0.5)
     listed = ", ".join(names) if names else "none"
     return f"; did you mean {close[0]!r}?" if close else f"; there are: {listed}"

@@ -4,6 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
+
+# Characters of a message that a value, a place or a whole sentence may take.
+_VALUE = 100
+_PLACE = 300
+_SENTENCE = 600
+
+
+def one_line(text: object, most: int = _SENTENCE) -> str:
+    """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
+    told = " ".join(str(text).split())
+    if len(told) > most:
+        tail = most // 3
+        told = f"{told[: most - tail - 3]} … {told[-tail:]}"
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in told
+    )
+
+
+def shown(value: Any, most: int = _VALUE) -> str:
+    """A value as a message repeats it: bounded, whatever a user wrote."""
+    try:
+        return one_line(repr(value), most)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
+        return f"a {type(value).__name__} too large to show"
 
 
 class ReobserveError(Exception):
@@ -18,13 +44,14 @@ class InputError(ReobserveError, ValueError):
     parameter
         The parameter, config key or file that is wrong.
     problem
-        What it is, and what is allowed: the rest of the sentence.
+        What it is, and what is allowed: the rest of the sentence. Both are kept to one line and to
+        some hundred characters, whatever of a user's text they repeat.
     """
 
     def __init__(self, parameter: str, problem: str) -> None:
-        super().__init__(f"{parameter}: {problem}")
-        self.parameter = parameter
-        self.problem = problem
+        self.parameter = one_line(parameter, _PLACE)
+        self.problem = one_line(problem)
+        super().__init__(f"{self.parameter}: {self.problem}")
 
 
 class DivergenceError(ReobserveError, ArithmeticError):

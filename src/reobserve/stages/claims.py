@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from reobserve.claims.checks import THEORY
 from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness import Robustness
-from reobserve.claims.robustness_file import from_data
+from reobserve.claims.robustness_file import read_robustness
 from reobserve.claims.table import HEADER, broken_row, row
 from reobserve.errors import InputError
 from reobserve.files import write_table
@@ -37,15 +35,5 @@ def _rows(project: Path, folder: Path) -> list[dict[str, Any]]:
     claims = read_registry(project, ledger).claims
     figures = [*ledger.tree["figures"], *([THEORY] if "theory" in ledger.tree else [])]
     numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in figures}
-    robustness = _read_robustness(folder / "robustness.json")
+    robustness = read_robustness(folder / "robustness.json", ledger.paper)
     return [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
-
-
-def _read_robustness(path: Path) -> dict[str, Robustness]:
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        return {name: from_data(one) for name, one in stored["claims"].items()}
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(str(path), "holds no robustness of claims; build it anew") from None

@@ -8,9 +8,8 @@ import numpy as np
 
 from reobserve.errors import DivergenceError, InputError
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
-from reobserve.papers.eso.setup import augmented
+from reobserve.papers.eso.stored_design import stored_design
 from reobserve.series import Channel, Series
-from reobserve.synthesis.extended_state.system import Gains
 
 
 def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObserver:
@@ -19,13 +18,12 @@ def build(settings: dict[str, Any], design: dict[str, Any]) -> ExtendedStateObse
     Raises
     ------
     InputError
-        If a setting cannot be used.
+        If a setting or the design cannot be used.
     """
     check_algorithm(settings["observer"])
-    system = augmented(settings["plant"], design["filter_rate"])
-    gains = Gains(np.array(design["L"]), np.array(design["Ld"]))
+    system, found = stored_design(settings["plant"], design)
     # Parabolas through the record's value in the middle of each step.
-    return ExtendedStateObserver(system, gains, 2.0 * settings["plant"]["step"], "second")
+    return ExtendedStateObserver(system, found.gains, 2.0 * settings["plant"]["step"], "second")
 
 
 def check_algorithm(observer: dict[str, Any]) -> None:

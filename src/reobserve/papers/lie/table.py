@@ -7,8 +7,8 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from reobserve.errors import located
-from reobserve.papers.lie.setup import build_problem, whole
+from reobserve.errors import InputError, located
+from reobserve.papers.lie.setup import build_problem, stored_form, whole
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
@@ -27,11 +27,15 @@ def rows(settings: dict[str, Any], design: Mapping[str, Any]) -> list[dict[str, 
     Raises
     ------
     InputError
-        If the injection is resonant.
+        If the injection is resonant, or the design is none of this plant.
     """
     degree = whole("degree", settings["table"]["degree"], 1)
     with located(f"designs.{settings['table']['design']}"):
         problem = build_problem(settings["plant"], settings["design"], degree=degree, exact=True)
+    form = stored_form(settings["plant"], settings["design"], design)
+    computed = {"S": form.S, "T": form.T}
+    if degree > form.problem.degree:
+        raise InputError("degree", f"{degree} is beyond that of the design, {form.problem.degree}")
     solver = solver_for(problem)
     printed = {
         (term["component"], tuple(term["powers"])): term["text"]
@@ -49,7 +53,7 @@ def rows(settings: dict[str, Any], design: Mapping[str, Any]) -> list[dict[str, 
                     "term": _term(variable, powers),
                     "exact": str(value),
                     "decimal": f"{float(value):.9g}",
-                    "computed": f"{design[name][component][place]:.9g}",
+                    "computed": f"{computed[name].coefficients[component][place]:.9g}",
                     "printed": text,
                     "agrees": _agrees(value, text),
                 }
