@@ -8,7 +8,9 @@ from typing import Any
 
 from reobserve.errors import InputError, shown
 from reobserve.files import read_text
-from reobserve.plain_data import Tree, check_plain
+from reobserve.plain_data import check_plain
+
+Tree = dict[str, Any]
 
 
 def known_papers(project: Path) -> list[str]:

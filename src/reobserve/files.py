@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
+from reobserve.units import is_unit
 
 MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
 
@@ -214,10 +215,14 @@ def _number(cell: str) -> float:
 
 _NUMBER = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", re.ASCII)
 
+_NO_SCORE = ("nan", "inf", "-inf")  # of what does not exist, or diverged
+
 NUMBER = Kind(lambda cell: math.isfinite(_number(cell)), "a finite number")
-SCORE = Kind(lambda cell: cell == "nan" or NUMBER.allows(cell), "a finite number or nan")
+SCORE = Kind(lambda cell: cell in _NO_SCORE or NUMBER.allows(cell), "a number, nan or inf")
 GAP = Kind(lambda cell: not cell or NUMBER.allows(cell), "a finite number or empty")
 WHOLE = Kind(lambda cell: re.fullmatch(r"-?\d{1,15}", cell, re.ASCII) is not None, "a whole number")
+COUNT = Kind(lambda cell: not cell or WHOLE.allows(cell), "a whole number or empty")
+UNIT = Kind(is_unit, "a unit")
 NAME = Kind(lambda cell: bool(cell.strip()) and cell.isprintable(), "a name")
 YES_NO = Kind(lambda cell: cell in ("yes", "no"), "yes or no")
 

@@ -8,14 +8,22 @@ from typing import Any
 from reobserve.claims.checks import Numbers
 from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Flip, Robustness, holds
-from reobserve.claims.verdicts import BROKEN, verdict
+from reobserve.claims.verdicts import BROKEN, VERDICTS, verdict
 from reobserve.errors import InputError
+from reobserve.files import COUNT, GAP, NAME, Kind
 from reobserve.ledger import Ledger, leaves
 
 HEADER = (
     "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
     "figures", "hangs_on", "draws", "held", "share", "low", "high", "flip", "problem",
 )  # fmt: skip
+
+
+# A broken claim has a problem and nothing else; what hangs on nothing was not drawn.
+KINDS = {
+    "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
+    "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+}  # fmt: skip
 
 
 def row(

@@ -117,20 +117,9 @@ def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> lis
     return [read_design(path, (ledger.paper, wanted))]
 
 
-def read_estimates(observers: list[str], paths: list[Path]) -> dict[str, Series]:
-    """The estimates of a figure by observer, from the files in the same order.
-
-    Raises
-    ------
-    InputError
-        If there are more or fewer files than observers, or one cannot be read.
-    """
-    if len(paths) != len(observers):
-        wanted = ", ".join(observers)
-        raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")
-    return {name: Series.read(path) for name, path in zip(observers, paths, strict=True)}
-
-
 def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
     """The rows of a figure's study; None for a figure without one."""
-    return None if path is None else read_table(path, paper_module(paper, "study").HEADER)
+    if path is None:
+        return None
+    module = paper_module(paper, "study")
+    return read_table(path, module.HEADER, module.KINDS)

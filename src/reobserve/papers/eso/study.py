@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located
+from reobserve.files import NAME, NUMBER, SCORE, UNIT, YES_NO
 from reobserve.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import plant as plant_stage
@@ -23,6 +24,10 @@ from reobserve.series import Channel, Series
 from reobserve.synthesis.extended_state.deviation import held_deviation
 
 HEADER = ("kind", "filter_rate", "choice", "level", "unique", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("kind", "choice", "quantity"), NAME),
+    "filter_rate": NUMBER, "level": NUMBER, "unique": YES_NO, "value": SCORE, "unit": UNIT,
+}  # fmt: skip
 
 Row = dict[str, Any]
 

@@ -94,7 +94,7 @@ class KeptSearch:
 @dataclass(frozen=True)
 class _Stored:
     search: KeptSearch
-    provenance: dict[str, Any]
+    provenance: dict[str, Any] | None = None
 
 
 def read_kept(path: Path) -> KeptSearch:

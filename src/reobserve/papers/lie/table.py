@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from reobserve.errors import InputError, located
+from reobserve.files import GAP, NAME, NUMBER
 from reobserve.papers.lie.setup import build_problem, stored_form, whole
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
@@ -15,6 +16,9 @@ from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
 
 HEADER = ("component", "term", "exact", "decimal", "computed", "printed", "agrees")
+KINDS = {
+    "component": NAME, "term": NAME, "decimal": NUMBER, "computed": NUMBER, "printed": GAP,
+}  # fmt: skip
 
 
 def rows(settings: dict[str, Any], design: Mapping[str, Any]) -> list[dict[str, Any]]:
