@@ -156,7 +156,12 @@ class Series:
         told = json.dumps(about, allow_nan=False).encode()
         digest = _digest(told, columns).encode()
         table = table.replace_schema_metadata({_KEY: told, _DIGEST: digest})
-        write_whole(path, lambda partial: parquet.write_table(table, partial, use_dictionary=False))
+
+        def write(partial: Path) -> None:
+            with partial.open("wb") as stream:  # not every path can be spelled for Arrow
+                parquet.write_table(table, stream, use_dictionary=False)
+
+        write_whole(path, write)
 
     @classmethod
     def read(cls, path: str | Path) -> Series:

@@ -10,7 +10,8 @@ from reobserve.claims.checks import THEORY
 from reobserve.claims.registry import read_registry
 from reobserve.claims.robustness_file import read_robustness
 from reobserve.claims.table import HEADER, broken_row, row
-from reobserve.errors import InputError
+from reobserve.config import known_papers, nearest
+from reobserve.errors import InputError, shown
 from reobserve.files import write_table
 from reobserve.ledger import Ledger
 from reobserve.metrics import lookup, read_metrics
@@ -20,9 +21,17 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
     """Decide and write: from the numbers of each figure, the theory's and the robustness.
 
     A claim or a registry that is wrong gets a row that says what is wrong with it.
+
+    Raises
+    ------
+    InputError
+        If there is no paper of a name.
     """
     rows: list[dict[str, Any]] = []
+    known = known_papers(project)
     for name in paper:
+        if name not in known:
+            raise InputError("paper", f"there is no {shown(name)}{nearest(name, known)}")
         try:
             rows += _rows(project, results / name)
         except InputError as error:

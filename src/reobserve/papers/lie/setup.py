@@ -99,8 +99,8 @@ def stored_form(plant: Settings, design: Settings, series: Mapping[str, Any]) ->
         raise InputError("design.monomials", f"are not those up to degree {basis.degree}")
     S, T = (PolynomialMap(basis, rows) for rows in (stored.S, stored.T))
     gain = PolynomialMap(S.jacobian().basis, stored.gain)
-    states, outputs = problem.system.states, problem.system.outputs
-    for name, rows in (("S", states), ("T", states), ("gain", states * outputs)):
+    states = problem.system.states
+    for name, rows in (("S", states), ("T", states), ("gain", states * states)):
         found = len(getattr(stored, name))
         if found != rows:
             raise InputError(f"design.{name}", f"has {found} rows, must have {rows}")
