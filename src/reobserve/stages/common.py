@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError, located, shown
+from reobserve.errors import InputError, ReobserveError, located, shown
 from reobserve.files import read_table
 from reobserve.ledger import Ledger, digest
 from reobserve.plain_data import read_json
@@ -115,6 +117,26 @@ def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> lis
     if wanted is None:
         raise InputError("--design-file", "is given, but the ledger names no design here")
     return [read_design(path, (ledger.paper, wanted))]
+
+
+@contextmanager
+def rows_from(study: Path | None) -> Iterator[None]:
+    """What a figure misses among the rows of its study is a fault of that file.
+
+    Each row has been checked by itself; which rows there must be, only who asks for them knows.
+
+    Raises
+    ------
+    InputError
+        With the name of the file, in place of what says that something is not there.
+    """
+    try:
+        yield
+    except (LookupError, ValueError) as error:
+        if study is None or isinstance(error, ReobserveError):
+            raise
+        problem = f"has not the rows that the figure needs ({error}); run the study anew"
+        raise InputError(str(study), problem) from error
 
 
 def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from reobserve.errors import located
 from reobserve.ledger import Ledger
 from reobserve.metrics import write_metrics
-from reobserve.stages.common import paper_module, read_study
+from reobserve.stages.common import paper_module, read_study, rows_from
 from reobserve.stages.records import read_estimates, read_record
 
 
@@ -26,6 +26,6 @@ def run(
     estimates = read_estimates(settings["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "metrics")
-    with located(ledger.paper):
+    with located(ledger.paper), rows_from(study_file):
         found = module.measure(settings, plant, estimates, study)
     write_metrics(output, found)

@@ -10,7 +10,7 @@ from reobserve.figures import fix_layout, save
 from reobserve.files import write_text
 from reobserve.ledger import Ledger
 from reobserve.metrics import read_metrics
-from reobserve.stages.common import paper_module, read_study
+from reobserve.stages.common import paper_module, read_study, rows_from
 from reobserve.stages.records import read_estimates, read_record
 
 
@@ -34,7 +34,7 @@ def run(
     estimates = read_estimates(settings["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "plot")
-    with located(f"{ledger.paper}.figures.{figure}"):
+    with located(f"{ledger.paper}.figures.{figure}"), rows_from(study_file):
         drawing = module.draw(settings, plant, estimates, study, metrics)
     fix_layout(drawing)
     for output in outputs:
