@@ -132,7 +132,8 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     assert written[4] == "`ilo`"
     assert written[6].count("tests/reference/ilo/fig") == 2 * 5
     assert written[8].startswith("| `fig1`: 1 reproduced | `fig2`: decides no claim |")
-    rows.append(dict.fromkeys(HEADER, "") | {"paper": "b", "verdict": "broken", "problem": "No x."})
+    wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
+    rows.append(dict.fromkeys(HEADER, "") | wrong)
     write_table(tmp_path / "claims.csv", rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
         count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md", ROOT)

@@ -89,7 +89,7 @@ def read_pixels(path: Path) -> Pixels:
                 )
             drawing = image.convert("RGBA")
     except UnidentifiedImageError:
-        raise InputError(str(path), "is no PNG") from None
+        raise InputError(str(path), "is no picture") from None
     except InputError:
         raise
     except (*_DAMAGED, Image.DecompressionBombError) as error:
