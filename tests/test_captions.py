@@ -40,7 +40,7 @@ def test_templates_share_parts(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('{{ value("sampled", "rms") }}', r"asks for the metric \('sampled', 'rms'\)"),
+        ('{{ value("sampled", "rms") }}', "asks for a metric: there is no 'rms' of 'sampled'"),
         ("{{ plant.inertia }}", "cannot be filled: 'plant' is undefined"),
         ("{% if %}", "cannot be filled"),
     ],

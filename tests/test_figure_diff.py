@@ -34,7 +34,7 @@ from .browser import browser  # noqa: F401
 from .pipeline.conftest import ROOT
 
 TREE = {
-    **{name: {} for name in ("plant", "metrics", "theory")},
+    **{name: {} for name in ("about", "plant", "metrics", "theory")},
     "scenarios": {"slow": {}},
     "designs": {"gains": {}},
     "observers": {"watch": {"design": "gains"}},
@@ -45,7 +45,7 @@ TREE = {
 }  # fmt: skip
 LEDGER = Ledger("made", TREE, 0)
 TIME = np.arange(41) * 0.05
-TABLE = SimpleNamespace(HEADER=("term", "value"))
+TABLE = SimpleNamespace(HEADER=("term", "value"), KINDS={})
 
 
 @dataclass
@@ -263,7 +263,11 @@ KEPT, BUILT = "tests/golden/made", "results/made"
         (remove(f"{KEPT}/fig1.tolerances.csv"), {"fig1": "gap"}, "cannot be read (No such file"),
         (corrupt(f"{KEPT}/table1.csv", "a,b\n"), {"table1": "gap"}, "has the columns ['a', 'b']"),
         (corrupt(f"{KEPT}/theory.metrics.csv", "x"), {"theory": "gap"}, "has the columns ['x']"),
-        (rewrite_metric("half"), {"fig1": "gap"}, "fig1.metrics.csv: is damaged"),
+        (
+            rewrite_metric("half"),
+            {"fig1": "gap"},
+            "fig1.metrics.csv: line 2, value: 'half' must be a number",
+        ),
         (
             corrupt(f"{BUILT}/slow/watch.parquet", "no"),
             {"fig1": "gap", "fig2": "gap"},
@@ -272,7 +276,7 @@ KEPT, BUILT = "tests/golden/made", "results/made"
         (
             corrupt(f"{BUILT}/ledger.json", "{"),
             {"fig1": "gap", "fig2": "gap"},
-            "ledger.json: is no ledger",
+            "ledger.json: is not JSON",
         ),
     ],
 )
@@ -310,7 +314,7 @@ def test_numbers_within_tolerance_are_quiet(project: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (corrupt("tests/reference/versions.json", "[]"), "versions.json: is damaged"),
+        (corrupt("tests/reference/versions.json", "[]"), "versions.json: must be a mapping"),
         (remove("tests/reference/versions.json"), "versions.json: cannot be read"),
         (lambda project: shutil.rmtree(project / "results"), "there is no folder results"),
     ],

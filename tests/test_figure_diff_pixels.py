@@ -180,5 +180,5 @@ def test_another_size_and_a_missing_file_are_named(reference: Path, tmp_path: Pa
     assert str(caught.value) == (
         f"ilo fig1: has {width} x {height - 8} pixels, the reference figure has {width} x {height}"
     )
-    with pytest.raises(InputError, match=r"none\.png: there is no such file"):
+    with pytest.raises(InputError, match=r"none\.png: cannot be read"):
         read_pixels(tmp_path / "none.png")

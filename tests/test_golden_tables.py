@@ -31,7 +31,7 @@ class Rows(Evaluator):
 
 @pytest.fixture
 def kept_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    module = SimpleNamespace(HEADER=HEADER)
+    module = SimpleNamespace(HEADER=HEADER, KINDS={})
     monkeypatch.setattr(golden_tables, "paper_module", lambda paper, stage: module)
     golden_tables.write(Rows(*GOLDEN), "table1", tmp_path)
     return tmp_path

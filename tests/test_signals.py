@@ -510,7 +510,7 @@ def test_the_place_of_a_bad_term_is_named() -> None:
 
 BAD_TABLES = [
     ("time,torque\n0,1\n1,nan\n2,3\n", r"column 'torque', row 2 is nan, must be a finite number$"),
-    ("time,torque\n0,1\n1,\n2,3\n", r"column 'torque', row 2 is nan, must be a finite number$"),
+    ("time,torque\n0,1\n1,\n2,3\n", r"column 'torque', row 2 is empty, must be a number$"),
     ("time,torque\n0,1\n1,2\n2,inf\n", r"column 'torque', row 3 is inf, must be"),
     ("time,torque\nnan,1\n1,2\n", r"column 'time', row 1 is nan, must be a finite number$"),
     ("time,force\n0,1\n1,2\n", r"has no column 'torque', only time, force$"),
@@ -518,9 +518,9 @@ BAD_TABLES = [
     ("time,torque\n0,1\n2,2\n2,3\n", r"times must increase, over two rows or more$"),
     ("time,torque\n1,1\n0,2\n", r"times must increase, over two rows or more$"),
     ("time,torque\n0,1\n", r"times must increase, over two rows or more$"),
-    ("time,torque\n0,1\n1,high\n", r"cannot be read \(.*high.*\)$"),
+    ("time,torque\n0,1\n1,high\n", r"column 'torque', row 2 is 'high', must be a number$"),
     ("time,torque\n0,1\n1\n", r"cannot be read \(.*\)$"),
-    ("time,torque,torque\n0,1,1\n1,2,2\n", r"cannot be read \(.*torque.* 2 times.*\)$"),
+    ("time,torque,torque\n0,1,1\n1,2,2\n", r"has the column 'torque' twice$"),
     ("", r"cannot be read \(.*\)$"),
 ]
 
@@ -536,7 +536,9 @@ def test_bad_tables_are_refused_by_file_and_place(tmp_path: Path, text: str, sen
 
 
 def test_bad_files_are_refused(tmp_path: Path, record: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere.csv: cannot be read \(.*nowhere.csv.*\)$"):
+    with pytest.raises(
+        InputError, match=r"nowhere.csv: cannot be read \(No such file or directory\)$"
+    ):
         parse(samples(tmp_path / "nowhere.csv"))
     with pytest.raises(InputError, match=r"torque.txt: must be a .csv or a .parquet file$"):
         parse(samples(tmp_path / "torque.txt"))

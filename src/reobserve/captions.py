@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError
+from reobserve.files import read_text
 from reobserve.metrics import Metric, lookup
 
 
@@ -31,15 +32,13 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
     )
     environment.filters.update(digits=_digits, percent=_percent, milli=_milli)
     numbers = lookup(metrics)
+    text = read_text(template)
     try:
-        text = template.read_text(encoding="utf-8")
         rendered = environment.from_string(text).render(
             **settings, value=lambda observer, metric: numbers[observer, metric]
         )
-    except OSError as error:
-        raise InputError(str(template), f"cannot be read ({error.strerror})") from None
-    except KeyError as error:
-        raise InputError(str(template), f"asks for the metric {error.args[0]}") from None
+    except InputError as error:
+        raise InputError(str(template), f"asks for a metric: {error.problem}") from None
     except jinja2.TemplateError as error:
         raise InputError(str(template), f"cannot be filled: {error.message}") from None
     paragraphs = [" ".join(paragraph.split()) for paragraph in rendered.split("\n\n")]

@@ -6,14 +6,19 @@ Sub-commands are imported when they are called: a short job pays for what it use
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from reobserve.errors import ReobserveError
+from reobserve.errors import InputError, ReobserveError, one_line, shown
+
+_MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
+_FORMATS = ("pdf", "svg", "png")
 
 _EXAMPLES = """\
 the pipeline, by hand:
@@ -30,22 +35,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Before numpy is imported: sums over several BLAS threads may round differently each time.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A terminal that has no letter for a name is shown its code.
+        sys.stdout.reconfigure(errors="backslashreplace")
     options = vars(_parser().parse_args(arguments))
     module, function = options.pop("run").split(":")
     try:
         getattr(importlib.import_module(f"reobserve.{module}"), function)(**options)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except ReobserveError as error:
-        print(f"reobserve: {error}", file=sys.stderr)
+        print(f"reobserve: {one_line(error, _MOST_SAID)}", file=sys.stderr)
         return 1
     except BrokenPipeError:
-        sys.stderr.close()
+        _forget_output()
+    except OSError as error:  # files have their own sentences: this is standard output
+        _forget_output()
+        place = error.filename or "standard output"
+        print(f"reobserve: {place}: cannot be written ({error.strerror})", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
     return 0
 
 
+def _forget_output() -> None:
+    """Let what standard output did not take go nowhere when the interpreter flushes it at exit."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with an argument on one line, however long the argument is."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(one_line(message))
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="reobserve",
         description="State and fault observers from five papers: run a stage, or look around.",
         epilog=_EXAMPLES,
@@ -96,7 +124,7 @@ def _add_stages(commands: Any) -> None:
         "--overrides", type=_tree, default={}, metavar="JSON",
         help='values to replace, as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
-    ledger.add_argument("--seed", type=int, default=0, help="root of the random streams")
+    ledger.add_argument("--seed", type=_whole(0), default=0, help="root of the random streams")
     _output(ledger, "the ledger, JSON")
     _project(ledger)
 
@@ -170,7 +198,9 @@ def _add_evidence(commands: Any) -> None:
         "decide a paper's claims over draws of what it leaves open",
     )  # fmt: skip
     _ledger_file(robustness)
-    robustness.add_argument("--draws", type=int, required=True, help="for each claim")
+    robustness.add_argument(
+        "--draws", type=_whole(1, 1_000_000), required=True, help="for each claim"
+    )
     robustness.add_argument(
         "--no-flips", dest="flips", action="store_false",
         help="do not look for the smallest change that turns a claim over, which takes longest",
@@ -197,8 +227,15 @@ def _add_evidence(commands: Any) -> None:
         commands, "report", "replication_report:report_command",
         "the replication report of what is built, gaps shown",
     )  # fmt: skip
-    for name, text in (("papers", "papers that are built"), ("formats", "formats of figures")):
-        report.add_argument(f"--{name}", nargs="+", help=f"{text} (default: those of the config)")
+    default = "(default: those of the config)"
+    report.add_argument("--papers", nargs="+", help=f"papers that are built {default}")
+    report.add_argument(
+        "--formats",
+        nargs="+",
+        choices=_FORMATS,
+        metavar="FORMAT",
+        help=f"formats of figures {default}",
+    )
     _output(report, "the page, HTML")
     _project(report)
 
@@ -248,7 +285,9 @@ def _add_figure_diff(commands: Any) -> None:
     )  # fmt: skip
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
     for command in (diff, accept):
-        command.add_argument("--cores", type=int, default=2, help="to build with (default: 2)")
+        command.add_argument(
+            "--cores", type=_whole(1), default=2, help="to build with (default: 2)"
+        )
         _project(command)
 
 
@@ -292,12 +331,27 @@ def _figure_inputs(command: argparse.ArgumentParser) -> None:
 
 
 def _tree(text: str) -> dict[str, Any]:
-    import json
+    from reobserve.plain_data import parse_json
 
     try:
-        tree = json.loads(sys.stdin.read() if text == "-" else text)
-    except (ValueError, RecursionError) as error:
-        raise argparse.ArgumentTypeError(f"is not JSON: {error}") from None
+        tree = parse_json(sys.stdin.read() if text == "-" else text, "the overrides")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
     if not isinstance(tree, dict):
         raise argparse.ArgumentTypeError("must be a JSON object")
     return tree
+
+
+def _whole(least: int, most: int = 2**53) -> Callable[[str], int]:
+    """A parser of whole numbers; left out, ``most`` is what a float can count to."""
+
+    def parse(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or len(text) > 16:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        number = int(text)
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        return number
+
+    allowed = f"a whole number from {least} to {most}"
+    return parse

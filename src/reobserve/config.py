@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, shown
+from reobserve.files import read_text
+from reobserve.plain_data import check_plain
 
 Tree = dict[str, Any]
 
@@ -47,27 +48,19 @@ def check_name(place: str, name: object) -> None:
 
 
 def read_yaml(path: Path) -> Tree:
-    """A YAML file whose top is a mapping.
+    """A YAML file whose top is a mapping: UTF-8, every key once, plain values only.
 
     Raises
     ------
     InputError
-        If the file is missing or no such YAML.
+        If the file is missing or no such YAML, or has more of it than a config needs.
     """
-    import yaml
+    from reobserve.yaml_reader import MOST_BYTES, parse_yaml
 
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(str(path), f"is not YAML: {reason}") from None
+    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
     if not isinstance(tree, dict):
         raise InputError(str(path), "must be a mapping of keys to values")
-    # A YAML alias is one object in several places; here every place has its own.
-    separate: Tree = json.loads(json.dumps(tree))
-    return separate
+    return tree
 
 
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:
@@ -87,37 +80,11 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     check_schema(project, "config", config, "config")
     for paper in config["papers"]:
         if paper not in papers:
-            raise InputError("config.papers", f"there is no {shown(paper)}{nearest(paper, papers)}")
+            problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
+            raise InputError("config.papers", problem)
     for name in ("seed", "draws"):
         if isinstance(config[name], float):
             raise InputError(f"config.{name}", f"{config[name]:g} must be a whole number")
-
-
-def check_plain(tree: Any, place: str, depth: int = 40) -> None:
-    """Refuse what is no plain data, or more of it than a config needs.
-
-    Raises
-    ------
-    InputError
-        With the dotted key of what is too deep, too long or no plain value.
-    """
-    if depth == 0:
-        raise InputError(place, "is nested too deeply")
-    if isinstance(tree, dict | list):
-        if len(tree) > 10_000:
-            raise InputError(place, f"has {len(tree)} items, must have 10000 at most")
-        for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
-            if isinstance(tree, dict) and not isinstance(key, str):
-                raise InputError(place, f"has the key {shown(key)}, must be text in quotes")
-            check_plain(value, f"{place}.{str(key)[:100]}", depth - 1)
-    elif isinstance(tree, str):
-        if len(tree) > 10_000:
-            raise InputError(place, f"has {len(tree)} letters, must have 10000 at most")
-    elif isinstance(tree, int | float):
-        if abs(tree) > 2**53 and isinstance(tree, int):
-            raise InputError(place, "is an integer beyond 2^53, must be one that a float holds")
-    elif tree is not None:
-        raise InputError(place, f"is a {type(tree).__name__}, no plain value")
 
 
 def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:

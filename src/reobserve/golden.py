@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation, Evaluator
-from reobserve.files import read_table, write_table
-from reobserve.metrics import Metric
+from reobserve.files import NAME, NUMBER, UNIT, read_table, write_table
+from reobserve.metrics import KEY, KINDS, Metric
 from reobserve.series import Channel, Series
 
 Array = NDArray[np.float64]
@@ -44,6 +44,7 @@ _SOLVED = {"eso": 1e-6}
 
 _METRIC_HEADER = ("observer", "metric", "value", "unit", "tolerance", "reason")
 _TOLERANCE_HEADER = ("column", "unit", "tolerance", "reason")
+_TOLERANCE_KINDS = {"column": NAME, "unit": UNIT, "tolerance": NUMBER}
 
 
 @dataclass(frozen=True)
@@ -230,13 +231,14 @@ def _same_names(path: Path, golden: Any, found: Any) -> None:
 def read_series(golden: Path, figure: str) -> tuple[dict[str, Array], dict[str, float]]:
     """The golden columns of a figure, and their tolerances; raises as `compare`."""
     path = golden / f"{figure}.tolerances.csv"
-    rows = read_table(path, _TOLERANCE_HEADER)
-    tolerances = {row["column"]: _number(path, row["tolerance"]) for row in rows}
-    path = golden / f"{figure}.series.csv"
-    table = read_table(path, ["time", *tolerances])
+    rows = read_table(path, _TOLERANCE_HEADER, _TOLERANCE_KINDS, ["column"])
+    tolerances = {row["column"]: float(row["tolerance"]) for row in rows}
+    path, header = golden / f"{figure}.series.csv", ["time", *tolerances]
+    table = read_table(path, header, dict.fromkeys(header, NUMBER), ["time"])
+    if not table:
+        raise InputError(str(path), "has no rows")
     columns = {
-        name: np.array([_number(path, row[name]) for row in table], dtype=np.float64)
-        for name in tolerances
+        name: np.array([float(row[name]) for row in table], dtype=np.float64) for name in tolerances
     }
     return columns, tolerances
 
@@ -245,15 +247,8 @@ def _read_metrics(golden: Path, figure: str) -> dict[str, tuple[float, float]]:
     path = golden / f"{figure}.metrics.csv"
     return {
         f"{row['observer']}:{row['metric']}": (
-            _number(path, row["value"]),
-            _number(path, row["tolerance"]),
+            float(row["value"]),
+            float(row["tolerance"]),
         )
-        for row in read_table(path, _METRIC_HEADER)
+        for row in read_table(path, _METRIC_HEADER, {**KINDS, "tolerance": NUMBER}, KEY)
     }
-
-
-def _number(path: Path, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(str(path), f"holds {text!r} where a number must be") from None

@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from reobserve.claims.table import HEADER
+from reobserve.claims.table import HEADER, KINDS
 from reobserve.errors import InputError
 from reobserve.files import read_table, write_table
 from reobserve.golden_tables import OtherCell
 
 _COMPARED = ("verdict", "holds")
-_HEADER = ("paper", "claim", *_COMPARED)
+_KEY = ("paper", "claim")
+_HEADER = (*_KEY, *_COMPARED)
+_KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
 _NONE = "none"
 
 Verdicts = dict[str, dict[str, dict[str, str]]]  # by paper and claim: verdict, and holds
@@ -29,12 +31,12 @@ def golden_file(project: Path) -> Path:
 
 def read_golden(project: Path) -> Verdicts:
     """What was accepted; `InputError` if the file is missing or damaged."""
-    return _by_paper(read_table(golden_file(project), _HEADER))
+    return _by_paper(read_table(golden_file(project), _HEADER, _KINDS, _KEY))
 
 
 def read_built(results: Path) -> Verdicts:
     """What a build left; `InputError` if it left none, or the file is damaged."""
-    return _by_paper(read_table(results / "claims.csv", HEADER))
+    return _by_paper(read_table(results / "claims.csv", HEADER, KINDS, _KEY))
 
 
 def compare(

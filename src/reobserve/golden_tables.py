@@ -49,7 +49,7 @@ def compare_rows(
     """The deviations of a table's rows, computed or read from its file; raises as `compare`."""
     name = f"{paper} {table}"
     header = table_header(paper)
-    kept = read_table(golden / f"{table}.csv", header)
+    kept = read_rows(golden / f"{table}.csv", paper)
     if len(rows) != len(kept):
         yield Deviation(name, "rows", len(kept), len(rows), 0)
         return
@@ -66,6 +66,12 @@ def write(evaluator: Evaluator, table: str, golden: Path) -> None:
     """Write the golden table, the same file that the stage writes."""
     header = table_header(evaluator.ledger.paper)
     write_table(golden / f"{table}.csv", evaluator.table(table), header)
+
+
+def read_rows(path: Path, paper: str) -> list[dict[str, str]]:
+    """The rows of a paper's table; `InputError` if it has other columns, or cells of no sense."""
+    module = paper_module(paper, "table")
+    return read_table(path, module.HEADER, module.KINDS)
 
 
 def table_header(paper: str) -> Sequence[str]:

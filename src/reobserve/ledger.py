@@ -15,17 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reobserve.config import (
-    Tree,
-    check_name,
-    check_plain,
-    check_schema,
-    known_papers,
-    nearest,
-    read_yaml,
-)
+from reobserve.config import Tree, check_name, check_schema, known_papers, nearest, read_yaml
 from reobserve.errors import InputError, shown
 from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
+from reobserve.plain_data import check_plain, read_json
+from reobserve.typed_data import typed
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
@@ -44,6 +38,20 @@ _NAMING = {
 NAMED_SECTIONS = (*_NAMED.values(), "searches", "tables", "figures")
 # Where the body of a job stands that depends on a scenario and on observers.
 _SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
+
+
+# What every ledger has; those of `_NAMING` and these hold bodies, by name.
+_REQUIRED = ("about", "plant", "scenarios", "observers", "metrics", "figures")
+_BODIES = (*_NAMING, "scenarios", "designs")
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """The file of a resolved ledger."""
+
+    paper: str
+    seed: int
+    ledger: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -91,13 +99,13 @@ class Ledger:
         InputError
             If the file is missing or no ledger.
         """
-        try:
-            stored = json.loads(Path(path).read_text(encoding="utf-8"))
-            return cls(stored["paper"], stored["ledger"], stored["seed"])
-        except OSError as error:
-            raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-        except (ValueError, KeyError, TypeError):
-            raise InputError(str(path), "is no ledger; build it anew") from None
+        stored = typed(_Stored, read_json(path), str(path))
+        if not stored.paper.isidentifier():
+            raise InputError(f"{path}.paper", f"{shown(stored.paper)} must be the name of a paper")
+        _check_sections(stored.ledger, str(path))
+        ledger = cls(stored.paper, stored.ledger, stored.seed)
+        ledger._check_references()
+        return ledger
 
     def text(self) -> str:
         """The ledger as JSON, the same for the same content."""
@@ -224,6 +232,28 @@ class Ledger:
                                 f"{self.paper}.{section}.{name}",
                                 f"there is no {shown(wanted)} in {kind}{nearest(wanted, have)}",
                             )
+
+
+def _check_sections(tree: Tree, place: str) -> None:
+    """Of a stored ledger: all sections there, bodies where they must be, entries with a source."""
+    for section in _REQUIRED:
+        if section not in tree:
+            raise InputError(place, f"has no section {section!r}; build the ledger anew")
+    for section, bodies in tree.items():
+        within = bodies.values() if section in _BODIES and isinstance(bodies, Mapping) else ()
+        for body in (bodies, *within):
+            if not isinstance(body, Mapping):
+                raise InputError(place, f"{section} holds {shown(body)}, must be a mapping")
+        for body in within:
+            for key in filter(body.__contains__, _NAMED):
+                listed = isinstance(body[key], list) and key == "observers"
+                for name in body[key] if listed else [body[key]]:
+                    if not isinstance(name, str):
+                        raise InputError(place, f"{section}: {shown(name)} must be a name")
+    for key, entry in _entries(tree, ""):
+        for part in ("unit", "source"):
+            if not isinstance(entry.get(part), str):
+                raise InputError(place, f"{key} has no {part}")
 
 
 def digest(value: Any) -> str:

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.files import read_table, write_table
+from reobserve.errors import InputError, shown
+from reobserve.files import NAME, SCORE, UNIT, read_table, write_table
 
 Array = NDArray[np.float64]
 
 HEADER = ("observer", "metric", "value", "unit")
+KEY = ("observer", "metric")
+KINDS = {"observer": NAME, "metric": NAME, "value": SCORE, "unit": UNIT}
 
 
 @dataclass(frozen=True)
@@ -32,16 +35,23 @@ def write_metrics(path: str | Path, metrics: Iterable[Metric]) -> None:
 
 
 def read_metrics(path: str | Path) -> list[Metric]:
-    """Read what `write_metrics` wrote; `InputError` if the file is another."""
+    """Read what `write_metrics` wrote; `InputError` if the file is another, or names one twice."""
     return [
         Metric(row["observer"], row["metric"], float(row["value"]), row["unit"])
-        for row in read_table(path, HEADER)
+        for row in read_table(path, HEADER, KINDS, KEY)
     ]
 
 
-def lookup(metrics: Iterable[Metric]) -> dict[tuple[str, str], float]:
+class Numbers(dict[tuple[str, str], float]):
+    """Values by (observer, metric); one that nobody has is refused by name."""
+
+    def __missing__(self, key: tuple[str, str]) -> float:
+        raise InputError("metrics", f"there is no {shown(key[1])} of {shown(key[0])}")
+
+
+def lookup(metrics: Iterable[Metric]) -> Numbers:
     """Values by (observer, metric)."""
-    return {(metric.observer, metric.metric): metric.value for metric in metrics}
+    return Numbers({(metric.observer, metric.metric): metric.value for metric in metrics})
 
 
 def window(time: Array, start: float, end: float) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,8 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.files import write_whole
+from reobserve.errors import InputError, located, shown
+from reobserve.files import read_bytes, write_whole
+from reobserve.plain_data import parse_json
+from reobserve.typed_data import typed
+from reobserve.units import is_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _KEY = b"reobserve"
+_DIGEST = b"reobserve.sha256"  # of what stands under the key, and of all values
+_MOST_COMPONENTS = 1000
 
 
 @dataclass(frozen=True)
@@ -32,13 +38,25 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Shape:
+    """What a channel must be: its unit, and how many components, none for one column of values.
+
+    An ``optional`` channel may be missing.
+    """
+
+    unit: str
+    components: int | None = None
+    optional: bool = False
+
+
+@dataclass(frozen=True)
 class Series:
     """Signals over one time axis.
 
     Parameters
     ----------
     time
-        Shape (n,), seconds, increasing.
+        Shape (n,), seconds, finite and increasing.
     channels
         Signals by name, each with n rows.
     events
@@ -58,7 +76,8 @@ class Series:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.time.ndim != 1 or not np.all(np.diff(self.time) > 0):
+        increasing = self.time.ndim == 1 and np.all(np.diff(self.time) > 0)
+        if not increasing or not np.all(np.isfinite(self.time)):
             raise InputError("time", "must be one column of increasing numbers")
         for name, channel in self.channels.items():
             if channel.values.ndim not in (1, 2) or len(channel.values) != len(self.time):
@@ -134,40 +153,102 @@ class Series:
         }
         columns = {"time": self.time, **self.flat()}
         table = pa.table({name: _column(values) for name, values in columns.items()})
-        table = table.replace_schema_metadata({_KEY: json.dumps(about).encode()})
-        write_whole(path, lambda partial: parquet.write_table(table, partial, use_dictionary=False))
+        told = json.dumps(about, allow_nan=False).encode()
+        digest = _digest(told, columns).encode()
+        table = table.replace_schema_metadata({_KEY: told, _DIGEST: digest})
+
+        def write(partial: Path) -> None:
+            with partial.open("wb") as stream:  # not every path can be spelled for Arrow
+                parquet.write_table(table, stream, use_dictionary=False)
+
+        write_whole(path, write)
 
     @classmethod
     def read(cls, path: str | Path) -> Series:
-        """Read what `write` wrote.
+        """Read what `write` wrote, and nothing else: the file carries a digest of its content.
 
         Raises
         ------
         InputError
-            If the file is missing, cut short or not one of ours.
+            If the file is missing, cut short, damaged or not one of ours.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as parquet
+        about, columns = _read(str(path), read_bytes(path))
+        with located(str(path)):
+            channels = {
+                name: Channel(_gather(columns, name, one.components), one.unit)
+                for name, one in about.channels.items()
+            }
+            return cls(columns["time"], channels, about.events, about.provenance)
 
-        try:
-            table = parquet.ParquetFile(path).read()
-        except FileNotFoundError:
-            raise InputError(str(path), "there is no such file") from None
-        except (OSError, pa.ArrowException) as error:
-            reason = str(error).splitlines()[0]
-            raise InputError(str(path), f"is damaged or no Parquet file ({reason})") from None
-        about = json.loads((table.schema.metadata or {}).get(_KEY, b"null"))
-        if about is None:
-            raise InputError(str(path), "has no reobserve metadata; it was written elsewhere")
-        return cls(
-            _values(table, "time"),
-            {
-                name: Channel(_gather(table, name, entry["components"]), entry["unit"])
-                for name, entry in about["channels"].items()
-            },
-            {name: tuple(times) for name, times in about["events"].items()},
-            about["provenance"],
-        )
+
+@dataclass(frozen=True)
+class _ChannelStored:
+    unit: str
+    components: int | None
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """What stands under the key of the metadata."""
+
+    channels: dict[str, _ChannelStored]
+    events: dict[str, tuple[float, ...]]
+    provenance: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        for name, channel in self.channels.items():
+            if channel.components is not None and not 0 < channel.components <= _MOST_COMPONENTS:
+                raise InputError(f"channels.{name}.components", "must be a number of columns")
+            if not is_unit(channel.unit):
+                raise InputError(f"channels.{name}.unit", f"{shown(channel.unit)} is no unit")
+
+    def columns(self) -> list[str]:
+        """The columns that the file must have, in order."""
+        return ["time", *(one for name in self.channels for one in self.flat_names(name))]
+
+    def flat_names(self, name: str) -> list[str]:
+        """The columns of a channel."""
+        components = self.channels[name].components
+        return [name] if components is None else [f"{name}_{i + 1}" for i in range(components)]
+
+
+def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
+    """What the metadata say, and the columns, as they were written."""
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    try:
+        table = parquet.ParquetFile(pa.BufferReader(content)).read()
+        told = (table.schema.metadata or {}).get(_KEY)
+        digest = (table.schema.metadata or {}).get(_DIGEST, b"")
+        names = table.column_names
+    except (OSError, ValueError, LookupError, MemoryError, pa.ArrowException) as error:
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
+        raise InputError(place, f"is damaged or no Parquet file ({reason})") from None
+    if told is None:
+        raise InputError(place, "has no reobserve metadata; it was written elsewhere")
+    try:
+        about = typed(_Stored, parse_json(told.decode("utf-8"), place), place)
+    except UnicodeDecodeError:
+        raise InputError(place, "has metadata that are not UTF-8") from None
+    if names != about.columns():
+        raise InputError(place, f"has the columns {shown(names)}, not those of its metadata")
+    for name, column in zip(names, table.columns, strict=True):
+        if column.type != pa.float64() or column.null_count:
+            raise InputError(place, f"the column {shown(name)} must hold floats, and no gaps")
+    columns = {name: _values(table, name) for name in names}
+    if digest.decode("ascii", "replace") != _digest(told, columns):
+        raise InputError(place, "is damaged: its values are not those that were written")
+    return about, columns
+
+
+def _digest(told: bytes, columns: Mapping[str, Array]) -> str:
+    """Of the metadata and of the columns, name by name."""
+    whole = hashlib.sha256(told)
+    for name, values in columns.items():
+        whole.update(f"\n{name} {len(values)}\n".encode())
+        whole.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return whole.hexdigest()
 
 
 def _column(values: Array) -> pa.Array:
@@ -184,7 +265,7 @@ def _values(table: pa.Table, name: str) -> Array:
     return column
 
 
-def _gather(table: pa.Table, name: str, components: int | None) -> Array:
+def _gather(columns: Mapping[str, Array], name: str, components: int | None) -> Array:
     if components is None:
-        return _values(table, name)
-    return np.column_stack([_values(table, f"{name}_{i + 1}") for i in range(components)])
+        return columns[name]
+    return np.column_stack([columns[f"{name}_{i + 1}"] for i in range(components)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,7 +15,7 @@ from reobserve.claims.checks import Check, Reference
 from reobserve.claims.choices import find_choice
 from reobserve.claims.registry import Claim, read_registry
 from reobserve.claims.robustness import Flip, Robustness, holds
-from reobserve.claims.robustness_file import from_data, to_data
+from reobserve.claims.robustness_file import read_robustness, to_data
 from reobserve.claims.table import row, tell_flip
 from reobserve.claims.verdicts import count, replicated, verdict
 from reobserve.config import read_yaml
@@ -67,7 +68,7 @@ def test_the_verdict_follows_the_rule(
     assert verdict(claim, ledger, held, robustness) == word
 
 
-def test_the_table_tells_what_was_found() -> None:
+def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
     claim = replace(HANGING, checks=checks, says="It is small.", why="A twentieth.")
     flip = Flip(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
@@ -97,7 +98,9 @@ def test_the_table_tells_what_was_found() -> None:
     )
     assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
     assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
-    assert from_data(to_data(stands, claim)) == stands
+    path, told = tmp_path / "robustness.json", {"a": to_data(stands, claim)}
+    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "draws": 40, "claims": told}))
+    assert read_robustness(path, "ilo") == {"a": stands}
 
 
 def made(*verdicts: str, headline: Iterable[int] = ()) -> list[dict[str, str]]:
@@ -129,7 +132,8 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     assert written[4] == "`ilo`"
     assert written[6].count("tests/reference/ilo/fig") == 2 * 5
     assert written[8].startswith("| `fig1`: 1 reproduced | `fig2`: decides no claim |")
-    rows.append(dict.fromkeys(HEADER, "") | {"paper": "b", "verdict": "broken", "problem": "No x."})
+    wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
+    rows.append(dict.fromkeys(HEADER, "") | wrong)
     write_table(tmp_path / "claims.csv", rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
         count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md", ROOT)

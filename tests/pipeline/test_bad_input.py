@@ -194,7 +194,7 @@ def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: C
 def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
     missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
     said = refused(capsys, "observe", ledger_file, missing, "sampled", "--output", output)
-    assert said == f"{missing}: there is no such file"
+    assert said == f"{missing}: cannot be read (No such file or directory)"
 
 
 def test_a_design_for_an_observer_without_one(

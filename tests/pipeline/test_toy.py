@@ -305,12 +305,13 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     ("content", "said"),
     [
         (None, "cannot be read (No such file or directory)"),
-        ('{"design": {}, "prov', "is no design; build it anew"),
-        ('{"paper": "toy", "ledger": {}}', "is no design; build it anew"),
-        ('{"design": 1, "provenance": {"paper": "a", "job": "b"}}', "is no design; build it anew"),
-        ('{"design": {}, "provenance": []}', "is no design; build it anew"),
-        ("[]", "is no design; build it anew"),
-        (b"\xff\xfe", "is no design; build it anew"),
+        ('{"design": {}, "prov', "is not JSON: Unterminated string starting at: line 1 column 16"),
+        ('{"paper": "toy", "ledger": {}}', "has no key 'design'"),
+        ('{"design": 1, "provenance": {}}', "1 must be a mapping of keys to values"),
+        ('{"design": {}, "provenance": []}', "[] must be a mapping of keys to values"),
+        ('{"design": {}, "provenance": {"paper": "a", "job": "b"}}', "has no key 'stage'"),
+        ("[]", "must be a mapping of keys to values"),
+        (b"\xff\xfe", "cannot be read (byte 1 is not UTF-8)"),
     ],
 )
 def test_a_file_that_is_no_design_is_named(
@@ -321,7 +322,8 @@ def test_a_file_that_is_no_design_is_named(
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError) as caught:
         read_design(path)
-    assert str(caught.value) == f"{path}: {said}"
+    assert str(caught.value).startswith(str(path))
+    assert said in str(caught.value)
 
 
 def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:

@@ -119,8 +119,12 @@ def make_project(folder: Path) -> Path:
         "## Metrics of `other`\n\n| `lag` | s | of another paper |\n"
     )
     write_claims(folder, CLAIMS)
-    drawn = {"diverged": 2, "refused": 1}
-    stored = {"paper": "toy", "claims": {"placed_is_better": drawn, "tuned": drawn}}
+    drawn = {
+        "draws": 40, "held": 30, "diverged": 2, "refused": 1, "share": 0.75,
+        "low": 0.6, "high": 0.9, "flip": None, "choices": [],
+    }  # fmt: skip
+    drawn_of = {"placed_is_better": drawn, "tuned": drawn}
+    stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}
     (built / "robustness.json").write_text(json.dumps(stored))
     for name, command in LOGS.items():
         log = folder / "logs" / "toy" / f"{name}.log"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reobserve.claims.verdicts import BROKEN, VERDICTS, count, replicated
 from reobserve.errors import InputError
-from reobserve.files import write_text
+from reobserve.files import read_text, write_text
 from reobserve.ledger import Ledger
 
 Rows = Sequence[Mapping[str, str]]
@@ -46,10 +46,7 @@ def put_into(readme: Path, verdicts: Path) -> None:
     InputError
         If the README has no such place, or a file cannot be read.
     """
-    try:
-        text, told = (path.read_text(encoding="utf-8") for path in (readme, verdicts))
-    except OSError as error:
-        raise InputError(str(error.filename), f"cannot be read ({error.strerror})") from None
+    text, told = read_text(readme), read_text(verdicts)
     before, begin, rest = text.partition(_BEGIN)
     _, end, after = rest.partition(_END)
     if not begin or not end:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Flip, Robustness
+from reobserve.errors import InputError
+from reobserve.plain_data import read_json
+from reobserve.typed_data import typed
 
 
 def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
@@ -26,22 +30,59 @@ def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
         and {
             "key": flip.key,
             "unit": flip.unit,
-            "from": flip.start,
-            "to": flip.end,
+            "start": flip.start,
+            "end": flip.end,
             "size": flip.size,
         },
         "choices": claim.keys,
     }
 
 
-def from_data(stored: Mapping[str, Any]) -> Robustness:
-    """From what `to_data` made; `KeyError` or `TypeError` if it is nothing of the kind."""
-    flip = stored["flip"]
-    return Robustness(
-        draws=int(stored["draws"]),
-        held=int(stored["held"]),
-        diverged=int(stored["diverged"]),
-        refused=int(stored["refused"]),
-        looked=bool(stored["looked"]),
-        flip=flip and Flip(flip["key"], flip["unit"], flip["from"], flip["to"], flip["size"]),
-    )
+@dataclass(frozen=True)
+class StoredRobustness:
+    """What `to_data` makes of one claim."""
+
+    draws: int
+    held: int
+    diverged: int
+    refused: int
+    share: float | None
+    low: float
+    high: float
+    looked: bool
+    flip: Flip | None
+    choices: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("draws", "held", "diverged", "refused"):
+            if getattr(self, name) < 0:
+                raise InputError(name, f"{getattr(self, name)} must not be negative")
+        if self.held + self.diverged > self.draws:
+            raise InputError("held", f"and diverged are more than the {self.draws} draws")
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """The file of a paper."""
+
+    paper: str
+    seed: int
+    draws: int
+    claims: dict[str, StoredRobustness]
+
+
+def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
+    """The robustness of a paper's claims by name, from the file that its stage wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or of another paper.
+    """
+    stored = typed(_Stored, read_json(path), str(path))
+    if stored.paper != paper:
+        raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
+    return {
+        name: Robustness(one.draws, one.held, one.diverged, one.refused, one.flip, one.looked)
+        for name, one in stored.claims.items()
+    }

@@ -8,8 +8,9 @@ from typing import Any
 from reobserve.claims.checks import Numbers
 from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Flip, Robustness, holds
-from reobserve.claims.verdicts import BROKEN, verdict
+from reobserve.claims.verdicts import BROKEN, VERDICTS, verdict
 from reobserve.errors import InputError
+from reobserve.files import COUNT, GAP, NAME, Kind
 from reobserve.ledger import Ledger, leaves
 
 HEADER = (
@@ -18,6 +19,13 @@ HEADER = (
 )  # fmt: skip
 
 NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+
+
+# A broken claim has a problem and nothing else; what hangs on nothing was not drawn.
+KINDS = {
+    "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
+    "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+}  # fmt: skip
 
 
 def row(

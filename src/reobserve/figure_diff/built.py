@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation
 from reobserve.ledger import Ledger
-from reobserve.metrics import Metric, read_metrics
 from reobserve.series import Series
 
 
@@ -24,16 +22,6 @@ def built_series(ledger: Ledger, figure: str, results: Path) -> Evaluation:
     folder = results / body["scenario"]
     estimates = {name: Series.read(folder / f"{name}.parquet") for name in body["observers"]}
     return Evaluation(Series.read(folder / "plant.parquet"), estimates, None, [])
-
-
-def built_metrics(path: Path) -> list[Metric]:
-    """The metrics of a figure or of the theory; `InputError` if the file is missing or damaged."""
-    try:
-        return read_metrics(path)
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(str(path), f"is damaged ({error})") from None
 
 
 def why_missing(ledger: Ledger, name: str, kind: str, results: Path, logs: Path) -> str:

@@ -9,10 +9,10 @@ from pathlib import Path
 from reobserve import golden, golden_claims, golden_tables
 from reobserve.errors import InputError, ReobserveError
 from reobserve.figure_diff import pixels
-from reobserve.figure_diff.built import built_metrics, built_series, why_missing
+from reobserve.figure_diff.built import built_series, why_missing
 from reobserve.figure_diff.model import Item, MovedSeries
-from reobserve.files import read_table
 from reobserve.ledger import Ledger
+from reobserve.metrics import read_metrics
 
 _PARTS = (".metrics.csv", ".series.csv", ".tolerances.csv")
 
@@ -148,11 +148,11 @@ class _Paper:
             )
 
     def _compare_metrics(self, item: Item, file: Path) -> None:
-        found = built_metrics(file)
+        found = read_metrics(file)
         item.deviations += golden.compare_metrics(found, self.paper, item.name, self.golden)
 
     def _compare_table(self, item: Item, file: Path) -> None:
-        rows = read_table(file, golden_tables.table_header(self.paper))
+        rows = golden_tables.read_rows(file, self.paper)
         item.deviations += golden_tables.compare_rows(rows, self.paper, item.name, self.golden)
 
 

@@ -6,11 +6,12 @@ import json
 import platform
 from pathlib import Path
 
-from reobserve.errors import InputError
 from reobserve.figure_diff.model import Origin
 from reobserve.files import write_text
+from reobserve.plain_data import read_json
 from reobserve.provenance import versions
 from reobserve.replication_report.environment import environment
+from reobserve.typed_data import typed
 
 FILE = "versions.json"
 
@@ -29,13 +30,7 @@ def origin_here(project: Path) -> Origin:
 def read_origin(reference: Path) -> Origin:
     """The origin of the reference figures; `InputError` if its file is missing or damaged."""
     path = reference / FILE
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        return Origin({str(name): str(value) for name, value in stored.items()})
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except (ValueError, AttributeError):
-        raise InputError(str(path), "is damaged; it must hold one JSON object") from None
+    return typed(Origin, {"values": read_json(path)}, str(path))
 
 
 def write_origin(reference: Path, origin: Origin) -> None:

@@ -22,6 +22,9 @@ on logarithmic axes some errors are smaller than that. A drawing that shows it d
 from __future__ import annotations
 
 import io
+import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
+from reobserve.files import read_bytes
 
 Pixels = NDArray[np.uint8]
 
@@ -37,6 +41,13 @@ SIMILARITY = 0.95  # at least; 1 is the same
 
 _WINDOW = 7  # pixels; half the height of a line of text
 _WHITE = 255
+_MOST_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
+
+# What a decoder says of bytes that are none of its own.
+_DAMAGED = (
+    OSError, SyntaxError, ValueError, LookupError, EOFError, ArithmeticError, MemoryError,
+    struct.error, zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,18 +74,25 @@ def read_pixels(path: Path) -> Pixels:
     Raises
     ------
     InputError
-        If the file is missing, damaged or no picture.
+        If the file is missing, damaged, no PNG, or of more than `_MOST_PIXELS`.
     """
     from PIL import Image, UnidentifiedImageError
 
+    content = io.BytesIO(read_bytes(path))
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings(), Image.open(content, formats=["PNG"]) as image:
+            warnings.simplefilter("ignore")  # of a size that is refused here
+            width, height = image.size
+            if width * height > _MOST_PIXELS:
+                raise InputError(
+                    str(path), f"has {width} x {height} pixels, must have {_MOST_PIXELS} at most"
+                )
             drawing = image.convert("RGBA")
     except UnidentifiedImageError:
         raise InputError(str(path), "is no picture") from None
-    except FileNotFoundError:
-        raise InputError(str(path), "there is no such file") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except InputError:
+        raise
+    except (*_DAMAGED, Image.DecompressionBombError) as error:
         raise InputError(str(path), f"is damaged or no picture ({error})") from None
     paper = Image.new("RGBA", drawing.size, (_WHITE, _WHITE, _WHITE, _WHITE))
     return np.asarray(Image.alpha_composite(paper, drawing).convert("RGB"))

@@ -4,10 +4,12 @@ A paper is a package with one module a stage, so that a change in one stage leav
 of the others fresh:
 
     plant.simulate(settings) -> Series
+    record.axis, plant, estimates, EVENTS: what records and estimates must hold when they are read
     design.compute(settings) -> dict                  (only papers that have designs)
     observe.estimate(settings, plant) -> Series
     study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
     table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
+    study.KINDS, table.KINDS: what the cells of a column must be  (see `reobserve.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure

@@ -8,7 +8,7 @@ import math
 import re
 
 from reobserve.errors import InputError
-from reobserve.metrics import HEADER
+from reobserve.metrics import read_metrics
 from reobserve.replication_report.model import Table
 from reobserve.replication_report.reading import Project
 
@@ -52,16 +52,10 @@ def metrics_table(
     InputError
         If the file is missing or no table of metrics.
     """
-    rows = project.table(path, HEADER)
-    values = {}
-    for row in rows:
-        try:
-            value = float(row["value"])
-        except ValueError:
-            raise InputError(path, f"holds {row['value']!r} where a number must be") from None
-        values[row["metric"], row["unit"], row["observer"]] = _number(value)
-    observers = list(dict.fromkeys(row["observer"] for row in rows))
-    metrics = list(dict.fromkeys((row["metric"], row["unit"]) for row in rows))
+    rows = project.named(path, read_metrics)
+    values = {(row.metric, row.unit, row.observer): _number(row.value) for row in rows}
+    observers = list(dict.fromkeys(row.observer for row in rows))
+    metrics = list(dict.fromkeys((row.metric, row.unit) for row in rows))
     full = len(values) >= _LEAST_FILLED * len(metrics) * len(observers)
     pivot = len(observers) <= _MOST_COLUMNS and full
     if pivot:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from reobserve.config import read_yaml
 from reobserve.errors import InputError
-from reobserve.files import read_table
+from reobserve.files import read_bytes, read_table, read_text
 from reobserve.replication_report.model import Gaps, Link
 
 # How the command line begins the sentence that says why it failed.
 _SAID = "reobserve: "
+
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
@@ -35,43 +36,28 @@ class Project:
 
     def bytes(self, path: str) -> bytes:
         """The content of a file; `InputError` if it cannot be read."""
-        try:
-            return (self.folder / path).read_bytes()
-        except OSError as error:
-            raise InputError(path, f"cannot be read ({error.strerror})") from None
+        return self.named(path, read_bytes)
 
     def text(self, path: str) -> str:
         """The text of a file; `InputError` if it cannot be read."""
-        try:
-            return self.bytes(path).decode("utf-8")
-        except UnicodeDecodeError:
-            raise InputError(path, "cannot be read (it is not UTF-8)") from None
+        return self.named(path, read_text)
 
     def yaml(self, path: str) -> dict[str, Any]:
         """A mapping from YAML; `InputError` if it cannot be read or is none."""
-        try:
-            return read_yaml(self.folder / path)
-        except InputError as error:
-            raise InputError(path, error.problem) from None
-        except UnicodeDecodeError:
-            raise InputError(path, "cannot be read (it is not UTF-8)") from None
-
-    def json(self, path: str) -> dict[str, Any]:
-        """A mapping from JSON; `InputError` if it cannot be read or is none."""
-        try:
-            tree = json.loads(self.text(path))
-        except json.JSONDecodeError as error:
-            raise InputError(path, f"is not JSON: {error}") from None
-        if not isinstance(tree, dict):
-            raise InputError(path, "must be a mapping of keys to values")
-        return tree
+        return self.named(path, read_yaml)
 
     def table(self, path: str, header: Sequence[str]) -> list[dict[str, str]]:
         """The rows of a CSV; `InputError` if it cannot be read or has other columns."""
+        return self.named(path, lambda file: read_table(file, header))
+
+    def named(self, path: str, read: Callable[[Path], Read]) -> Read:
+        """What ``read`` makes of a file; an `InputError` of its names the path in the project."""
+        file = self.folder / path
         try:
-            return read_table(self.folder / path, header)
+            return read(file)
         except InputError as error:
-            raise InputError(path, error.problem) from None
+            place = error.parameter.removeprefix(str(file))
+            raise InputError(f"{path}{place}", error.problem) from None
 
     def reason(self, log: str) -> str:
         """What a stage said in its log when it could not do its work; empty if it said nothing."""

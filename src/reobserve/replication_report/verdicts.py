@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
+from reobserve.claims.robustness import Robustness as Drawn
+from reobserve.claims.robustness_file import read_robustness
 from reobserve.claims.table import HEADER, NOT_LOOKED_FOR
 from reobserve.claims.verdicts import BROKEN, VERDICTS
 from reobserve.claims.verdicts import replicated as rows_replicated
@@ -38,24 +39,23 @@ def paper_claims(
         return project.gaps.add(f"{paper}-claims", f"{CLAIMS_FILE}: has no claim of {paper}"), None
     path = f"results/{paper}/robustness.json"
     missing = None
-    draws: Mapping[str, Any] = {}
+    draws: Mapping[str, Drawn] = {}
     try:
-        draws = project.json(path)["claims"]
-    except (InputError, KeyError) as error:
-        sentence = error if isinstance(error, InputError) else f"{path}: has no claims"
-        missing = project.gaps.add(f"{paper}-claims", sentence)
+        draws = project.named(path, lambda file: read_robustness(file, paper))
+    except InputError as error:
+        missing = project.gaps.add(f"{paper}-claims", error)
     claims: list[Claim] = []
     for row in own:
         try:
-            claims.append(_claim(project, row, draws.get(row["claim"], {})))
+            claims.append(_claim(project, row, draws.get(row["claim"], Drawn())))
         except ValueError as error:
             problem = f"{CLAIMS_FILE}: {paper}.{row['claim']} cannot be read ({error})"
             damaged = {**row, "draws": "", "verdict": BROKEN, "problem": problem}
-            claims.append(_claim(project, damaged, {}))
+            claims.append(_claim(project, damaged, Drawn()))
     return tuple(claims), missing
 
 
-def _claim(project: Project, row: Mapping[str, str], draws: Mapping[str, Any]) -> Claim:
+def _claim(project: Project, row: Mapping[str, str], draws: Drawn) -> Claim:
     if row["verdict"] not in ALL_VERDICTS:
         raise ValueError(f"{row['verdict']!r} is no verdict")
     problem = None
@@ -83,7 +83,7 @@ def _checks(measured: str) -> tuple[str, ...]:
     return tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", measured)))
 
 
-def _robustness(row: Mapping[str, str], draws: Mapping[str, Any]) -> Robustness | None:
+def _robustness(row: Mapping[str, str], draws: Drawn) -> Robustness | None:
     if not row["draws"] or int(row["draws"]) == 0:
         return None
     looked = row["flip"] != NOT_LOOKED_FOR
@@ -97,8 +97,8 @@ def _robustness(row: Mapping[str, str], draws: Mapping[str, Any]) -> Robustness 
         flip_key=key,
         flip=moved,
         looked=looked,
-        diverged=int(draws.get("diverged", 0)),
-        refused=int(draws.get("refused", 0)),
+        diverged=draws.diverged,
+        refused=draws.refused,
     )
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from reobserve.claims.checks import THEORY
 from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness import Robustness
-from reobserve.claims.robustness_file import from_data
+from reobserve.claims.robustness_file import read_robustness
 from reobserve.claims.table import HEADER, broken_row, row
-from reobserve.errors import InputError
+from reobserve.config import known_papers, nearest
+from reobserve.errors import InputError, shown
 from reobserve.files import write_table
 from reobserve.ledger import Ledger
 from reobserve.metrics import lookup, read_metrics
@@ -22,9 +21,17 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
     """Decide and write: from the numbers of each figure, the theory's and the robustness.
 
     A claim or a registry that is wrong gets a row that says what is wrong with it.
+
+    Raises
+    ------
+    InputError
+        If there is no paper of a name.
     """
     rows: list[dict[str, Any]] = []
+    known = known_papers(project)
     for name in paper:
+        if name not in known:
+            raise InputError("paper", f"there is no {shown(name)}{nearest(name, known)}")
         try:
             rows += _rows(project, results / name)
         except InputError as error:
@@ -37,15 +44,5 @@ def _rows(project: Path, folder: Path) -> list[dict[str, Any]]:
     claims = read_registry(project, ledger).claims
     figures = [*ledger.tree["figures"], *([THEORY] if "theory" in ledger.tree else [])]
     numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in figures}
-    robustness = _read_robustness(folder / "robustness.json")
+    robustness = read_robustness(folder / "robustness.json", ledger.paper)
     return [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
-
-
-def _read_robustness(path: Path) -> dict[str, Robustness]:
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        return {name: from_data(one) for name, one in stored["claims"].items()}
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(str(path), "holds no robustness of claims; build it anew") from None

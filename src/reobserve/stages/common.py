@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import importlib
 import json
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError, located
+from reobserve.errors import InputError, ReobserveError, located, shown
 from reobserve.files import read_table
 from reobserve.ledger import Ledger, digest
+from reobserve.plain_data import read_json
 from reobserve.provenance import code_digest, versions
 from reobserve.series import Series
+from reobserve.typed_data import typed
 
 
 def paper_module(paper: str, stage: str) -> Any:
@@ -57,27 +61,44 @@ def compute_design(ledger: Ledger, design: str) -> dict[str, Any]:
     return read_back
 
 
+@dataclass(frozen=True)
+class Made:
+    """What a stage says of what it made: which paper and job, from which settings, by what."""
+
+    paper: str
+    stage: str
+    job: str
+    settings: dict[str, Any]
+    settings_digest: str
+    code_digest: str
+    packages: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _StoredDesign:
+    design: dict[str, Any]
+    provenance: Made
+
+
 def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:
     """A design from the file that its stage wrote; ``wanted`` are the paper and the name it has.
+
+    Its own keys are those of its paper, which checks them where it takes the design.
 
     Raises
     ------
     InputError
         If the file is missing or damaged, no design, or another than ``wanted``.
     """
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        design = dict(stored["design"])
-        found = (stored["provenance"]["paper"], stored["provenance"]["job"])
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(str(path), "is no design; build it anew") from None
-    if wanted is not None and wanted != found:
+    stored = typed(_StoredDesign, read_json(path), str(path))
+    made = stored.provenance
+    found = (made.paper, made.job)
+    if made.stage != "design" or (wanted is not None and wanted != found):
+        paper, name = wanted or (made.paper, "a design")
         raise InputError(
-            str(path), f"is {found[1]!r} of {found[0]}, must be {wanted[1]!r} of {wanted[0]}"
+            str(path), f"is {shown(made.job)} of {made.paper}, must be {name!r} of {paper}"
         )
-    return design
+    return stored.design
 
 
 def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> list[dict[str, Any]]:
@@ -98,20 +119,29 @@ def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> lis
     return [read_design(path, (ledger.paper, wanted))]
 
 
-def read_estimates(observers: list[str], paths: list[Path]) -> dict[str, Series]:
-    """The estimates of a figure by observer, from the files in the same order.
+@contextmanager
+def rows_from(study: Path | None) -> Iterator[None]:
+    """What a figure misses among the rows of its study is a fault of that file.
+
+    Each row has been checked by itself; which rows there must be, only who asks for them knows.
 
     Raises
     ------
     InputError
-        If there are more or fewer files than observers, or one cannot be read.
+        With the name of the file, in place of what says that something is not there.
     """
-    if len(paths) != len(observers):
-        wanted = ", ".join(observers)
-        raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")
-    return {name: Series.read(path) for name, path in zip(observers, paths, strict=True)}
+    try:
+        yield
+    except (LookupError, ValueError) as error:
+        if study is None or isinstance(error, ReobserveError):
+            raise
+        problem = f"has not the rows that the figure needs ({error}); run the study anew"
+        raise InputError(str(study), problem) from error
 
 
 def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
     """The rows of a figure's study; None for a figure without one."""
-    return None if path is None else read_table(path, paper_module(paper, "study").HEADER)
+    if path is None:
+        return None
+    module = paper_module(paper, "study")
+    return read_table(path, module.HEADER, module.KINDS)

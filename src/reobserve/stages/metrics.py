@@ -7,8 +7,8 @@ from pathlib import Path
 from reobserve.errors import located
 from reobserve.ledger import Ledger
 from reobserve.metrics import write_metrics
-from reobserve.series import Series
-from reobserve.stages.common import paper_module, read_estimates, read_study
+from reobserve.stages.common import paper_module, read_study, rows_from
+from reobserve.stages.records import read_estimates, read_record
 
 
 def run(
@@ -22,9 +22,10 @@ def run(
     """Judge and write; the estimates come in the order in which the figure names observers."""
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("metrics", figure)
-    estimates = read_estimates(settings["figure"]["observers"], estimate_files)
+    plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "metrics")
-    with located(ledger.paper):
-        found = module.measure(settings, Series.read(plant_file), estimates, study)
+    with located(ledger.paper), rows_from(study_file):
+        found = module.measure(settings, plant, estimates, study)
     write_metrics(output, found)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from reobserve.errors import located
 from reobserve.ledger import Ledger
-from reobserve.series import Series
 from reobserve.stages.common import named_design, paper_module, signed
+from reobserve.stages.records import read_record
 
 
 def run(
@@ -17,7 +17,7 @@ def run(
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("observe", "", observer)
     design = named_design(ledger, settings["observer"], design_file)
-    plant = Series.read(plant_file)
+    plant = read_record(plant_file, ledger)
     with located(f"{ledger.paper}.observers.{observer}"):
         series = paper_module(ledger.paper, "observe").estimate(settings, plant, *design)
     signed(series, ledger, "observe", observer, settings).write(output)

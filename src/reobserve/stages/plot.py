@@ -10,8 +10,8 @@ from reobserve.figures import fix_layout, save
 from reobserve.files import write_text
 from reobserve.ledger import Ledger
 from reobserve.metrics import read_metrics
-from reobserve.series import Series
-from reobserve.stages.common import paper_module, read_estimates, read_study
+from reobserve.stages.common import paper_module, read_study, rows_from
+from reobserve.stages.records import read_estimates, read_record
 
 
 def run(
@@ -30,11 +30,12 @@ def run(
     settings = ledger.settings("plot", figure)
     metrics = read_metrics(metrics_file)
     text = render(template, settings, metrics)
-    estimates = read_estimates(settings["figure"]["observers"], estimate_files)
+    plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
     module = paper_module(ledger.paper, "plot")
-    with located(f"{ledger.paper}.figures.{figure}"):
-        drawing = module.draw(settings, Series.read(plant_file), estimates, study, metrics)
+    with located(f"{ledger.paper}.figures.{figure}"), rows_from(study_file):
+        drawing = module.draw(settings, plant, estimates, study, metrics)
     fix_layout(drawing)
     for output in outputs:
         save(drawing, output)

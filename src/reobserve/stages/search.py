@@ -13,8 +13,8 @@ from pathlib import Path
 from reobserve.errors import located
 from reobserve.files import write_text
 from reobserve.ledger import Ledger
-from reobserve.series import Series
 from reobserve.stages.common import paper_module, provenance
+from reobserve.stages.records import read_record
 
 
 def run(ledger_file: Path, plant_file: Path, search: str, output: Path) -> None:
@@ -22,8 +22,9 @@ def run(ledger_file: Path, plant_file: Path, search: str, output: Path) -> None:
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("search", search)
     module = paper_module(ledger.paper, "search")
+    plant = read_record(plant_file, ledger, settings["search"]["scenario"])
     with located(ledger.paper):
-        found = module.run(settings, Series.read(plant_file), _tell)
+        found = module.run(settings, plant, _tell)
     stored = {"search": found, "provenance": provenance(ledger, "search", search, settings)}
     write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 

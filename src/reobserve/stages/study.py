@@ -7,8 +7,8 @@ from pathlib import Path
 from reobserve.errors import located
 from reobserve.files import write_table
 from reobserve.ledger import Ledger
-from reobserve.series import Series
 from reobserve.stages.common import named_design, paper_module
+from reobserve.stages.records import read_record
 
 
 def run(
@@ -19,6 +19,7 @@ def run(
     settings = ledger.settings("study", study)
     design = named_design(ledger, settings["study"], design_file)
     module = paper_module(ledger.paper, "study")
+    plant = read_record(plant_file, ledger, settings["study"]["scenario"])
     with located(ledger.paper):
-        rows = module.run(settings, Series.read(plant_file), *design)
+        rows = module.run(settings, plant, *design)
     write_table(output, rows, module.HEADER)

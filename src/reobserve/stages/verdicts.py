@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.claims.gallery import gallery, table
-from reobserve.claims.table import HEADER
+from reobserve.claims.table import HEADER, KINDS
 from reobserve.claims.verdicts import BROKEN
 from reobserve.errors import ReobserveError
 from reobserve.files import read_table, write_text
@@ -20,7 +20,7 @@ def run(claims_file: Path, output: Path, project: Path) -> None:
     ReobserveError
         If claims are broken: a sentence for each, and no table.
     """
-    rows = read_table(claims_file, HEADER)
+    rows = read_table(claims_file, HEADER, KINDS, ("paper", "claim"))
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:
         raise ReobserveError("; ".join(broken))

@@ -10,11 +10,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from reobserve.files import NAME, NUMBER, SCORE, UNIT, WHOLE
 from reobserve.ledger_types import Settings, read_job
 from reobserve.papers.delay import keys, study_tradeoff, study_tuning
 from reobserve.series import Series
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("observer", "sweep", "quantity"), NAME),
+    "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
+}  # fmt: skip
 
 METHODS = {"tradeoff": study_tradeoff.run, "tuning": study_tuning.run}
 

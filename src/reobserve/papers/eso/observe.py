@@ -11,9 +11,8 @@ from reobserve.errors import DivergenceError
 from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.setup import augmented
+from reobserve.papers.eso.stored_design import stored_design
 from reobserve.series import Channel, Series
-from reobserve.synthesis.extended_state.system import Gains
 
 
 def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:
@@ -22,13 +21,12 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
     Raises
     ------
     InputError
-        If a setting cannot be used.
+        If a setting or the design cannot be used.
     """
     job = read_job(keys.Ledger, settings)
-    system = augmented(job.plant, design["filter_rate"])
-    gains = Gains(np.array(design["L"]), np.array(design["Ld"]))
+    system, found = stored_design(job.plant, design)
     # Parabolas through the record's value in the middle of each step.
-    return ExtendedStateObserver(system, gains, 2.0 * job.plant.step, "second")
+    return ExtendedStateObserver(system, found.gains, 2.0 * job.plant.step, "second")
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:

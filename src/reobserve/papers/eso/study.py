@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
+from reobserve.files import NAME, NUMBER, SCORE, UNIT, YES_NO
 from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
@@ -25,6 +26,10 @@ from reobserve.series import Channel, Series
 from reobserve.synthesis.extended_state.deviation import held_deviation
 
 HEADER = ("kind", "filter_rate", "choice", "level", "unique", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("kind", "choice", "quantity"), NAME),
+    "filter_rate": NUMBER, "level": NUMBER, "unique": YES_NO, "value": SCORE, "unit": UNIT,
+}  # fmt: skip
 
 Row = dict[str, Any]
 

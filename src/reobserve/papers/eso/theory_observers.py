@@ -20,11 +20,11 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.observe import run_on
-from reobserve.papers.eso.setup import augmented, controlled_motor
+from reobserve.papers.eso.setup import controlled_motor
+from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.eso.theory_inequality import margin_above_norm
 from reobserve.series import Series
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
@@ -51,9 +51,7 @@ def measures(
     InputError
         If a setting of the theory cannot be used.
     """
-    system = augmented(plant, design["filter_rate"])
-    values = {key: value for key, value in design.items() if key != "filter_rate"}
-    found = Design.from_dict(values)
+    system, found = stored_design(plant, design)
     gains, certificate = found.gains, found.certificate
     Ao, Eo = error_system(system, gains)
     margin = margin_above_norm(system, gains, certificate.norm_upper, theory.excess)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
+from reobserve.files import NAME, NUMBER, SCORE, WHOLE
 from reobserve.ledger_types import Job, Settings, named, read_job
 from reobserve.metrics import root_mean_square
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
@@ -32,6 +33,10 @@ from reobserve.series import Channel, Series
 Array = NDArray[np.float64]
 
 HEADER = ("sweep", "observer", "level", "run", "relative_rms_error")
+KINDS = {
+    **dict.fromkeys(("sweep", "observer"), NAME),
+    "level": NUMBER, "run": WHOLE, "relative_rms_error": SCORE,
+}  # fmt: skip
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:

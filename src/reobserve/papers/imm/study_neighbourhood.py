@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,9 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.ledger_types import Job
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
+from reobserve.plain_data import read_json
 from reobserve.series import Series
+from reobserve.typed_data import typed
 
 Row = tuple[str, str, float, int, str, float, str]
 
@@ -34,11 +36,11 @@ def run(job: Job, plant: Series) -> list[Row]:
     stated = calibration.stated()
     kept = read_kept(Path(study.kept))
     rows: list[Row] = [
-        ("search", "kept", 1.0, 0, name, float(kept[name]), "1")
+        ("search", "kept", 1.0, 0, name, float(getattr(kept, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
     ]
     same = all(
-        np.isclose(kept["found"][name], value, rtol=1e-9, atol=0.0)
+        np.isclose(kept.found[name], value, rtol=1e-9, atol=0.0)
         for name, value in zip(TUNED, stated, strict=True)
     )
     rows.append(("search", "kept", 1.0, 0, "as_found", float(same), "1"))
@@ -69,7 +71,27 @@ def trial_rows(sweep: str, level: float, trial: Trial) -> Iterator[Row]:
             yield name, sweep, level, 0, quantity, mean, "1"
 
 
-def read_kept(path: Path) -> dict[str, Any]:
+@dataclass(frozen=True)
+class KeptSearch:
+    """What `reobserve.papers.imm.search.run` returns."""
+
+    found: dict[str, float]
+    distance: float
+    worst_nearby: float
+    means: dict[str, tuple[float, float, float]]
+    trials: int
+    tuned: int
+    targets: int
+    history: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True)
+class _Stored:
+    search: KeptSearch
+    provenance: dict[str, Any] | None = None
+
+
+def read_kept(path: Path) -> KeptSearch:
     """The result of a search, as it is kept.
 
     Raises
@@ -77,13 +99,7 @@ def read_kept(path: Path) -> dict[str, Any]:
     InputError
         If the file is missing or damaged, or none of a search's.
     """
-    try:
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["search"]
-        missing = {"found", "trials", "tuned", "targets", "distance"} - set(kept)
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(str(path), "is no result of a search; run the search anew") from None
-    if missing or set(kept["found"]) != set(TUNED):
+    kept = typed(_Stored, read_json(path), str(path)).search
+    if set(kept.found) != set(TUNED):
         raise InputError(str(path), "holds other numbers than the search tunes; run it anew")
     return kept

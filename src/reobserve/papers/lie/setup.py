@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.grid import plant_grid
@@ -18,6 +20,9 @@ from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.typed_data import typed
+
+Array = NDArray[np.float64]
 
 MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
 
@@ -57,12 +62,46 @@ def build_problem(
     return NormalFormProblem(system, injection, degree or design.degree)
 
 
+@dataclass(frozen=True)
+class StoredResonance:
+    """The smallest divisor of a stored design; see `Resonance`."""
+
+    distance: float
+    powers: tuple[int, ...]
+    eigenvalue: tuple[float, float]
+    poincare: bool
+
+
+@dataclass(frozen=True, eq=False)
+class StoredSeries:
+    """A design as its stage keeps it: monomials, and their coefficients, one row a component."""
+
+    monomials: Array
+    S: Array
+    T: Array
+    gain: Array
+    resonance: StoredResonance | None = None
+
+
 def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any]) -> NormalForm:
-    """The normal form whose series the stage design has computed."""
-    problem = build_problem(plant, design)
+    """The normal form whose series the stage design has computed.
+
+    Raises
+    ------
+    InputError
+        If they are no series, or not those of this plant and this design.
+    """
+    stored, problem = typed(StoredSeries, series, "design"), build_problem(plant, design)
     basis = problem.basis
-    S, T = (PolynomialMap(basis, np.array(series[name], dtype=np.float64)) for name in ("S", "T"))
-    gain = PolynomialMap(S.jacobian().basis, np.array(series["gain"], dtype=np.float64))
+    if not np.array_equal(stored.monomials, basis.exponents):
+        raise InputError("design.monomials", f"are not those up to degree {basis.degree}")
+    S, T = (PolynomialMap(basis, rows) for rows in (stored.S, stored.T))
+    gain = PolynomialMap(S.jacobian().basis, stored.gain)
+    states = problem.system.states
+    for name, rows in (("S", states), ("T", states), ("gain", states * states)):
+        found = len(getattr(stored, name))
+        if found != rows:
+            raise InputError(f"design.{name}", f"has {found} rows, must have {rows}")
     return NormalForm(problem, None, S, T, gain)
 
 

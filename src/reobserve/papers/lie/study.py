@@ -16,11 +16,11 @@ from reobserve.errors import located
 from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import keys, study_domain, study_ensemble, study_orders
-from reobserve.papers.lie.study_rows import HEADER, Row
+from reobserve.papers.lie.study_rows import HEADER, KINDS, Row
 from reobserve.series import Series
 from reobserve.synthesis.normal_form.design import NormalForm
 
-__all__ = ["HEADER", "run"]
+__all__ = ["HEADER", "KINDS", "run"]
 
 METHODS = {
     "orders": study_orders.run,

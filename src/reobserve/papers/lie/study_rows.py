@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from reobserve.errors import located
+from reobserve.files import GAP, NAME, SCORE, UNIT, WHOLE
 from reobserve.ledger_types import Job
 from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
@@ -24,6 +25,10 @@ class Row(NamedTuple):
 
 
 HEADER = Row._fields
+KINDS = {
+    "form": NAME, "order": WHOLE, "x1": GAP, "x2": GAP,
+    "quantity": NAME, "value": SCORE, "unit": UNIT,
+}  # fmt: skip
 
 
 def summary(form: str, order: int, quantity: str, value: float, unit: str) -> Row:

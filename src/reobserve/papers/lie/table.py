@@ -7,16 +7,20 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from reobserve.errors import located
+from reobserve.errors import InputError, located
+from reobserve.files import GAP, NAME, NUMBER
 from reobserve.ledger_types import Settings, read_job
 from reobserve.papers.lie import keys
-from reobserve.papers.lie.setup import build_problem
+from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for
 
 HEADER = ("component", "term", "exact", "decimal", "computed", "printed", "agrees")
+KINDS = {
+    "component": NAME, "term": NAME, "decimal": NUMBER, "computed": NUMBER, "printed": GAP,
+}  # fmt: skip
 
 
 def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -29,12 +33,16 @@ def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     Raises
     ------
     InputError
-        If the injection is resonant.
+        If the injection is resonant, or the design is none of this plant.
     """
     job = read_job(keys.Ledger, settings)
     degree = job.table.degree
     with located(f"designs.{job.table.design}"):
         problem = build_problem(job.plant, job.design, degree=degree, exact=True)
+    form = stored_form(job.plant, job.design, design)
+    computed = {"S": form.S, "T": form.T}
+    if degree > form.problem.degree:
+        raise InputError("degree", f"{degree} is beyond that of the design, {form.problem.degree}")
     solver = solver_for(problem)
     printed = {
         (term["component"], tuple(term["powers"])): term["text"] for term in job.table.printed
@@ -51,7 +59,7 @@ def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
                     "term": _term(variable, powers),
                     "exact": str(value),
                     "decimal": f"{float(value):.9g}",
-                    "computed": f"{design[name][component][place]:.9g}",
+                    "computed": f"{computed[name].coefficients[component][place]:.9g}",
                     "printed": text,
                     "agrees": _agrees(value, text),
                 }

@@ -12,6 +12,7 @@ observer has. So all is computed again from the gains, as they are stored:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf
 from typing import Any
@@ -31,6 +32,7 @@ from reobserve.synthesis.extended_state.inequality import (
 )
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
+from reobserve.typed_data import typed
 
 _BITS = 400  # leaves the radii of no account where the blocks are formed
 _SLACK = 1e-12  # of the floor, its rounding
@@ -65,10 +67,9 @@ class Certificate:
         return {**asdict(self), "poles": [list(pole) for pole in self.poles]}
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Certificate:
-        """The certificate that `to_dict` was called on."""
-        poles = tuple((float(real), float(imag)) for real, imag in values["poles"])
-        return cls(**{**values, "poles": poles})
+    def from_dict(cls, values: Mapping[str, Any], place: str = "certificate") -> Certificate:
+        """The certificate that `to_dict` was called on; `InputError` if it is none."""
+        return typed(cls, values, place)
 
 
 def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -13,6 +14,7 @@ from reobserve.errors import InputError
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
 from reobserve.synthesis.extended_state.inequality import Variables, mapped
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.typed_data import typed
 
 SOLVERS: dict[str, dict[str, Any]] = {
     "CLARABEL": {},
@@ -54,12 +56,11 @@ class Design:
         }
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Design:
-        """The design that `to_dict` was called on."""
+    def from_dict(cls, values: Mapping[str, Any], place: str = "design") -> Design:
+        """The design that `to_dict` was called on; `InputError` if it is none of that kind."""
         rest = {name: value for name, value in values.items() if name not in {"L", "Ld"}}
-        rest["gains"] = Gains(np.array(values["L"]), np.array(values["Ld"]))
-        rest["certificate"] = Certificate.from_dict(values["certificate"])
-        return cls(**rest)
+        gains = {name: values[name] for name in ("L", "Ld") if name in values}
+        return typed(cls, {**rest, "gains": gains}, place)
 
 
 def accepted(

@@ -1,6 +1,9 @@
 """Stage table: the gains as printed and as computed."""
 
+from reobserve.files import NAME, NUMBER
+
 HEADER = ("gain", "printed", "computed")
+KINDS = {"gain": NAME, "printed": NUMBER, "computed": NUMBER}
 
 
 def rows(settings, design):

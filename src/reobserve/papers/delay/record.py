@@ -1,0 +1,39 @@
+"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+
+from __future__ import annotations
+
+from reobserve.ledger_types import Job
+from reobserve.papers.delay.setup import UNITS
+from reobserve.series import Shape
+
+EVENTS = ("jumps",)
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and step of a record [s]."""
+    return job.plant.horizon, job.plant.step
+
+
+def plant(job: Job) -> dict[str, Shape]:
+    """The channels of a record of the scenario's model; what is measured where there is noise."""
+    states, output, torque, rates = UNITS[job.scenario.model]
+    size, inputs = states.count(",") + 1, rates.count(",") + 1
+    noisy = {"measured": Shape(output, optional=True), "measured_input": Shape(torque, None, True)}
+    return {
+        "state": Shape(states, size),
+        **dict.fromkeys(("delay", "delay_before"), Shape("s")),
+        **dict.fromkeys(("delayed_input", "input", "past_input"), Shape(torque)),
+        **dict.fromkeys(("input_derivatives", "past_derivatives"), Shape(rates, inputs)),
+        **noisy,
+        **{f"{name}_before": shape for name, shape in noisy.items()},
+    }
+
+
+def estimates(job: Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates: of the state, the delay, or both."""
+    observer = job.observer
+    found = {"delay": Shape("s", optional=True), "off": Shape("1", optional=True)}
+    if hasattr(observer, "model"):
+        states = UNITS[observer.model][0]
+        found["state"] = Shape(states, states.count(",") + 1, optional=True)
+    return found

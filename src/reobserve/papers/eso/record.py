@@ -1,0 +1,27 @@
+"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+
+from __future__ import annotations
+
+from reobserve.ledger_types import Job
+from reobserve.series import Shape
+
+EVENTS = ("faults",)
+
+_FAULTS = {"actuator_fault": Shape("V"), "sensor_fault": Shape("rad/s")}
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and step of a record [s]."""
+    return job.plant.horizon, job.plant.step
+
+
+def plant(_: Job) -> dict[str, Shape]:
+    """The channels of a record; all that jumps with its limits from the left."""
+    jumping = {"output": Shape("rad/s, A", 2), "control": Shape("V"), **_FAULTS}
+    before = {f"{name}_before": shape for name, shape in jumping.items()}
+    return {"state": Shape("rad/s, A", 2), **jumping, **before, "reference": Shape("rad/s")}
+
+
+def estimates(_: Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates."""
+    return {"state": Shape("rad/s, A", 2), **_FAULTS}

@@ -1,0 +1,32 @@
+"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+
+from __future__ import annotations
+
+from reobserve.ledger_types import Job
+from reobserve.series import Shape
+
+EVENTS = ("onsets",)
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and step of a record [s]."""
+    return job.plant.horizon, job.plant.step
+
+
+def plant(_: Job) -> dict[str, Shape]:
+    """The channels of a record; there are limits from the left of what jumps."""
+    return {
+        "rate": Shape("rad/s", 3),
+        **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
+        **dict.fromkeys(("control", "fault"), Shape("N m", 3)),
+        **dict.fromkeys(("control_before", "fault_before"), Shape("N m", 3, optional=True)),
+    }
+
+
+def estimates(_: Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates."""
+    return {
+        "rate": Shape("rad/s", 3),
+        "fault": Shape("N m", 3),
+        "fault_before": Shape("N m", 3),
+    }

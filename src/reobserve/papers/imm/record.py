@@ -1,0 +1,30 @@
+"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+
+from __future__ import annotations
+
+from reobserve.ledger_types import Job
+from reobserve.papers.imm.setup import MODES, UNITS
+from reobserve.plants.hydraulic_actuator import MOTION
+from reobserve.series import Shape
+
+EVENTS = ("fault",)
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and sampling period of a record [s]."""
+    return job.plant.horizon, job.scenario.period
+
+
+def plant(_: Job) -> dict[str, Shape]:
+    """The channels of a record."""
+    motion = Shape(", ".join(UNITS[name] for name in MOTION), len(MOTION))
+    return {"motion": motion, "measured": motion, "input": Shape("V"), "mode": Shape("1")}
+
+
+def estimates(_: Job) -> dict[str, Shape]:
+    """The channels of a bank's estimates: position and velocity where they are measured."""
+    return {
+        "probability": Shape("1", len(MODES)),
+        **{name: Shape(UNITS[name], optional=True) for name in ("position", "velocity")},
+        "outside": Shape("1", optional=True),
+    }

@@ -1,0 +1,29 @@
+"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+
+from __future__ import annotations
+
+from reobserve.ledger_types import Job
+from reobserve.series import Shape
+
+EVENTS: tuple[str, ...] = ()
+
+
+def axis(job: Job) -> tuple[float, float]:
+    """Horizon and step of a record [s]."""
+    return job.plant.horizon, job.plant.step
+
+
+def plant(job: Job) -> dict[str, Shape]:
+    """The channels of a record: as many components as the system has states and outputs."""
+    outputs = max(term["component"] for term in job.plant.output)
+    return {"state": Shape("1", _states(job)), "output": Shape("1", outputs)}
+
+
+def estimates(job: Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates; coordinates of the transformed form only."""
+    states = len(job.observer.initial_estimate)
+    return {"state": Shape("1", states), "coordinates": Shape("1", states, optional=True)}
+
+
+def _states(job: Job) -> int:
+    return len(job.plant.dynamics[0]["powers"])
