@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from reobserve.claims.checks import Check
 from reobserve.claims.choices import find_choice
 from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Robustness, assess
-from reobserve.claims.robustness_file import from_data, to_data
+from reobserve.claims.robustness_file import read_robustness, to_data
 from reobserve.errors import DivergenceError, InputError
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
@@ -137,12 +138,14 @@ def test_a_dear_claim_is_drawn_less_and_looked_at_the_ends_only(shown: list[str]
     assert len(shown) == 1 + 4 + 2 + 4
 
 
-def test_where_nobody_looks_there_is_no_flip(shown: list[str]) -> None:
+def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -> None:
     one = claim("fig1 a gain", GAIN, above=100)
     silent = assess(ILO, [one], 4, flips=False)["it"]
     assert (silent.draws, silent.flip, silent.looked) == (4, None, False)
     assert len(shown) == 1 + 4
-    assert from_data(to_data(silent, one)) == silent
+    stored = {"paper": "ilo", "seed": 1, "draws": 4, "claims": {"it": to_data(silent, one)}}
+    (tmp_path / "robustness.json").write_text(json.dumps(stored))
+    assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
 
 
 def test_what_hangs_on_nothing_or_is_broken_is_left_out() -> None:
