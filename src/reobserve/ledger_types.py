@@ -27,7 +27,7 @@ _ONE_OF = {
     "figure": "figures",
 }
 # The branch that a job is about: its keys are named in errors without the job's name for it.
-_SUBJECTS = ("observer", "table", "design")
+_SUBJECTS = ("theory", "observer", "table", "design")
 
 
 @dataclass(frozen=True)

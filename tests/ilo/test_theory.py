@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from reobserve.ledger import Ledger
+from reobserve.ledger_types import read_job
 from reobserve.metrics import lookup
-from reobserve.papers.ilo import theory, theory_limits, theory_runs
+from reobserve.papers.ilo import keys, theory, theory_limits, theory_runs
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
@@ -35,11 +36,11 @@ def found(settings: dict[str, Any]) -> Numbers:
 
 
 def limits(settings: dict[str, Any]) -> Numbers:
-    return lookup(theory_limits.measure(settings))
+    return lookup(theory_limits.measure(read_job(keys.Ledger, settings)))
 
 
 def runs(settings: dict[str, Any]) -> Numbers:
-    return lookup(theory_runs.measure(settings))
+    return lookup(theory_runs.measure(read_job(keys.Ledger, settings)))
 
 
 @pytest.fixture
@@ -104,7 +105,7 @@ def test_a_certified_observer_is_called_so(settings: dict[str, Any]) -> None:
     small["observers"]["forgetting"] |= {"K1": 0.5, "K2": 0.5}  # 1.5 lambda > 1.5
     for damping, expected in ((1.01, 1.0), (0.99, 0.0)):
         small["observers"]["forgetting"]["damping"] = damping
-        numbers = lookup(theory._certificates(small))
+        numbers = lookup(theory._certificates(read_job(keys.Ledger, small)))
         assert numbers["forgetting", "certified"] == expected
 
 
@@ -226,7 +227,7 @@ def test_error_under_jumps_is_a_sum_of_step_responses(
     run = estimate({"plant": plant, "observer": observer}, record)
     after = Errors.of(record, run, 0).window(1.0, 1.5)
     energy = float(np.sum(after.start**2 + after.start * after.end + after.end**2)) / 3 * run.step
-    terms = theory_runs._jumps(settings["theory"], 10.0, 1)
+    terms = theory_runs._jumps(keys.Theory(**settings["theory"]), 10.0, 1)
     assert [term["from"] for term in terms] == pytest.approx(0.5 * np.arange(1, 20))
     assert all(term["until"] == term["from"] + 0.5 for term in terms)
     sizes = np.array([term["size"] for term in terms])

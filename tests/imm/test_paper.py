@@ -14,11 +14,11 @@ from reobserve.config import read_yaml
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
+from reobserve.ledger_check import check_ledger
 from reobserve.linear_model import LinearModel
 from reobserve.observers.imm import InteractingMultipleModel, Run
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.papers.imm import ledger as imm_ledger
 from reobserve.papers.imm import observe, plant
 from reobserve.papers.imm.scoring import probabilities, quoted_distance, window
 from reobserve.papers.imm.setup import MODES
@@ -605,11 +605,11 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
-        imm_ledger.check(ledger(changes))
+        check_ledger(ledger(changes))
     assert caught.value.parameter == f"imm.{key}"
     assert said in caught.value.problem
     assert "\n" not in str(caught.value)
 
 
 def test_the_config_is_accepted() -> None:
-    imm_ledger.check(ledger())
+    check_ledger(ledger())

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.ledger import Ledger
-from reobserve.papers.imm import plant, search
+from reobserve.ledger_types import read_job
+from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
 from reobserve.series import Series
+from reobserve.typed_tree import parse
 from tests.imm.test_paper import SEED, Tree, ledger, record
 from tests.imm.test_studies import KEPT
 
@@ -62,8 +64,8 @@ def first() -> tuple[dict[str, Any], list[str]]:
 
 
 def calibration(of: Ledger, series: Series) -> Calibration:
-    settings = of.settings("search", "calibrated")
-    return Calibration(settings["plant"], settings["observers"], settings["metrics"], series)
+    job = read_job(keys.Ledger, of.settings("search", "calibrated"))
+    return Calibration(job.plant, job.observers, job.metrics, series)
 
 
 def targets(of: Ledger) -> int:
@@ -92,7 +94,7 @@ def test_what_was_found_is_what_its_numbers_give() -> None:
 
 def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
     body = small_ledger().section("searches", "calibrated")
-    low, high = search.bounds(body)
+    low, high = search.bounds(parse(keys.Search, body))
     values = np.array([first()[0]["found"][name] for name in TUNED])
     assert np.all((values >= 0.99 * 10.0**low) & (values <= 1.01 * 10.0**high))
     assert [float(f"{value:.3g}") for value in values] == values.tolist()

@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.papers.imm import study, study_changes, study_closeness, study_neighbourhood
+from reobserve.ledger_types import read_job
+from reobserve.papers.imm import keys, study, study_changes, study_closeness, study_neighbourhood
 from reobserve.papers.imm.metrics import diagnoses, enough_gap, reach
 from reobserve.papers.imm.plot_closeness import wilson
 from reobserve.papers.imm.setup import modes
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial, within
 from reobserve.synthesis.nu_gap import nu_gap
+from reobserve.typed_tree import parse
 from tests.imm.test_paper import ROOT, Tree, ledger, measured, record
 
 Row = dict[str, Any]
@@ -206,12 +208,16 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
 def test_banks_that_are_tuned_together_share_their_numbers() -> None:
     settings = deepcopy(settings_of("neighbourhood"))
     settings["observers"]["svsf_thin_tuned"]["stay"] = 0.9
-    rest = settings["plant"], settings["observers"], settings["metrics"], record("step")
+
+    def calibration() -> Calibration:
+        job = read_job(keys.Ledger, settings)
+        return Calibration(job.plant, job.observers, job.metrics, record("step"))
+
     with pytest.raises(InputError, match=r"^observers.svsf_thin_tuned: must have the noise of"):
-        Calibration(*rest).stated()
+        calibration().stated()
     settings["observers"]["kalman_tuned"]["realisation"] = "velocity"
     with pytest.raises(InputError, match=r"^observers.kalman_tuned.realisation: must be motion"):
-        Calibration(*rest).stated()
+        calibration().stated()
 
 
 # --- One thing changed --------------------------------------------------------------------------
@@ -310,7 +316,7 @@ def test_rows_come_by_noise_then_models_then_runs() -> None:
 
 
 def test_the_gap_is_the_one_between_the_models() -> None:
-    normal, _, leakage = modes(ledger().section("plant"))
+    normal, _, leakage = modes(parse(keys.Plant, ledger().section("plant")))
     for row in few():
         if row["observer"] == "models":
             assert row["quantity"] == "nu_gap"

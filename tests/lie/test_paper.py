@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
+from reobserve.ledger_check import check_ledger
 from reobserve.papers.lie import design as design_stage
-from reobserve.papers.lie import ledger as lie_ledger
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from tests.lie.systems import fraction, inverted
@@ -203,7 +203,7 @@ def test_a_digit_that_is_wrong(text: str, agrees: str) -> None:
 
 
 def test_the_config_is_accepted() -> None:
-    lie_ledger.check(evaluator().ledger)
+    check_ledger(evaluator().ledger)
 
 
 def test_the_gain_of_the_figure_is_not_the_constant_one() -> None:

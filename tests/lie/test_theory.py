@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from math import isnan
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluator
+from reobserve.ledger_types import read_job
 from reobserve.overrides import OVERRIDDEN
+from reobserve.papers.lie import design as design_stage
+from reobserve.papers.lie import keys
 from reobserve.papers.lie import metrics as metrics_stage
 from reobserve.papers.lie import theory as theory_stage
-from reobserve.papers.lie.setup import build_problem
 from reobserve.papers.lie.theory_cases import random_problem
 from reobserve.papers.lie.theory_runs import Case, deviation_from_linear, difference_of_forms
 from reobserve.papers.lie.theory_series import (
@@ -86,7 +89,7 @@ def test_the_printed_eigenvalues_leave_one_output() -> None:
     settings = evaluator().ledger.settings("design", "linear")
     settings["plant"]["output"] = [{"component": 1, "powers": [0, 1], "coefficient": 1}]
     with pytest.raises(InputError, match="all real parts must be negative"):
-        build_problem(settings["plant"], settings["design"])
+        design_stage.compute(settings)
 
 
 def test_the_injection_error_is_that_of_the_figure() -> None:
@@ -205,9 +208,8 @@ def test_runs_tell_a_linear_error_from_another() -> None:
 
 
 def test_the_share_of_pole_choices_by_another_count() -> None:
-    settings = {
-        "seed": 5, "printed_degree": 3, "poles": [-3.0, -1.0], "choices": 40,
-    }  # fmt: skip
+    stated = read_job(keys.Ledger, evaluator().ledger.settings("theory")).theory
+    rules = replace(stated, seed=5, printed_degree=3, poles=[-3.0, -1.0], choices=40)
     stream = random_stream(5, "lie", "poles")
     far = 0
     for _ in range(40):
@@ -221,7 +223,7 @@ def test_the_share_of_pole_choices_by_another_count() -> None:
         distances = [(abs(m - pole), max(abs(m), abs(pole))) for m in sums for pole in poles]
         distance, size = min(distances)
         far += distance >= 0.01 * size
-    assert theory_stage._share_nonresonant(settings) == pytest.approx(far / 40)
+    assert theory_stage._share_nonresonant(rules) == pytest.approx(far / 40)
     assert 0 < far < 40
 
 

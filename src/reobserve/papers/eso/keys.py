@@ -14,7 +14,6 @@ from reobserve.conditions import (
     Positive,
     Terms,
     Window,
-    above,
     array,
     items,
     signal,
@@ -27,7 +26,7 @@ Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]
 Poles = Annotated[list[float], vector(3)]
 Column = Annotated[Any, array(2, 1)]
-Factor = Annotated[float, above(1.0)]  # of gamma over its floor
+Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
 
 
@@ -43,7 +42,7 @@ class Plant:
     """The motor, its speed control, what disturbs it, and the record."""
 
     inertia: Positive
-    friction: NotNegative
+    friction: Positive
     torque_constant: Positive
     emf_constant: Positive
     resistance: Positive
@@ -87,7 +86,7 @@ class LeastNorm:
 
     kind: Literal["pi_least_norm", "pd_pi_least_norm"]
     filter_rate: Positive
-    factor: Factor
+    factor: Positive  # of gamma over its floor
     solver: Solver
     title: str = ""
 
@@ -122,10 +121,10 @@ class Designs:
     method: Literal["designs"]
     scenario: str
     observers: list[str]
-    filter_rates: Levels
-    decays: Annotated[list[NotNegative], items()]
-    factors: Annotated[list[Factor], items()]
-    pole_bounds: Levels
+    filter_rates: Changed
+    decays: Annotated[list[NotNegative], items(0)]
+    factors: Changed
+    pole_bounds: Changed
     solver: Solver
     title: str = ""
 

@@ -46,6 +46,9 @@ Variances = Annotated[Any, variances]
 Bounds = Annotated[list[float], vector(2), bounds]
 
 
+Changed = Annotated[list[Positive], items(0)]  # values to try, or none
+
+
 @dataclass(frozen=True)
 class Plant:
     """The identified models of the actuator, by their transfer functions."""
@@ -147,9 +150,9 @@ class Changes:
     prbs: Voltage
     square: Voltage
     sweep: Voltage
-    periods: Levels
-    shares: Levels
-    layer_factors: Levels
+    periods: Changed
+    shares: Changed
+    layer_factors: Changed
     noise: Motion
     title: str = ""
 

@@ -1,10 +1,11 @@
 """Stage design: s^2 + (a + l1) s + l2 = (s + pole)^2."""
 
-from reobserve.errors import InputError
+from reobserve.papers.toy import keys
+
+from reobserve.ledger_types import read_job
 
 
 def compute(settings):
-    rate, pole = settings["plant"]["rate"], settings["design"]["pole"]
-    if pole <= 0:
-        raise InputError("pole", f"{pole:g} must be greater than zero")
+    job = read_job(keys.Ledger, settings)
+    rate, pole = job.plant.rate, job.design.pole
     return {"gains": (2 * pole - rate, pole * pole), "names": ["l1", "l2"]}

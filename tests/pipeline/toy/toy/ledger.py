@@ -1,9 +1,11 @@
-"""Check the ledger before anything runs."""
+"""Check what the types of the ledger's keys cannot: an observer has gains, from one place."""
 
-from reobserve.ledger import Ledger
-from reobserve.stages.common import compute_design
+from reobserve.papers.toy import keys
+
+from reobserve.errors import InputError
 
 
-def check(ledger: Ledger) -> None:
-    for name in ledger.section("designs"):
-        compute_design(ledger, name)
+def check(ledger: keys.Ledger) -> None:
+    for name, observer in ledger.observers.items():
+        if (observer.gains is None) == (observer.design == ""):
+            raise InputError(f"observers.{name}", "must have gains or a design, and not both")

@@ -1,18 +1,21 @@
 """Stage metrics: what is left of the error at the end."""
 
 import numpy as np
+from reobserve.papers.toy import keys
 
+from reobserve.ledger_types import read_job
 from reobserve.metrics import Metric
 
 
-def late_error(settings, plant, estimate):
-    late = plant.time > plant.time[-1] - settings["metrics"]["late_window"]
+def late_error(job, plant, estimate):
+    late = plant.time > plant.time[-1] - job.metrics.late_window
     return float(np.sqrt(np.mean((plant["d"] - estimate["d"])[late] ** 2)))
 
 
 def measure(settings, plant, estimates, study):
+    job = read_job(keys.Ledger, settings)
     found = [
-        Metric(name, "late_rms_error", late_error(settings, plant, estimate), "1/s")
+        Metric(name, "late_rms_error", late_error(job, plant, estimate), "1/s")
         for name, estimate in estimates.items()
     ]
     best = min(float(row["late_rms_error"]) for row in study)

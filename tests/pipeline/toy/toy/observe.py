@@ -1,16 +1,19 @@
 """Stage observe: a linear observer of x and d, by steps of Euler."""
 
 import numpy as np
+from reobserve.papers.toy import keys
 
+from reobserve.ledger_types import read_job
 from reobserve.series import Channel, Series
 
 
 def estimate(settings, plant, design=None):
-    return run(settings, plant, design["gains"] if design else settings["observer"]["gains"])
+    job = read_job(keys.Ledger, settings)
+    return run(job, plant, design["gains"] if design else job.observer.gains)
 
 
-def run(settings, plant, gains):
-    rate, step = settings["plant"]["rate"], plant.step
+def run(job, plant, gains):
+    rate, step = job.plant.rate, plant.step
     found = np.zeros((len(plant.time), 2))
     for k, x in enumerate(plant["x"][:-1]):
         state, disturbance = found[k]

@@ -1,13 +1,16 @@
 """Stage plant: the lag from rest under a constant disturbance, in closed form."""
 
 import numpy as np
+from reobserve.papers.toy import keys
 
+from reobserve.ledger_types import read_job
 from reobserve.series import Channel, Series
 
 
 def simulate(settings):
-    plant, push = settings["plant"], settings["scenario"]["disturbance"]
-    time = np.arange(round(plant["horizon"] / plant["step"]) + 1) * plant["step"]
-    state = push / plant["rate"] * -np.expm1(-plant["rate"] * time)
+    job = read_job(keys.Ledger, settings)
+    plant, push = job.plant, job.scenario.disturbance
+    time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
+    state = push / plant.rate * -np.expm1(-plant.rate * time)
     disturbance = np.full_like(time, push)
     return Series(time, {"x": Channel(state, "1"), "d": Channel(disturbance, "1/s")})

@@ -1,13 +1,16 @@
 """Stage table: the gains as printed and as computed."""
 
+from reobserve.papers.toy import keys
+
 from reobserve.files import NAME, NUMBER
+from reobserve.ledger_types import read_job
 
 HEADER = ("gain", "printed", "computed")
 KINDS = {"gain": NAME, "printed": NUMBER, "computed": NUMBER}
 
 
 def rows(settings, design):
-    printed = settings["table"]["printed"]
+    printed = read_job(keys.Ledger, settings).table.printed
     return [
         dict(zip(HEADER, cells, strict=True))
         for cells in zip(design["names"], printed, design["gains"], strict=True)

@@ -1,9 +1,13 @@
 """Stage theory: how far the poles of the design are from one place, as a discriminant."""
 
+from reobserve.papers.toy import keys
+
+from reobserve.ledger_types import read_job
 from reobserve.metrics import Metric
 
 
 def measure(settings, designs):
+    job = read_job(keys.Ledger, settings)
     first, second = designs["gains"]["gains"]
-    defect = (settings["plant"]["rate"] + first) ** 2 - 4 * second
+    defect = (job.plant.rate + first) ** 2 - 4 * second
     return [Metric("gains", "discriminant", defect, "1/s^2")]

@@ -1,0 +1,90 @@
+"""The keys of the ledger, as types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from reobserve.conditions import Levels, Names, Positive, vector
+
+Pair = Annotated[list[float], vector(2)]
+
+
+@dataclass(frozen=True)
+class Plant:
+    rate: Positive
+    horizon: Positive
+    step: Positive
+
+
+@dataclass(frozen=True)
+class Scenario:
+    disturbance: float
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Design:
+    pole: Positive
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Observer:
+    """With gains of its own, or those of a design."""
+
+    algorithm: Literal["linear"]
+    gains: Pair | None = None
+    design: str = ""
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Study:
+    scenario: str
+    observers: Names
+    design: str
+    factors: Levels
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Theory:
+    """It has no numbers of its own."""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    late_window: Positive
+
+
+@dataclass(frozen=True)
+class Table:
+    design: str
+    printed: Pair
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    layout: Literal["lines"]
+    scenario: str
+    observers: Names
+    study: str
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    plant: Plant
+    designs: Mapping[str, Design]
+    scenarios: Mapping[str, Scenario]
+    observers: Mapping[str, Observer]
+    studies: Mapping[str, Study]
+    theory: Theory
+    metrics: Metrics
+    tables: Mapping[str, Table]
+    figures: Mapping[str, Figure]
