@@ -1,8 +1,9 @@
 """Stage study: the gains of the design, multiplied."""
 
-from reobserve.files import NUMBER, SCORE
 from reobserve.papers.toy.metrics import late_error
 from reobserve.papers.toy.observe import run as observed
+
+from reobserve.files import NUMBER, SCORE
 
 HEADER = ("factor", "late_rms_error")
 KINDS = {"factor": NUMBER, "late_rms_error": SCORE}
