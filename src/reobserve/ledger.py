@@ -42,6 +42,10 @@ _SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
 # What every ledger has; those of `_NAMING` and these hold bodies, by name.
 _REQUIRED = ("about", "plant", "scenarios", "observers", "metrics", "figures")
 _BODIES = (*_NAMING, "scenarios", "designs")
+_NAMES_NEEDED = {
+    **dict.fromkeys(("studies", "searches", "figures"), ("scenario", "observers")),
+    "tables": ("design",),
+}
 
 
 @dataclass(frozen=True)
@@ -236,12 +240,17 @@ def _check_sections(tree: Tree, place: str) -> None:
         for body in (bodies, *within):
             if not isinstance(body, Mapping):
                 raise InputError(place, f"{section} holds {shown(body)}, must be a mapping")
-        for body in within:
+        for name, body in bodies.items() if within else ():
+            for key in _NAMES_NEEDED.get(section, ()):
+                if key not in body:
+                    raise InputError(place, f"{section}.{name} has no {key}")
             for key in filter(body.__contains__, _NAMED):
-                listed = isinstance(body[key], list) and key == "observers"
-                for name in body[key] if listed else [body[key]]:
-                    if not isinstance(name, str):
-                        raise InputError(place, f"{section}: {shown(name)} must be a name")
+                named = body[key] if key == "observers" else [body[key]]
+                if not isinstance(named, list) or not all(isinstance(one, str) for one in named):
+                    what = "a list of names" if key == "observers" else "a name"
+                    raise InputError(
+                        place, f"{section}.{name}.{key} is {shown(body[key])}, must be {what}"
+                    )
     for key, entry in _entries(tree, ""):
         for part in ("unit", "source"):
             if not isinstance(entry.get(part), str):
