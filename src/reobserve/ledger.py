@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.config import Tree, check_schema, known_papers, nearest, read_yaml
-from reobserve.errors import InputError, shown
+from reobserve.errors import InputError
 from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
-from reobserve.plain_data import read_json
-from reobserve.typed_data import typed
+from reobserve.stored_ledger import read_stored
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
@@ -37,24 +36,6 @@ _NAMING = {
 }
 # Where the body of a job stands that depends on a scenario and on observers.
 _SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
-
-
-# What every ledger has; those of `_NAMING` and these hold bodies, by name.
-_REQUIRED = ("about", "plant", "scenarios", "observers", "metrics", "figures")
-_BODIES = (*_NAMING, "scenarios", "designs")
-_NAMES_NEEDED = {
-    **dict.fromkeys(("studies", "searches", "figures"), ("scenario", "observers")),
-    "tables": ("design",),
-}
-
-
-@dataclass(frozen=True)
-class _Stored:
-    """The file of a resolved ledger."""
-
-    paper: str
-    seed: int
-    ledger: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -100,10 +81,7 @@ class Ledger:
         InputError
             If the file is missing or no ledger.
         """
-        stored = typed(_Stored, read_json(path), str(path))
-        if not stored.paper.isidentifier():
-            raise InputError(f"{path}.paper", f"{shown(stored.paper)} must be the name of a paper")
-        _check_sections(stored.ledger, str(path))
+        stored = read_stored(path)
         ledger = cls(stored.paper, stored.ledger, stored.seed)
         ledger._check_references()
         return ledger
@@ -228,33 +206,6 @@ class Ledger:
                                 f"{self.paper}.{section}.{name}",
                                 f"there is no {wanted!r} in {kind}{nearest(wanted, have)}",
                             )
-
-
-def _check_sections(tree: Tree, place: str) -> None:
-    """Of a stored ledger: all sections there, bodies where they must be, entries with a source."""
-    for section in _REQUIRED:
-        if section not in tree:
-            raise InputError(place, f"has no section {section!r}; build the ledger anew")
-    for section, bodies in tree.items():
-        within = bodies.values() if section in _BODIES and isinstance(bodies, Mapping) else ()
-        for body in (bodies, *within):
-            if not isinstance(body, Mapping):
-                raise InputError(place, f"{section} holds {shown(body)}, must be a mapping")
-        for name, body in bodies.items() if within else ():
-            for key in _NAMES_NEEDED.get(section, ()):
-                if key not in body:
-                    raise InputError(place, f"{section}.{name} has no {key}")
-            for key in filter(body.__contains__, _NAMED):
-                named = body[key] if key == "observers" else [body[key]]
-                if not isinstance(named, list) or not all(isinstance(one, str) for one in named):
-                    what = "a list of names" if key == "observers" else "a name"
-                    raise InputError(
-                        place, f"{section}.{name}.{key} is {shown(body[key])}, must be {what}"
-                    )
-    for key, entry in _entries(tree, ""):
-        for part in ("unit", "source"):
-            if not isinstance(entry.get(part), str):
-                raise InputError(place, f"{key} has no {part}")
 
 
 def digest(value: Any) -> str:

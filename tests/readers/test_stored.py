@@ -390,8 +390,8 @@ def test_robustness_that_is_none_is_refused(
         (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
         (lambda t: t.update(paper="../x"), "'../x' must be the name of a paper$"),
         (lambda t: t["ledger"].pop("plant"), "has no section 'plant'; build the ledger anew$"),
-        (lambda t: t["ledger"].update(figures=[]), r"figures holds \[\], must be a mapping$"),
-        (lambda t: t["ledger"]["figures"].update(fig1=3), "figures holds 3, must be a mapping$"),
+        (lambda t: t["ledger"].update(figures=[]), r"figures: is \[\], must be a mapping$"),
+        (lambda t: t["ledger"]["figures"].update(fig1=3), "figures.fig1: is 3, must be a mapping$"),
         (
             lambda t: t["ledger"]["figures"]["fig1"].update(observers=[[]]),
             "must be a list of names$",
@@ -400,9 +400,12 @@ def test_robustness_that_is_none_is_refused(
             lambda t: t["ledger"]["figures"]["fig1"].update(observers="a"),
             "must be a list of names$",
         ),
-        (lambda t: t["ledger"]["figures"]["fig1"].pop("scenario"), "figures.fig1 has no scenario$"),
+        (
+            lambda t: t["ledger"]["figures"]["fig1"].pop("scenario"),
+            "figures.fig1: has no scenario$",
+        ),
         (lambda t: t["ledger"]["figures"]["fig1"].update(scenario="x"), "there is no 'x' in scen"),
-        (lambda t: t["ledger"]["plant"]["step"].pop("source"), "plant.step has no source$"),
+        (lambda t: t["ledger"]["plant"]["step"].pop("source"), "plant.step: has no source$"),
     ],
 )
 def test_a_ledger_that_is_none_is_refused(
