@@ -14,14 +14,14 @@ _SENTENCE = 600
 
 def one_line(text: object, most: int = _SENTENCE) -> str:
     """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
-    told = " ".join(str(text).split())
-    if len(told) > most:
-        tail = most // 3
-        told = f"{told[: most - tail - 3]} … {told[-tail:]}"
-    return "".join(
+    told = "".join(
         letter if letter.isprintable() else letter.encode("unicode_escape").decode()
-        for letter in told
+        for letter in " ".join(str(text).split())
     )
+    if len(told) <= most:
+        return told
+    tail = most // 3
+    return f"{told[: most - tail - 3]} … {told[-tail:]}"
 
 
 def shown(value: Any, most: int = _VALUE) -> str:

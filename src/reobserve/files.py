@@ -252,7 +252,7 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
         else:
             table = parquet.ParquetFile(stream, page_checksum_verification=True).read()
         names = [str(name) for name in table.column_names]
-    except (OSError, ValueError, KeyError, MemoryError) as error:  # ArrowInvalid is a ValueError
+    except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException) as error:
         raise InputError(str(path), f"cannot be read ({_first_line(error)})") from None
     for name in names:
         if names.count(name) > 1:
@@ -279,7 +279,7 @@ def _floats(path: Path, name: str, column: Any) -> NDArray[np.float64]:
         raise InputError(str(path), f"{place} is of the type {kind}, must be numbers")
     try:
         values = column.cast(pa.float64()).to_numpy()
-    except (ValueError, MemoryError) as error:
+    except (ValueError, MemoryError, pa.ArrowException) as error:
         raise InputError(str(path), f"{place} cannot be read ({_first_line(error)})") from None
     return np.asarray(values, dtype=np.float64)
 

@@ -18,8 +18,8 @@ from typing import Any
 from reobserve.config import Tree, check_name, check_schema, known_papers, nearest, read_yaml
 from reobserve.errors import InputError, shown
 from reobserve.overrides import OVERRIDDEN, is_entry, lay_over
-from reobserve.plain_data import check_plain, read_json
-from reobserve.typed_data import typed
+from reobserve.plain_data import check_plain
+from reobserve.stored_ledger import read_stored
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
@@ -38,20 +38,6 @@ _NAMING = {
 NAMED_SECTIONS = (*_NAMED.values(), "searches", "tables", "figures")
 # Where the body of a job stands that depends on a scenario and on observers.
 _SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
-
-
-# What every ledger has; those of `_NAMING` and these hold bodies, by name.
-_REQUIRED = ("about", "plant", "scenarios", "observers", "metrics", "figures")
-_BODIES = (*_NAMING, "scenarios", "designs")
-
-
-@dataclass(frozen=True)
-class _Stored:
-    """The file of a resolved ledger."""
-
-    paper: str
-    seed: int
-    ledger: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -99,10 +85,7 @@ class Ledger:
         InputError
             If the file is missing or no ledger.
         """
-        stored = typed(_Stored, read_json(path), str(path))
-        if not stored.paper.isidentifier():
-            raise InputError(f"{path}.paper", f"{shown(stored.paper)} must be the name of a paper")
-        _check_sections(stored.ledger, str(path))
+        stored = read_stored(path)
         ledger = cls(stored.paper, stored.ledger, stored.seed)
         ledger._check_references()
         return ledger
@@ -232,28 +215,6 @@ class Ledger:
                                 f"{self.paper}.{section}.{name}",
                                 f"there is no {shown(wanted)} in {kind}{nearest(wanted, have)}",
                             )
-
-
-def _check_sections(tree: Tree, place: str) -> None:
-    """Of a stored ledger: all sections there, bodies where they must be, entries with a source."""
-    for section in _REQUIRED:
-        if section not in tree:
-            raise InputError(place, f"has no section {section!r}; build the ledger anew")
-    for section, bodies in tree.items():
-        within = bodies.values() if section in _BODIES and isinstance(bodies, Mapping) else ()
-        for body in (bodies, *within):
-            if not isinstance(body, Mapping):
-                raise InputError(place, f"{section} holds {shown(body)}, must be a mapping")
-        for body in within:
-            for key in filter(body.__contains__, _NAMED):
-                listed = isinstance(body[key], list) and key == "observers"
-                for name in body[key] if listed else [body[key]]:
-                    if not isinstance(name, str):
-                        raise InputError(place, f"{section}: {shown(name)} must be a name")
-    for key, entry in _entries(tree, ""):
-        for part in ("unit", "source"):
-            if not isinstance(entry.get(part), str):
-                raise InputError(place, f"{key} has no {part}")
 
 
 def digest(value: Any) -> str:

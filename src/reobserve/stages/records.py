@@ -78,10 +78,10 @@ def _job(path: Path, series: Series, ledger: Ledger, stage: str, name: str | Non
     known = ledger.tree["scenarios" if stage == "plant" else "observers"]
     wanted = known if name is None else (name,)
     if (made.paper, made.stage) != (ledger.paper, stage) or made.job not in wanted:
-        kind = "record" if stage == "plant" else "estimate"
+        kind = "a record" if stage == "plant" else "an estimate"
         raise InputError(
             str(path),
-            f"is {shown(made.job)} of stage {made.stage} of {made.paper}, must be a {kind} of "
+            f"is {shown(made.job)} of stage {made.stage} of {made.paper}, must be {kind} of "
             f"{' or '.join(wanted)} of {ledger.paper}",
         )
     return made.job
