@@ -21,6 +21,7 @@ from reobserve.claims.table import HEADER
 from reobserve.cli import main
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.figure_diff import commands
+from reobserve.figure_diff.model import Origin
 from reobserve.figure_diff.origin import origin_here, write_origin
 from reobserve.figure_diff.project_copy import build, copy_project
 from reobserve.figures import STYLES, fix_layout, new_figure, save
@@ -207,6 +208,24 @@ def fail_to_observe(project: Path) -> None:
     log.write_text("reobserve: made.observers.watch diverged\n")
 
 
+def fail_to_design(project: Path) -> None:
+    """Nothing that needs the design is there; its log ends with the sentence."""
+    for name in ("fig1", "fig2"):
+        (project / f"results/made/{name}.png").unlink()
+        (project / f"results/made/{name}.metrics.csv").unlink()
+    (project / "results/made/slow/watch.parquet").unlink()
+    (project / "logs/made").mkdir(parents=True)
+    (project / "logs/made/gains.design.log").write_text(
+        "+ reobserve design\nOf what a library said,\n\n"
+        "reobserve: made.designs.gains: has no solution\n"
+    )
+
+
+def lose_the_reference_of_what_moved(project: Path) -> None:
+    rewrite_metric("0.6")(project)
+    (project / "tests/reference/made/fig1.png").unlink()
+
+
 def resize(project: Path) -> None:
     figure, _ = new_figure((1.5,))
     save(figure, project / "tests/reference/made/fig1.png")
@@ -252,7 +271,14 @@ KEPT, BUILT = "tests/golden/made", "results/made"
             {"fig1": "missing", "fig2": "missing"},
             "made.observers.watch diverged",
         ),
+        (
+            fail_to_design,
+            {"fig1": "missing", "fig2": "missing"},
+            "  made.designs.gains: has no solution\n",
+        ),
         (add_figure, {"fig3": "extra"}, "made fig3: extra"),
+        (lose_the_reference_of_what_moved, {"fig1": "extra"}, "watch:rms: golden 0.5, found 0.6"),
+        (remove(f"{KEPT}/fig1.metrics.csv"), {"fig1": "gap"}, "fig1.metrics.csv: cannot be read"),
         (remove("tests/reference/made/fig1.png"), {"fig1": "extra"}, "made fig1: extra"),
         (remove(f"{KEPT}/table1.csv"), {"table1": "extra"}, "made table1: extra"),
         (resize, {"fig1": "gap"}, "fig1: has 1056 x 248 pixels, the reference figure has 1056 x"),
@@ -323,6 +349,7 @@ def test_a_gap_of_the_whole_fails_and_stands_on_the_page(
     assert said in capsys.readouterr().err
     assert said in (project / "figdiff/index.html").read_text()
     assert said in (project / "figdiff/summary.md").read_text()
+    assert summary(project)["agrees"] is False
 
 
 def test_a_browser_shows_every_picture(project: Path, browser: Browser) -> None:  # noqa: F811
@@ -515,3 +542,13 @@ def test_the_nightly_workflow_runs_what_a_person_runs() -> None:
     assert pinned <= set(
         re.findall(r"uses: (\S+)", (ROOT / ".github/workflows/ci.yml").read_text())
     )
+
+
+def test_origins_differ_also_in_what_only_one_of_them_has() -> None:
+    here = Origin({"numpy": "1", "scipy": "2", "numba": "3"})
+    there = Origin({"numpy": "1", "scipy": "4", "flint": "5"})
+    assert here.differing(there) == [
+        ("scipy", "2", "4"),
+        ("numba", "3", ""),
+        ("flint", "", "5"),
+    ]

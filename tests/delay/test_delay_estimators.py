@@ -282,3 +282,21 @@ def test_a_relay_that_outruns_the_singular_instant_can_lose_the_delay(on: str, s
 def scenario(on: str) -> tuple[Array, Array, Array]:
     estimator = VariableStructureDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, on)
     return record(estimator, Input(), paper_delay, 120.0)
+
+
+def test_a_delay_that_leaves_and_returns_within_a_step_is_held_in_between() -> None:
+    """Its top at 6.0607 s is 9e-5 above the bound for 0.024 s, all between 6.04 and 6.08 s."""
+    free = SMOOTH["least squares"](0.04)
+    delays = run(SMOOTH["least squares"](0.001), FAST, short_delay, 10.0, 0.8).delay
+    bound = float(delays.max()) - 8.9e-5
+    over = 0.001 * np.flatnonzero(delays > bound)
+    assert 6.04 < over[0] < over[-1] < 6.08
+    narrow = replace(free, delay_bounds=(0.0, bound))
+    known_delays, changes = reference(narrow, FAST, PIECES, 0.8, 0.2)
+    assert changes == 2, "held and let go once"
+    ours, unbounded = (
+        run(one, FAST, short_delay, 10.0, 0.8).delay[::5] - known_delays[:, 0]
+        for one in (narrow, free)
+    )
+    assert np.max(np.abs(ours[31:])) < 1e-7
+    assert np.max(np.abs(unbounded[31:])) > 5e-5, "what is cut off shows"

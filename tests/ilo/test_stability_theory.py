@@ -284,7 +284,10 @@ def test_bad_parameters_are_named() -> None:
 
 def test_ripple_roots_that_cannot_be_followed_are_refused() -> None:
     """k2^2 is beyond the range of floats; the largest gain that is not has roots."""
-    with np.errstate(all="ignore"), pytest.raises(InputError, match=r"K2: 1e\+200 is too large for"):
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(InputError, match=r"K2: 1e\+200 is too large for"),
+    ):
         ripple_roots(36.0, 1.0, 1.0, 1e200, 0.01)
     root = ripple_roots(36.0, 1.0, 1.0, 1e6, 0.01, count=1).exact[0]
     assert abs((36 * root + 1) * (1 - np.exp(-0.01 * root)) + 1e6) < 1e-6

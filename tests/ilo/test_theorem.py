@@ -335,3 +335,16 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
             e,
             k_d,
         )
+
+
+def test_damping_enters_with_its_symmetric_part() -> None:
+    """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
+    weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
+    turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
+    found = theorem1(turned, 2.0, 0.5, 0.1, 1.0, **weights)
+    assert found == theorem1(10.0, 2.0, 0.5, 0.1, 1.0, **weights)
+    # With [[2, 4], [0, 2]] in a corner the symmetric part has the eigenvalue 2 - 2.
+    sheared = 10 * np.eye(3)
+    sheared[:2, :2] = [[2, 4], [0, 2]]
+    none = theorem1(sheared, 2.0, 0.5, 0.1, 0.0, **weights)
+    assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)
