@@ -20,8 +20,8 @@ from reobserve import golden_claims, golden_tables
 from reobserve.claims.table import HEADER
 from reobserve.cli import main
 from reobserve.evaluation import Evaluation, Evaluator
-from reobserve.figure_diff import commands
-from reobserve.figure_diff.model import Origin
+from reobserve.figure_diff import commands, page, plot_moved
+from reobserve.figure_diff.model import Item, MovedSeries, Origin
 from reobserve.figure_diff.origin import origin_here, write_origin
 from reobserve.figure_diff.project_copy import build, copy_project
 from reobserve.figures import STYLES, fix_layout, new_figure, save
@@ -318,6 +318,8 @@ def test_what_does_not_agree_is_said_and_shown(
     )
     assert verdicts(project) == found
     assert summary(project)["agrees"] is False
+    for item in summary(project)["items"]:
+        assert bool(item["why_missing"]) == (item["verdict"] == "missing"), item["name"]
     page = (project / "figdiff/index.html").read_text()
     for name, verdict in found.items():
         assert f'<h2>made {name}: <span class="verdict">{verdict}</span></h2>' in page
@@ -552,3 +554,27 @@ def test_origins_differ_also_in_what_only_one_of_them_has() -> None:
         ("numba", "3", ""),
         ("flint", "", "5"),
     ]
+
+
+def test_the_worst_series_are_drawn_and_the_worst_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By tolerances, up or down; nan and other lengths are worse than any number."""
+    drawn: list[str] = []
+
+    def draw_moved(series: list[MovedSeries]) -> bytes:
+        drawn.extend(one.name for one in series)
+        return b"<svg/>"
+
+    monkeypatch.setattr(plot_moved, "draw_moved", draw_moved)
+    golden = np.zeros(3)
+    moved = {
+        "up": MovedSeries("up", "1", golden, golden + 2e-6, 1e-6),
+        "down": MovedSeries("down", "1", golden, golden - 4e-6, 1e-6),
+        "wide": MovedSeries("wide", "1", golden, golden + 3.0, 1.0),
+        "nan": MovedSeries("nan", "1", golden, golden + np.nan, 1.0),
+    }
+    page._show(Item("made", "fig1", series=list(moved.values())))
+    assert drawn == ["nan", "down", "wide"]
+    drawn.clear()
+    short = MovedSeries("short", "1", golden, golden[:2], 1.0)
+    page._show(Item("made", "fig1", series=[moved["up"], moved["wide"], short]))
+    assert drawn == ["short", "wide", "up"]
