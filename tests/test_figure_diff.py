@@ -19,6 +19,7 @@ from playwright.sync_api import Browser
 from reobserve import golden_claims, golden_tables
 from reobserve.claims.table import HEADER
 from reobserve.cli import main
+from reobserve.errors import ReobserveError
 from reobserve.evaluation import Evaluation, Evaluator
 from reobserve.figure_diff import commands, page, plot_moved
 from reobserve.figure_diff.model import Item, MovedSeries, Origin
@@ -578,3 +579,9 @@ def test_the_worst_series_are_drawn_and_the_worst_first(monkeypatch: pytest.Monk
     short = MovedSeries("short", "1", golden, golden[:2], 1.0)
     page._show(Item("made", "fig1", series=[moved["up"], moved["wide"], short]))
     assert drawn == ["short", "wide", "up"]
+
+
+def test_only_a_checkout_can_be_copied(project: Path, tmp_path: Path) -> None:
+    with pytest.raises(ReobserveError, match="only a git checkout can be copied: "):
+        copy_project(project, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
