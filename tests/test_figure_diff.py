@@ -459,6 +459,8 @@ def test_accepting_renews_and_keeps_the_reason(
     checkout: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     relabel(checkout)
+    kept = checkout / "tests/reference/versions.json"
+    kept.write_text("{}")
     (checkout / "results/made/fig2.png").unlink()
     (checkout / "tests/golden/made/gone.series.csv").touch()
     git(checkout, "add", "--all")
@@ -476,6 +478,7 @@ def test_accepting_renews_and_keeps_the_reason(
     assert (checkout / "tests/golden/made/fig1.series.csv").exists()
     log = (checkout / "tests/golden/REASONS.md").read_text()
     assert log.endswith("the axis has another name (1 numbers and 2 figures moved)\n")
+    assert Origin(json.loads(kept.read_text())) == origin_here(checkout)
     readme = (checkout / "README.md").read_text()
     assert readme == "# Made\n<!-- verdicts -->\n\n| made | [Re] |\n\n<!-- end -->\nmore\n"
 

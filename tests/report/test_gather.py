@@ -254,6 +254,16 @@ def test_a_job_that_refused_says_why_where_its_figure_is_missing(project: Path) 
     ]
 
 
+@pytest.mark.parametrize("failed", ["theory", "gains.design"])
+def test_the_job_that_fills_a_theory_says_why_it_is_missing(project: Path, failed: str) -> None:
+    """The log of the theory counts, which is the last of its jobs, and not that of a design."""
+    (project / "results/toy/theory.metrics.csv").unlink()
+    log = project / f"logs/toy/{failed}.log"
+    log.write_text(f"{log.read_text()}reobserve: toy: it cannot be\n")
+    (said,) = {gap.sentence for gap in gathered(project)[0].gaps if gap.place == "toy-theory"}
+    assert ("it cannot be" in said) == (failed == "theory")
+
+
 def test_broken_claims_are_gaps_with_their_sentence(project: Path) -> None:
     write_claims(project, [*CLAIMS, BROKEN])
     report, paper = gathered(project)
