@@ -14,7 +14,7 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report test check bench figdiff accept lock env clean distclean help
+.PHONY: figures report test check bench figdiff accept mutations lock env clean distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
@@ -41,6 +41,9 @@ figdiff: $(STAMP)  ## build all from nothing elsewhere, compare with the accepte
 
 accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved"
 	reobserve accept --reason "$(REASON)" --cores $(CORES)
+
+mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
+	python -m tests.mutations --jobs $(CORES)
 
 env: $(STAMP)  ## set up .venv and nothing else
 

@@ -19,8 +19,10 @@ from playwright.sync_api import Browser
 from reobserve import golden_claims, golden_tables
 from reobserve.claims.table import HEADER
 from reobserve.cli import main
+from reobserve.errors import ReobserveError
 from reobserve.evaluation import Evaluation, Evaluator
-from reobserve.figure_diff import commands
+from reobserve.figure_diff import commands, page, plot_moved
+from reobserve.figure_diff.model import Item, MovedSeries, Origin
 from reobserve.figure_diff.origin import origin_here, write_origin
 from reobserve.figure_diff.project_copy import build, copy_project
 from reobserve.figures import STYLES, fix_layout, new_figure, save
@@ -207,6 +209,24 @@ def fail_to_observe(project: Path) -> None:
     log.write_text("reobserve: made.observers.watch diverged\n")
 
 
+def fail_to_design(project: Path) -> None:
+    """Nothing that needs the design is there; its log ends with the sentence."""
+    for name in ("fig1", "fig2"):
+        (project / f"results/made/{name}.png").unlink()
+        (project / f"results/made/{name}.metrics.csv").unlink()
+    (project / "results/made/slow/watch.parquet").unlink()
+    (project / "logs/made").mkdir(parents=True)
+    (project / "logs/made/gains.design.log").write_text(
+        "+ reobserve design\nOf what a library said,\n\n"
+        "reobserve: made.designs.gains: has no solution\n"
+    )
+
+
+def lose_the_reference_of_what_moved(project: Path) -> None:
+    rewrite_metric("0.6")(project)
+    (project / "tests/reference/made/fig1.png").unlink()
+
+
 def resize(project: Path) -> None:
     figure, _ = new_figure((1.5,))
     save(figure, project / "tests/reference/made/fig1.png")
@@ -252,7 +272,14 @@ KEPT, BUILT = "tests/golden/made", "results/made"
             {"fig1": "missing", "fig2": "missing"},
             "made.observers.watch diverged",
         ),
+        (
+            fail_to_design,
+            {"fig1": "missing", "fig2": "missing"},
+            "  made.designs.gains: has no solution\n",
+        ),
         (add_figure, {"fig3": "extra"}, "made fig3: extra"),
+        (lose_the_reference_of_what_moved, {"fig1": "extra"}, "watch:rms: golden 0.5, found 0.6"),
+        (remove(f"{KEPT}/fig1.metrics.csv"), {"fig1": "gap"}, "fig1.metrics.csv: cannot be read"),
         (remove("tests/reference/made/fig1.png"), {"fig1": "extra"}, "made fig1: extra"),
         (remove(f"{KEPT}/table1.csv"), {"table1": "extra"}, "made table1: extra"),
         (resize, {"fig1": "gap"}, "fig1: has 1056 x 248 pixels, the reference figure has 1056 x"),
@@ -296,6 +323,8 @@ def test_what_does_not_agree_is_said_and_shown(
     )
     assert verdicts(project) == found
     assert summary(project)["agrees"] is False
+    for item in summary(project)["items"]:
+        assert bool(item["why_missing"]) == (item["verdict"] == "missing"), item["name"]
     page = (project / "figdiff/index.html").read_text()
     for name, verdict in found.items():
         assert f'<h2>made {name}: <span class="verdict">{verdict}</span></h2>' in page
@@ -327,6 +356,7 @@ def test_a_gap_of_the_whole_fails_and_stands_on_the_page(
     assert said in capsys.readouterr().err
     assert said in (project / "figdiff/index.html").read_text()
     assert said in (project / "figdiff/summary.md").read_text()
+    assert summary(project)["agrees"] is False
 
 
 def test_a_browser_shows_every_picture(project: Path, browser: Browser) -> None:  # noqa: F811
@@ -433,6 +463,8 @@ def test_accepting_renews_and_keeps_the_reason(
     checkout: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     relabel(checkout)
+    kept = checkout / "tests/reference/versions.json"
+    kept.write_text("{}")
     (checkout / "results/made/fig2.png").unlink()
     (checkout / "tests/golden/made/gone.series.csv").touch()
     git(checkout, "add", "--all")
@@ -450,6 +482,7 @@ def test_accepting_renews_and_keeps_the_reason(
     assert (checkout / "tests/golden/made/fig1.series.csv").exists()
     log = (checkout / "tests/golden/REASONS.md").read_text()
     assert log.endswith("the axis has another name (1 numbers and 2 figures moved)\n")
+    assert Origin(json.loads(kept.read_text())) == origin_here(checkout)
     readme = (checkout / "README.md").read_text()
     assert readme == "# Made\n<!-- verdicts -->\n\n| made | [Re] |\n\n<!-- end -->\nmore\n"
 
@@ -519,3 +552,43 @@ def test_the_nightly_workflow_runs_what_a_person_runs() -> None:
     assert pinned <= set(
         re.findall(r"uses: (\S+)", (ROOT / ".github/workflows/ci.yml").read_text())
     )
+
+
+def test_origins_differ_also_in_what_only_one_of_them_has() -> None:
+    here = Origin({"numpy": "1", "scipy": "2", "numba": "3"})
+    there = Origin({"numpy": "1", "scipy": "4", "flint": "5"})
+    assert here.differing(there) == [
+        ("scipy", "2", "4"),
+        ("numba", "3", ""),
+        ("flint", "", "5"),
+    ]
+
+
+def test_the_worst_series_are_drawn_and_the_worst_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By tolerances, up or down; nan and other lengths are worse than any number."""
+    drawn: list[str] = []
+
+    def draw_moved(series: list[MovedSeries]) -> bytes:
+        drawn.extend(one.name for one in series)
+        return b"<svg/>"
+
+    monkeypatch.setattr(plot_moved, "draw_moved", draw_moved)
+    golden = np.zeros(3)
+    moved = {
+        "up": MovedSeries("up", "1", golden, golden + 2e-6, 1e-6),
+        "down": MovedSeries("down", "1", golden, golden - 4e-6, 1e-6),
+        "wide": MovedSeries("wide", "1", golden, golden + 3.0, 1.0),
+        "nan": MovedSeries("nan", "1", golden, golden + np.nan, 1.0),
+    }
+    page._show(Item("made", "fig1", series=list(moved.values())))
+    assert drawn == ["nan", "down", "wide"]
+    drawn.clear()
+    short = MovedSeries("short", "1", golden, golden[:2], 1.0)
+    page._show(Item("made", "fig1", series=[moved["up"], moved["wide"], short]))
+    assert drawn == ["short", "wide", "up"]
+
+
+def test_only_a_checkout_can_be_copied(project: Path, tmp_path: Path) -> None:
+    with pytest.raises(ReobserveError, match="only a git checkout can be copied: "):
+        copy_project(project, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()

@@ -182,3 +182,13 @@ def test_another_size_and_a_missing_file_are_named(reference: Path, tmp_path: Pa
     )
     with pytest.raises(InputError, match=r"none\.png: cannot be read"):
         read_pixels(tmp_path / "none.png")
+
+
+@pytest.mark.parametrize(
+    ("rms", "similarity", "exceeded"),
+    [(0.09, 0.96, False), (0.11, 0.96, True), (0.09, 0.94, True), (0.11, 0.94, True)],
+)
+def test_one_tolerance_that_is_exceeded_is_enough(
+    rms: float, similarity: float, exceeded: bool
+) -> None:
+    assert PixelDifference(rms, similarity, None).exceeded is exceeded

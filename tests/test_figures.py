@@ -12,7 +12,7 @@ from matplotlib import font_manager
 from matplotlib.colors import to_rgb
 
 from reobserve.errors import InputError
-from reobserve.figures import STYLES, TRUTH, Style, fix_layout, new_figure, save, thin
+from reobserve.figures import STYLES, TRUTH, Style, decades, fix_layout, new_figure, save, thin
 
 
 def lightness(color: str) -> float:
@@ -83,3 +83,14 @@ def test_only_bundled_fonts_are_used() -> None:
     assert fonts
     assert all(font.fname.startswith(bundled) for font in fonts)
     assert font_manager.findfont("DejaVu Sans").startswith(bundled)
+
+
+def test_a_logarithmic_axis_is_labelled_by_its_powers_of_ten() -> None:
+    _, (axes,) = new_figure((2.0,))
+    axes.set_xscale("log")
+    decades(axes.xaxis)
+    label = axes.xaxis.get_major_formatter()
+    assert [label(value, 0) for value in (1e-12, 0.001, 1.0, 1e3, 1e10)] == [
+        "10⁻¹²", "10⁻³", "10⁰", "10³", "10¹⁰",
+    ]  # fmt: skip
+    assert axes.xaxis.get_minor_formatter()(3.0, 0) == ""

@@ -17,7 +17,15 @@ import pytest
 from reobserve import golden_tables
 from reobserve.errors import InputError
 from reobserve.evaluation import Evaluation, Evaluator
-from reobserve.golden import THEORY, compare, compare_metrics, folder, write, write_theory
+from reobserve.golden import (
+    THEORY,
+    compare,
+    compare_metrics,
+    compare_series,
+    folder,
+    write,
+    write_theory,
+)
 from reobserve.ledger import Ledger, leaves
 from reobserve.metrics import Metric
 from reobserve.series import Channel, Series
@@ -350,3 +358,24 @@ def test_the_numbers_of_a_theory_have_tolerances(
     assert list(map(str, compare_metrics(metrics, "ilo", THEORY, tmp_path))) == moved
     with pytest.raises(InputError, match=r"theory\.metrics\.csv: does not fit"):
         list(compare_metrics(metrics[:1], "ilo", THEORY, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([0.0, 1.0, 2.0], []),
+        ([0.0, 1.0, 2.0 + 1e-12], []),
+        ([0.0, 1.0, 2.0 + 1e-6], ["plant.x at 0.2 s"]),
+        ([0.0, np.nan, 2.0], ["plant.x at 0.1 s"]),
+        ([np.nan, np.nan, np.nan], ["plant.x at 0 s"]),
+        ([0.0, np.inf, 2.0], ["plant.x at 0.1 s"]),
+        ([0.0, 1.0], ["rows of plant.x"]),
+        ([0.0, 1.0, 2.0, 3.0], ["rows of plant.x"]),
+    ],
+)
+def test_a_series_deviates_by_value_by_nan_and_by_length(
+    tmp_path: Path, values: list[float], said: list[str]
+) -> None:
+    write(OneSeries("1/s"), OneSeries("1/s"), "fig1", tmp_path)
+    found = {"plant.x": Channel(np.array(values), "1/s")}
+    assert [moved.what for moved in compare_series(found, "ilo", "fig1", tmp_path)] == said

@@ -186,3 +186,16 @@ def test_leaves_walk_lists_and_mappings() -> None:
 def test_what_is_no_number_is_refused(value: Any) -> None:
     with pytest.raises(InputError, match=r"K1: .*(is not a number|not finite)"):
         as_floats("K1", value)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"studies": {"designs": {"nonsense": 1}}},
+        {"scenarios": {"noisy": {"designs": {"new": {"like": "old"}}}}},
+    ],
+)
+def test_a_section_is_open_at_the_top_only(overrides: dict[str, Any]) -> None:
+    """A study of `eso` is called like the section that takes designs of one's own."""
+    with pytest.raises(InputError, match="unknown key"):
+        Ledger.load(ROOT, "eso", overrides)

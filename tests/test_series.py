@@ -270,3 +270,18 @@ def test_other_streams_are_uncorrelated() -> None:
     correlation = np.corrcoef(drawn) - np.eye(len(keys))
     assert np.abs(correlation).max() < 5 / np.sqrt(4000)  # five standard deviations
     assert drawn.std(axis=1) == pytest.approx(1, abs=5 / np.sqrt(8000))
+
+
+@pytest.mark.parametrize(
+    ("off", "even"), [(1e-9, True), (1e-8, True), (1e-4, False), (-1e-4, False)]
+)
+def test_a_step_that_is_off_by_a_thousandth_is_uneven(off: float, even: bool) -> None:
+    """``off`` is in seconds, of steps of 0.1 s; rounding of a time axis is no unevenness."""
+    time = 0.1 * np.arange(11)
+    time[5] += off
+    series = Series(time, {})
+    if even:
+        assert series.step == pytest.approx(0.1, rel=1e-12)
+    else:
+        with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
+            _ = series.step

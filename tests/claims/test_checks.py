@@ -123,3 +123,16 @@ def test_a_check_that_is_none_is_one_sentence(body: dict[str, Any], said: str) -
     with pytest.raises(InputError) as caught:
         Check.parse(body)
     assert str(caught.value) == said
+
+
+@pytest.mark.parametrize(
+    ("bound", "relation", "worst"),
+    [([1, 3], "within", "3.5"), (2, "below", "3.5"), (2, "above", "1.2")],
+)
+def test_the_worst_of_a_list_is_farthest_from_what_is_asked(
+    bound: Any, relation: str, worst: str
+) -> None:
+    """3.5 is 1.5 off the middle of 1 and 3, and 1.2 is 0.8 off."""
+    numbers = {"f": {("a", "x"): 1.2, ("b", "x"): 3.5, ("c", "x"): 2.1}}
+    one = check(value=["f a x", "f b x", "f c x"], **{relation: bound})
+    assert one.told(numbers).endswith(f"the worst is {worst}")

@@ -138,3 +138,10 @@ def test_what_is_no_choice_is_one_sentence(pattern: str, said: str) -> None:
     with pytest.raises(InputError) as caught:
         find_choice(ILO, pattern)
     assert str(caught.value) == said
+
+
+def test_rounding_to_the_grid_does_not_leave_the_range() -> None:
+    """The ends 0.16 and 0.98 round to 0.2 and, were it inside, to 1.0."""
+    start = ledger(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
+    (knob,) = find_choice(start, "plant.spacing").knobs
+    assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]

@@ -154,3 +154,17 @@ def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
         text = (ROOT / file).read_text(encoding="utf-8")
         assert f"def {test}(" in text, (paper, name)
         assert erratum["printed"] != erratum["corrected"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"hangs_on": ["gains"]},
+        {"hangs_on": ["gains", "plant.noise"]},
+        {"draws_divided_by": 2},
+    ],
+)
+def test_over_what_is_drawn_is_decisive(change: dict[str, Any]) -> None:
+    assert decisive({"claims": {"one": GOOD}}) != decisive({"claims": {"one": {**GOOD, **change}}})
+    groups = {"claims": {"one": GOOD}, "choices": {"gains": ["a"]}}
+    assert decisive(groups) != decisive({**groups, "choices": {"gains": ["b"]}})

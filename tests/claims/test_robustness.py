@@ -153,3 +153,11 @@ def test_what_hangs_on_nothing_or_is_broken_is_left_out() -> None:
     unknown = claim("fig1 a gains", GAIN, above=0)
     problem = Claim("ilo", "broken", problem="it is broken")
     assert assess(ILO, [free, unknown, problem], 4) == {}
+
+
+@pytest.mark.parametrize(("draws", "divided_by", "made"), [(20, 8, 3), (1, 8, 1), (16, 8, 2)])
+def test_a_dear_claim_is_drawn_once_more_where_draws_do_not_divide(
+    draws: int, divided_by: int, made: int
+) -> None:
+    one = replace(claim("fig1 a gain", GAIN, above=1000), draws_divided_by=divided_by)
+    assert found(one, draws).draws == made

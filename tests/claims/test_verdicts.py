@@ -216,3 +216,9 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
         assert not holds(claim, whole)
+
+
+@pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
+def test_a_place_beyond_the_units_has_none(place: int, unit: str) -> None:
+    flip = Flip(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
+    assert tell_flip(flip) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"

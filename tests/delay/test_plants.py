@@ -447,3 +447,19 @@ def test_divergence_is_reported_with_its_time() -> None:
     ) as error:
         plant.simulate([1.0], signal(), signal(), 1e-3, 2000)
     assert 1.0 <= error.value.time < 1.02
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"gravity": 0.0}, "gravity"),
+        ({"length": -1.0}, "length"),
+        ({"mass": 0.0}, "mass"),
+        ({"friction": -1e-9}, "friction: -1e-09 kg/s must not be negative"),
+        ({"friction": float("nan")}, "friction"),
+    ],
+)
+def test_a_pendulum_that_cannot_be_is_refused(wrong: dict[str, float], said: str) -> None:
+    good = {"gravity": GRAVITY, "length": LENGTH, "mass": MASS, "friction": FRICTION}
+    with pytest.raises(InputError, match=f"^{said}"):
+        pendulum(**{**good, **wrong})

@@ -19,7 +19,7 @@ from reobserve.synthesis.extended_state.certificate import Certificate, certify,
 from reobserve.synthesis.extended_state.design import accepted
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables, mapped
-from reobserve.synthesis.extended_state.system import Gains
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from tests.eso.plants import dc_motor, random_plant
 
 Array = NDArray[np.float64]
@@ -188,3 +188,45 @@ def test_a_pi_solution_proves_its_decay() -> None:
     proved = certify(MOTOR, found.gains, None, PiVariables(P1, found.gains.L.T @ P1), decay=3.0)
     assert proved.holds
     assert proved.inequality_margin == pytest.approx(1.0, rel=2e-3)
+
+
+@pytest.fixture
+def half_a_decay() -> tuple[AugmentedSystem, Gains, PiVariables, float]:
+    """Poles -1, -2, -4, and P1 with P1 Ao + Ao^T P1 + P1 = -I; its least eigenvalue."""
+    none = np.zeros((1, 0))
+    system = dc_motor(A=[[-1.0]], B=none, C=[[1.0]], Dd=[[1.0]], Dw=none, Fa=none, Fs=[[1.0]])
+    gains = Gains(np.array([[0.0], [5.0], [8.0]]), np.zeros((3, 1)))
+    shifted = error_system(system, gains)[0] + 0.5 * np.eye(3)
+    P1 = solve_continuous_lyapunov(shifted.T, -np.eye(3))
+    least = float(np.linalg.eigvalsh(P1)[0])
+    return system, gains, PiVariables(P1, gains.L.T @ P1), least
+
+
+def test_the_margin_is_that_of_the_least_sure_inequality(
+    half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
+) -> None:
+    """-I for the decay; for the bound b its negative less (2 b - 1) P1, here with margin 1/2."""
+    system, gains, variables, least = half_a_decay
+    bound = 0.5 + 0.75 / least
+    proved = certify(system, gains, None, variables, decay=0.5, bound=bound)
+    assert proved.holds
+    assert proved.inequality_margin == pytest.approx(0.5, rel=2e-3)
+
+
+def test_what_proves_one_inequality_and_not_the_other_proves_nothing(
+    half_a_decay: tuple[AugmentedSystem, Gains, PiVariables, float],
+) -> None:
+    """The poles are right of -5, but this P1 shows it of -(1 + 1 / least) / 2 = -5.46 only."""
+    system, gains, variables, least = half_a_decay
+    assert (1 + 1 / least) / 2 > 5.4
+    refuted = certify(system, gains, None, variables, decay=0.5, bound=5.0)
+    assert refuted.reason == "the matrix inequality is refuted at the returned matrices"
+    assert refuted.inequality_margin == 0
+
+
+def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
+    """The floor is met by designs that are as large as they please, and computed with rounding."""
+    floor = gamma_floor(MOTOR)
+    for gamma in (floor, np.nextafter(floor, 0.0)):
+        assert "which no gains" not in wrong(gamma=float(gamma))
+    assert "which no gains" in wrong(gamma=floor * (1 - 1e-10))

@@ -222,3 +222,10 @@ def test_the_precision_of_the_caller_is_left_alone() -> None:
 def test_wrong_matrices_are_refused(matrix: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}$"):
         prove_negative_definite(matrix)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-100, 1e200])
+def test_a_small_matrix_is_refuted_as_a_large_one_is(size: float) -> None:
+    """[0 e; e 0] has the eigenvalues e and -e: no pivot tells, only the form does."""
+    proof = prove_negative_definite([[0.0, size], [size, 0.0]])
+    assert (proof.proved, proof.refuted) == (False, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import inf, sqrt
 from typing import Any
 
@@ -294,3 +295,12 @@ GOOD: dict[str, Any] = {"A": [[-1, 0], [0, -2]], "B": [[1], [1]], "C": [[1, 0]]}
 def test_wrong_systems_are_refused(changed: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}$"):
         h_infinity_norm(**{**GOOD, **changed})
+
+
+@pytest.mark.parametrize("outputs", [2, 3, 5, 6, 7])
+def test_the_lower_bound_is_below_an_irrational_gain_in_exact_arithmetic(outputs: int) -> None:
+    """G = [1; 1; ...] has the norm sqrt(p), which no float is: the bounds are on its two sides."""
+    column = np.ones((outputs, 1))
+    norm = h_infinity_norm([[-1.0]], [[0.0]], 0 * column, column)
+    assert Fraction(norm.lower) ** 2 <= outputs <= Fraction(norm.upper) ** 2
+    assert encloses(norm, sqrt(outputs))

@@ -369,3 +369,14 @@ def test_holds_refuse_shapes_that_do_not_fit() -> None:
         interpolating_hold([[1.0, 2.0]], [[1.0]], 0.1, (0.0, 1.0))
     with pytest.raises(InputError, match=r"^B: has shape \(1, 1\), must have 2 rows like A"):
         interpolating_hold(np.eye(2), [[1.0]], 0.1, (0.0, 1.0))
+
+
+def test_what_jumps_at_the_start_was_always_so() -> None:
+    """Nothing was before the first row: its limit from the left is that from the right."""
+    nothing = (np.zeros((40, 2)), np.zeros((40, 1)))
+    onset = Signal(1, (Term(0, 0.0, np.inf, Constant(0.3)),))
+    run = simulated(LOOP, 0.05, nothing, onset, onset, onset)
+    for name in ("output", "control", "actuator_fault", "sensor_fault"):
+        before, after = getattr(run.before, name), getattr(run.after, name)
+        assert np.array_equal(before[0], after[0]), name
+        assert after[0].any(), name

@@ -146,3 +146,10 @@ def test_ranks_do_not_depend_on_units() -> None:
         1e9 * scale @ motor.Fa,
         1e-9 * motor.Fs,
     )
+
+
+def test_ranks_do_not_depend_on_units_whatever_the_signs() -> None:
+    """Two sensor faults in units 1e15 apart, both of which lower the outputs."""
+    none = np.zeros((2, 0))
+    system = dc_motor(Fa=none, Fs=[[-1.0, 0.0], [0.0, -1e-15]])
+    assert system.faults == 2

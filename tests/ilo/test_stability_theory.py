@@ -280,3 +280,14 @@ def test_bad_parameters_are_named() -> None:
         sampled_stability(INERTIA, 1.0, 1.0, 1.0, 1.0, 0.0)
     with pytest.raises(InputError, match="K1"):
         scalar_sampled_limit(36.0, 1.0, 1.5, 0.1)
+
+
+def test_ripple_roots_that_cannot_be_followed_are_refused() -> None:
+    """k2^2 is beyond the range of floats; the largest gain that is not has roots."""
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(InputError, match=r"K2: 1e\+200 is too large for"),
+    ):
+        ripple_roots(36.0, 1.0, 1.0, 1e200, 0.01)
+    root = ripple_roots(36.0, 1.0, 1.0, 1e6, 0.01, count=1).exact[0]
+    assert abs((36 * root + 1) * (1 - np.exp(-0.01 * root)) + 1e6) < 1e-6

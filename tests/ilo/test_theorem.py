@@ -335,3 +335,29 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
             e,
             k_d,
         )
+
+
+def test_damping_enters_with_its_symmetric_part() -> None:
+    """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
+    weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
+    turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
+    found = theorem1(turned, 2.0, 0.5, 0.1, 1.0, **weights)
+    assert found == theorem1(10.0, 2.0, 0.5, 0.1, 1.0, **weights)
+    # With [[2, 4], [0, 2]] in a corner the symmetric part has the eigenvalue 2 - 2.
+    sheared = 10 * np.eye(3)
+    sheared[:2, :2] = [[2, 4], [0, 2]]
+    none = theorem1(sheared, 2.0, 0.5, 0.1, 0.0, **weights)
+    assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)
+
+
+def test_the_repaired_function_by_hand_and_the_samples_that_it_takes() -> None:
+    """J = 2, Lambda = 3, B_f = 1, K1 = 1/2, K2 = 4: P = 1/4, and V = 2 w^2 + int e^2 / 16."""
+    function = RepairedLyapunov([[2.0]], 3.0, 1.0, 0.5, 4.0)
+    rate, error = np.array([[1.0], [2.0], [3.0], [4.0]]), np.array([[4.0], [0.0], [8.0], [4.0]])
+    # Trapezoids over two steps of 0.5 s: (16 + 2 * 0 + 64) / 4 and (0 + 2 * 64 + 16) / 4.
+    expected = [2 * 9 + 20 / 16, 2 * 16 + 36 / 16]
+    np.testing.assert_allclose(function.value(rate, error, 1.0, 2), expected, rtol=1e-14)
+    assert function.value(rate, error, 1.0, 3).shape == (1,)
+    for samples in (0, -1, 4, 5):
+        with pytest.raises(InputError, match=f"samples: {samples} must be above 0 and below 4"):
+            function.value(rate, error, 1.0, samples)

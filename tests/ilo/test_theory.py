@@ -240,3 +240,30 @@ def test_error_under_jumps_is_a_sum_of_step_responses(
 def test_the_rate_is_known_as_well_as_the_fault_lets_it(found: Numbers) -> None:
     for name in ("sampled", "continuous", "forgetting"):
         assert 0 < found[name, "relative_rate_error_under_jumps"] < 1e-3
+
+
+def test_rates_under_jumps_are_scored_from_the_first_row_of_the_window_on(
+    settings: dict[str, Any], found: Numbers
+) -> None:
+    """A second after the first jump at 0.5 s, that instant included."""
+    plant = settings["plant"] | {"noise": 0.0}
+    fault = theory_runs._jumps(settings["theory"], plant["horizon"], 1)
+    record = simulate({"plant": plant, "scenario": {"fault": fault}, "seed": 0})
+    for name in ("sampled", "continuous", "forgetting"):
+        run = estimate({"plant": plant, "observer": settings["observers"][name]}, record)
+        first = round(1.5 / run.step)
+        assert run.time[first] == pytest.approx(1.5, rel=1e-12)
+        true = record["rate"][:: round(run.step / record.step)][first:]
+        ratio = np.sqrt(np.sum((true - run["rate"][first:]) ** 2) / np.sum(true**2))
+        expected = found[name, "relative_rate_error_under_jumps"]
+        assert ratio == pytest.approx(expected, rel=1e-12), name
+
+
+def test_a_window_begins_with_its_first_instant_and_ends_before_its_last() -> None:
+    time = np.arange(5) * 0.1
+    errors = Errors(time, time + 1, time + 2, time + 3, time + 4)
+    window = errors.window(0.1, 0.3)
+    assert window.time.tolist() == time[1:3].tolist()
+    assert window.start.tolist() == (time + 1)[1:3].tolist()
+    assert window.fault_end.tolist() == (time + 4)[1:3].tolist()
+    assert errors.window(0.1).time.tolist() == time[1:].tolist()

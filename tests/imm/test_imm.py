@@ -471,3 +471,17 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
     assert run.state is start
     with pytest.raises(DivergenceError, match=r"^InteractingMultipleModel diverged"):
         bank.step(bank.init([1e308, 0.0], 1.0), [0.0])
+
+
+def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
+    """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
+    z = 3.0 + 2.0 * ripple(60)
+    slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 1e-3, 4.0)
+    bank = InteractingMultipleModel(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
+    run = bank.run(z, bank.init([0.0], 1.0, [0.4, 0.6]))
+    alone = KalmanFilter(slow)
+    expected = alone.run(z, alone.init([0.0], 1.0))
+    assert run.probability[:, 1].tolist() == [0.0] * 60
+    assert run.state.beliefs[1].mean == pytest.approx(expected.belief.mean, rel=1e-13)
+    covariance = expected.belief.covariance
+    assert run.state.beliefs[1].covariance == pytest.approx(covariance, rel=1e-13)

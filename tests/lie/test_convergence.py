@@ -177,3 +177,20 @@ def test_check_domain_warns_and_returns_the_sentence() -> None:
         sentence = observer.check_domain(outside)
     assert str(given[0].message) == sentence
     assert given[0].filename == __file__
+
+
+def test_the_error_is_four_times_what_fewer_degrees_differ_by() -> None:
+    """1 / (1 - x) + 1 / (3/2 - x)^3, its coefficients by hand and the fits by another way."""
+    found = convergence(expanded("1/(1 - x1) + 1/(3/2 - x1)**3", 1, 13))
+    degrees = np.array(found.degrees)
+    sizes = 1 + (degrees + 1) * (degrees + 2) / 2 / 1.5 ** (degrees + 3)
+
+    def radius(keep: slice) -> float:
+        d = degrees[keep]
+        normal = np.stack([d**0, np.log(d), -d], axis=1)
+        return float(np.exp(np.linalg.solve(normal.T @ normal, normal.T @ np.log(sizes[keep]))[2]))
+
+    whole, later, earlier = radius(slice(None)), radius(slice(1, None)), radius(slice(-1))
+    assert found.radius == pytest.approx(whole, rel=1e-6)
+    assert found.error == pytest.approx(4 * abs(later - earlier) / whole, rel=1e-4)
+    assert found.error > 0.1, "more than the least"

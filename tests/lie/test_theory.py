@@ -243,3 +243,20 @@ def test_the_least_ratio_is_over_initial_states() -> None:
     assert found["series", "least_ise_ratio_2"] == 0.75
     assert isnan(found["series", "median_ise_ratio_2"])
     assert found["constant", "least_ise_ratio_0"] == 1.0
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_one_degree_with_a_wrong_spectrum_shows(
+    monkeypatch: pytest.MonkeyPatch, degree: int
+) -> None:
+    """The number of the ledger's degrees is the worst of them, whichever that is."""
+    assert theory()["ad", "spectrum_difference"] < 1e-6
+    right = theory_stage.spectrum_difference
+    monkeypatch.setattr(
+        theory_stage,
+        "spectrum_difference",
+        lambda A, d: right(A, d) + (0.5 if d == degree else 0.0),
+    )
+    found = list(theory_stage._series(evaluator().ledger.settings("theory")))
+    (worst,) = (m.value for m in found if m.metric == "spectrum_difference")
+    assert worst == pytest.approx(0.5, abs=1e-6)

@@ -106,6 +106,11 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
         "ilo.scenarios.constant.fault:",
         "jumps at 5.0001 s, must jump at a multiple of 0.00025 s",
     ),
+    "control between two steps": (
+        {"plant": {"control": [{"kind": "constant", "axis": 1, "from": 1.0001, "size": 1}]}},
+        "ilo.plant.control:",
+        "jumps at 1.0001 s, must jump at a multiple of 0.00025 s",
+    ),
     "unknown kind of fault": (
         {"scenarios": {"constant": {"fault": [{"kind": "stepp", "axis": 1}]}}},
         "ilo.scenarios.constant.fault[0].kind:",

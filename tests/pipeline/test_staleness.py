@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -118,6 +119,29 @@ def test_the_evidence_follows_what_it_is_made_of(
 ) -> None:
     with edited(built.folder / file, old, new):
         assert built.stale(config=FEW_DRAWS) == stale
+
+
+def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Project) -> None:
+    """By the times of files alone, so that nothing need be built."""
+    found = "config/searches/imm_calibrated.json"
+    studies = {
+        name: body["scenario"]
+        for name, body in LEDGERS["imm"].tree["studies"].items()
+        if any(isinstance(entry, dict) and entry["value"] == found for entry in body.values())
+    }
+    assert studies
+    for name, scenario in studies.items():
+        target = fresh.folder / f"results/imm/{name}.study.csv"
+        plant = target.parent / scenario / "plant.parquet"
+        plant.parent.mkdir(parents=True)
+        now = time.time_ns()
+        for path, age in ((fresh.folder / found, 3), (plant, 2), (target, 1)):
+            path.touch()
+            os.utime(path, ns=(now - age * 10**9,) * 2)
+        ask = (f"results/imm/{name}.study.csv", "--rerun-triggers", "mtime")
+        assert fresh.stale(*ask) == {}
+        (fresh.folder / found).touch()
+        assert fresh.stale(*ask) == {"study": 1}
 
 
 def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:

@@ -271,6 +271,26 @@ def test_a_value_makes_stale_what_sees_it(toy: Project, config: str, stale: dict
     assert toy.stale(config=[f"toy={config}"]) == stale
 
 
+def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
+    """Records and what follows, and every draw of what is open."""
+    assert toy.stale(config=["seed=2"]) == {k: n for k, n in ALL.items() if k not in STATIC}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("hangs_on: [gains]", "hangs_on: [gains, seed]"),
+        ("gains: [observers.slow.gains]", "gains: [observers.*.gains]"),
+        ("why: What better means.", "why: What better means.\n    draws_divided_by: 2"),
+    ],
+)
+def test_what_claims_are_drawn_over_makes_their_robustness_stale(
+    toy: Project, old: str, new: str
+) -> None:
+    with edited(toy.folder / "config/claims/toy.yaml", old, new):
+        assert toy.stale() == EVIDENCE
+
+
 def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> None:
     for command in (("observe", LEDGER, PLANT, "placed"), ("study", LEDGER, PLANT, "faster")):
         assert refused(toy, *command) == (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import subprocess
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,9 @@ import pytest
 
 from reobserve.claims.table import NOT_LOOKED_FOR
 from reobserve.errors import InputError
+from reobserve.ledger import Ledger
 from reobserve.replication_report.assumptions import range_lines, value_lines
+from reobserve.replication_report.environment import environment
 from reobserve.replication_report.gather import gather
 from reobserve.replication_report.jobs import outside_inputs
 from reobserve.replication_report.markup import first_sentence, without_title
@@ -260,6 +263,16 @@ def test_a_job_that_refused_says_why_where_its_figure_is_missing(project: Path) 
     ]
 
 
+@pytest.mark.parametrize("failed", ["theory", "gains.design"])
+def test_the_job_that_fills_a_theory_says_why_it_is_missing(project: Path, failed: str) -> None:
+    """The log of the theory counts, which is the last of its jobs, and not that of a design."""
+    (project / "results/toy/theory.metrics.csv").unlink()
+    log = project / f"logs/toy/{failed}.log"
+    log.write_text(f"{log.read_text()}reobserve: toy: it cannot be\n")
+    (said,) = {gap.sentence for gap in gathered(project)[0].gaps if gap.place == "toy-theory"}
+    assert ("it cannot be" in said) == (failed == "theory")
+
+
 def test_broken_claims_are_gaps_with_their_sentence(project: Path) -> None:
     write_claims(project, [*CLAIMS, BROKEN])
     report, paper = gathered(project)
@@ -348,3 +361,34 @@ def test_what_was_built_may_differ_from_the_config(project: Path) -> None:
     report = gather(project, project / PAGE, ["toy"], ["svg"])
     assert [paper.name for paper in report.papers] == ["toy"]
     assert report.gaps == ()
+
+
+def test_a_study_on_another_scenario_brings_its_plant(project: Path) -> None:
+    other = {
+        "scenarios": {"pull": {"like": "push"}},
+        "studies": {"faster": {"scenario": "pull"}},
+    }
+    ledger = Ledger.load(project, "toy", other, seed=1)
+    (project / "results/toy/ledger.json").write_text(ledger.text())
+    jobs = gathered(project)[1].figures[0].jobs
+    assert [job.name for job in jobs if job.stage == "plant"] == ["push", "pull"]
+    (study,) = (job for job in jobs if job.stage == "study")
+    assert "results/toy/pull/plant.parquet" in study.inputs
+
+
+def test_the_commit_is_that_of_the_folder_and_not_of_one_around_it(tmp_path: Path) -> None:
+    inner = tmp_path / "thesis" / "project"
+    inner.mkdir(parents=True)
+    (inner / "file").touch()
+    git = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-C", str(inner.parent)]
+    for words in (["init", "--quiet"], ["add", "--all"], ["commit", "--quiet", "-m", "all"]):
+        subprocess.run([*git, *words], check=True)
+    head = subprocess.run(
+        [*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True
+    ).stdout.strip()
+    assert dict(environment(inner.parent))["commit"] == head
+    assert "commit" not in dict(environment(inner))
+    (inner / "file").write_text("changed")
+    assert dict(environment(inner.parent))["commit"] == (
+        f"{head}, with changes that are not committed"
+    )

@@ -265,7 +265,8 @@ def ripple_roots(
     k2, tau = as_positive("K2", K2), as_positive("interval", interval)
     order = np.arange(1, count + 1)
     frequency = 2 * np.pi * order / tau
-    real = np.log(k1) / tau - (k2 * lam + k2**2 / 2) / (j**2 * frequency**2 * tau)
+    # Products, as the power of a float raises beyond its range; inf is refused below.
+    real = np.log(k1) / tau - (k2 * lam + k2 * k2 / 2) / (j * j * frequency**2 * tau)
     asymptotic = real + 1j * frequency
     root = asymptotic.copy()
     for _ in range(50):
