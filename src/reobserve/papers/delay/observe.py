@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import InputError
 from reobserve.grid import stride
 from reobserve.matrices import as_scalar
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
@@ -74,9 +74,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     observer = settings["observer"]
     check_keys(observer)
     every = stride(settings["plant"], observer["step_size"])
-    channels, diverged = _RUNS[observer["algorithm"]](settings, plant, every)
-    if diverged is not None:
-        raise DivergenceError(observer["algorithm"], diverged)
+    channels = _RUNS[observer["algorithm"]](settings, plant, every)
     return Series(plant.time[:: 2 * every], channels, plant.events)
 
 
@@ -150,7 +148,7 @@ def build(settings: Settings) -> Any:
     return estimator
 
 
-Found = tuple[dict[str, Channel], float | None]
+Found = dict[str, Channel]
 
 
 def _extended(settings: Settings, plant: Series, every: int) -> Found:
@@ -167,12 +165,11 @@ def _extended(settings: Settings, plant: Series, every: int) -> Found:
     )
     unit = UNITS[observer["model"]][0]
     off = np.concatenate([[0.0], run.switched_off])
-    channels = {
+    return {
         "state": Channel(run.estimate, unit),
         "delay": Channel(run.delay, "s"),
         "off": Channel(off, "1"),
     }
-    return channels, run.diverged_at
 
 
 def _standard(settings: Settings, plant: Series, every: int) -> Found:
@@ -182,7 +179,7 @@ def _standard(settings: Settings, plant: Series, every: int) -> Found:
     u, u_before = records.delayed_input(settings, plant, observer["mean_delay"])
     start = built.init(observer["initial_estimate"])
     run = built.run(y[::every], u[::every], start, y_before[::every], u_before[::every])
-    return {"state": Channel(run.estimate, UNITS[observer["model"]][0])}, run.diverged_at
+    return {"state": Channel(run.estimate, UNITS[observer["model"]][0])}
 
 
 def _estimator(settings: Settings, plant: Series, every: int) -> Found:
@@ -196,7 +193,7 @@ def _estimator(settings: Settings, plant: Series, every: int) -> Found:
     run = built.run(
         x[::every], control, built.init(observer["initial_delay"], float(x[0, 0]), past)
     )
-    return {"delay": Channel(run.delay, "s")}, run.diverged_at
+    return {"delay": Channel(run.delay, "s")}
 
 
 _RUNS: dict[str, Callable[[Settings, Series, int], Found]] = {

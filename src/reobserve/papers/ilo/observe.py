@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.errors import DivergenceError
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo.setup import build_observer, stride
 from reobserve.series import Channel, Series
@@ -41,8 +40,6 @@ def observe(observer: RigidBodyObserver, settings: dict[str, Any], plant: Series
         samples(f"{measured}_before"),
         samples("control_before"),
     )
-    if run.diverged_at is not None:
-        raise DivergenceError(mine["algorithm"], run.diverged_at)
     channels = {
         "rate": Channel(run.rate, "rad/s"),
         "fault": Channel(run.fault, "N m"),

@@ -146,8 +146,8 @@ def boundary_layer(observer: Settings, outputs: int) -> Array:
 
 
 def run(chosen: InteractingMultipleModel, observer: Settings, measured: Array, held: Array) -> Run:
-    """Filter a record, from rest and equal probabilities of all modes."""
-    return chosen.run(measured, start(chosen, observer), held[:, None])
+    """Filter a record, from rest and equal probabilities of all modes, as far as it goes."""
+    return chosen.run(measured, start(chosen, observer), held[:, None], on_divergence="return")
 
 
 def start(chosen: InteractingMultipleModel, observer: Settings) -> State:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.errors import DivergenceError
 from reobserve.grid import stride
+from reobserve.observers.contract import OnDivergence
 from reobserve.observers.normal_form_observer import NormalFormObserver, Run
 from reobserve.papers.lie.setup import build_observer, stored_form
 from reobserve.series import Channel, Series
@@ -26,8 +26,6 @@ def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any])
     form = stored_form(settings["plant"], settings["design"], design)
     observer = build_observer(mine, form)
     run, every = observe(observer, mine["initial_estimate"], settings["plant"], plant)
-    if run.diverged_at is not None:
-        raise DivergenceError(mine["algorithm"], run.diverged_at)
     channels = {"state": Channel(run.estimate, "1")}
     if run.coordinates is not None:
         channels["coordinates"] = Channel(run.coordinates, "1")
@@ -35,8 +33,13 @@ def estimate(settings: dict[str, Any], plant: Series, design: Mapping[str, Any])
 
 
 def observe(
-    observer: NormalFormObserver, initial: Any, plant_settings: dict[str, Any], plant: Series
+    observer: NormalFormObserver,
+    initial: Any,
+    plant_settings: dict[str, Any],
+    plant: Series,
+    on_divergence: OnDivergence = "raise",
 ) -> tuple[Run, int]:
     """Run an observer on a record; also the plant samples in half of its steps."""
     every = stride(plant_settings, observer.step_size)
-    return observer.run(plant["output"][::every], observer.init(initial)), every
+    output = plant["output"][::every]
+    return observer.run(output, observer.init(initial), on_divergence=on_divergence), every

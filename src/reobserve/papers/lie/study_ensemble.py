@@ -55,7 +55,7 @@ def run(settings: dict[str, Any], _: Series, design: Mapping[str, Any]) -> list[
             raise DivergenceError(f"plant from {point}", problem.time) from None
         output = plant.output(states)
         for name, order, observer in built:
-            result = observer.run(output, observer.init(estimates[0]))
+            result = observer.run(output, observer.init(estimates[0]), on_divergence="return")
             error = result.estimate - states[::2][: len(result.estimate)]
             diverged = result.diverged_at is not None
             settled = not diverged and np.isfinite(settling_time(error, step, band))

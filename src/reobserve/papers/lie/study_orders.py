@@ -58,7 +58,7 @@ def run(settings: dict[str, Any], plant: Series, design: Mapping[str, Any]) -> l
 def _errors(
     settings: dict[str, Any], plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
-    run, every = observe(observer, initial, settings["plant"], plant)
+    run, every = observe(observer, initial, settings["plant"], plant, "return")
     step = observer.step_size
     squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
     if run.diverged_at is not None:
