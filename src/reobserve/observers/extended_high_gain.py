@@ -268,11 +268,9 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
         states = np.empty((y.steps + 1, self.model.states + 1))
         off = np.zeros(y.steps + 1)
         states[0] = state.values
-        half = np.arange(2 * state.count, 2 * state.count + len(y.right)) * (0.5 * self.step_size)
-        gains = self._gains(half)
-        right = left = _table(y.right, u.right, gains)
+        right = left = self._table(y.right, u.right, state.count)
         if y.left is not y.right or u.left is not u.right:
-            left = _table(y.left, u.left, gains)
+            left = self._table(y.left, u.left, state.count)
         finite = run(
             self.model.drift,
             self.model.input_gain,
@@ -288,16 +286,19 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
         )
         return Rows((states, off), finite, State(states[-1].copy(), state.count + y.steps))
 
+    def _table(self, y: Array, u: Array, count: int) -> Array:
+        """y, u and its derivatives, and the gains, one row a sample, from step ``count`` on."""
+        half = np.arange(2 * count, 2 * count + len(y)) * (0.5 * self.step_size)
+        table = np.empty((len(u), u.shape[1] + self.model.states + 2))
+        table[:, 0], table[:, 1 : u.shape[1] + 1] = y, u
+        table[:, u.shape[1] + 1 :] = self._gains(half)
+        return table
+
     def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
         states, off = arrays
         return Run(
             np.ascontiguousarray(states[:, :-1]), states[:, -1].copy(), off[1:], state, diverged_at
         )
-
-
-def _table(y: Array, u: Array, gains: Array) -> Array:
-    """y, u and its derivatives, and the gains, one row a sample."""
-    return np.ascontiguousarray(np.hstack([y[:, None], u, gains]))
 
 
 def _shape(values: ArrayLike | None) -> tuple[int, ...]:
