@@ -134,7 +134,7 @@ def _observer_against_c(
     observer = _observer(threshold)
     y, u = _record(kind)
     start = observer.init(*_START[1:])
-    record = observer._record(y, u, 0, "")
+    record = observer._table(y, u, 0)
     states, by_c = np.empty((STEPS + 1, 3)), np.empty((STEPS + 1, 3))
     off, off_by_c = np.zeros(STEPS), np.zeros(STEPS)
     states[0] = by_c[0] = start.values
@@ -241,7 +241,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     for _ in range(8):
         both = zip(held_normal(stream, len(y), 2), held_normal(stream, len(y), 2), strict=True)
         draws.append([(y + _NOISE * a, u + _NOISE * np.outer(b, (1, 0, 0))) for a, b in both])
-    records = [[observer._record(*side, 0, "") for side in draw] for draw in draws]
+    records = [[observer._table(*side, 0) for side in draw] for draw in draws]
 
     def checked(number: int) -> float:
         (output, inputs), (output_before, inputs_before) = draws[number % len(draws)]

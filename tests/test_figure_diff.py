@@ -83,8 +83,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project = tmp_path_factory.mktemp("project")
     made, kept, results = Made(), project / "tests/golden/made", project / "results/made"
     (project / "workflow/report").mkdir(parents=True)
-    template = "workflow/report/figure_diff.html.jinja"
-    shutil.copy2(ROOT / template, project / template)
+    for template in ("workflow/report/figure_diff.html.jinja", "workflow/report/figure_diff.css"):
+        shutil.copy2(ROOT / template, project / template)
     for name in TREE["figures"]:
         write(made, made, name, kept)
         draw(results / f"{name}.png")

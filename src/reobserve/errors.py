@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,26 +11,6 @@ from typing import Any
 _VALUE = 100
 _PLACE = 300
 _SENTENCE = 600
-
-
-def one_line(text: object, most: int = _SENTENCE) -> str:
-    """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
-    told = "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
-        for letter in " ".join(str(text).split())
-    )
-    if len(told) <= most:
-        return told
-    tail = most // 3
-    return f"{told[: most - tail - 3]} … {told[-tail:]}"
-
-
-def shown(value: Any, most: int = _VALUE) -> str:
-    """A value as a message repeats it: bounded, whatever a user wrote."""
-    try:
-        return one_line(repr(value), most)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
-        return f"a {type(value).__name__} too large to show"
 
 
 class ReobserveError(Exception):
@@ -62,13 +43,23 @@ class DivergenceError(ReobserveError, ArithmeticError):
     what
         The plant or observer that diverged.
     time
-        The last time [s] at which its state was finite.
+        The last time [s] at which its state was finite; of a filter, which knows no period, the
+        number of the first sample, counted from 0, after which its belief is not.
+    finding
+        What else is known: whether a shorter step would have done.
+    sample
+        ``time`` is the number of a sample.
     """
 
-    def __init__(self, what: str, time: float) -> None:
-        super().__init__(f"{what} diverged: its state is finite up to t = {time:g} s and not after")
+    def __init__(self, what: str, time: float, finding: str = "", *, sample: bool = False) -> None:
+        said = f"{what} diverged: its state is finite up to t = {time:g} s and not after"
+        if sample:
+            said = f"{what} diverged: its belief is not finite from sample {time:g} on"
+        super().__init__(f"{said}; {finding}" if finding else said)
         self.what = what
         self.time = time
+        self.finding = finding
+        self.sample = sample
 
 
 @contextmanager
@@ -79,4 +70,41 @@ def located(place: str) -> Iterator[None]:
     except InputError as error:
         raise InputError(f"{place}.{error.parameter}", error.problem) from None
     except DivergenceError as error:
-        raise DivergenceError(f"{place} ({error.what})", error.time) from None
+        raise DivergenceError(
+            f"{place} ({error.what})", error.time, error.finding, sample=error.sample
+        ) from None
+
+
+def one_line(text: object, most: int = _SENTENCE) -> str:
+    """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
+    told = "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in " ".join(str(text).split())
+    )
+    if len(told) <= most:
+        return told
+    tail = most // 3
+    return f"{told[: most - tail - 3]} … {told[-tail:]}"
+
+
+def shown(value: Any, most: int = _VALUE) -> str:
+    """A value as a message repeats it: in one line and bounded, whatever a user wrote.
+
+    Of objects that may be long it names the type and, of arrays, the shape.
+    """
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and (len(shape) > 1 or shape > (8,)):
+        return f"{type(value).__name__} of shape {shape}"
+    if not isinstance(value, _BUILT_IN):
+        plain = value is None or shape is not None
+        return one_line(repr(value), most) if plain else f"an object of type {type(value).__name__}"
+    try:
+        return one_line(_SHORT.repr(value), most)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
+        return f"a {type(value).__name__} too large to show"
+
+
+_BUILT_IN = (bool, int, float, complex, str, bytes, list, tuple, dict, set)
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = 8

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_record
+from reobserve.matrices import as_floats, as_positive, as_samples
 
 Array = NDArray[np.float64]
 
@@ -109,14 +109,11 @@ def samples_with_limits(
         If one of them is not an odd number of rows, 3 or more, of two finite numbers, or their
         lengths differ; it names ``name`` or ``before_name`` (else ``name`` with ``_before``).
     """
-    right = as_record(name, samples, 2)
+    right = as_samples(name, samples, 2, halves=True)
     if before is None or before is samples:
         return right, right
     before_name = before_name or f"{name}_before"
-    left = as_record(before_name, before, 2)
-    if len(left) != len(right):
-        raise InputError(before_name, f"has {len(left)} rows, must have {len(right)} like {name}")
-    return right, left
+    return right, as_samples(before_name, before, 2, rows=len(right), like=name)
 
 
 @kernel

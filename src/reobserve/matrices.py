@@ -7,30 +7,63 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 
 Matrix = NDArray[np.float64]
 
+# Of arrays with more entries a message tells the shape alone.
+_SHOWN = 9
+
+
+def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
+    """``value`` as compiled loops take arrays: of 64-bit floats, C-contiguous and writeable.
+
+    Whatever holds real numbers will do: lists, arrays of other types and orders, read-only ones,
+    frames and series of pandas. An array that is as it should be is handed back, not copied; for
+    another kind each kernel would be compiled anew. Entries need not be finite.
+
+    Raises
+    ------
+    InputError
+        If it is no number and no array of numbers: text, booleans, complex numbers, objects, rows
+        of different lengths, masked entries.
+    """
+    if _has_other(value):
+        raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        return np.require(array, np.float64, ["C", "A", "W"])
+    except (TypeError, ValueError, OverflowError, RecursionError):  # or rows of different lengths
+        raise InputError(name, f"{shown(value)} is not a number or an array of numbers") from None
+
+
+def _has_other(value: Any) -> bool:
+    """Whether numpy would take what is no number for one: masked entries, booleans in a list."""
+    if isinstance(value, np.ndarray):
+        return bool(np.ma.is_masked(value))
+    if isinstance(value, list | tuple):
+        return any(not isinstance(entry, float) and _has_other(entry) for entry in value)
+    return isinstance(value, bool | np.bool_)
+
 
 def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
-    """``value`` as an array of finite floats; `InputError` names ``name`` otherwise."""
-    try:
-        raw = np.array(value)
-    except ValueError:  # rows of different lengths
-        raw = np.array(None)
-    if raw.dtype.kind not in "iuf":
-        raise InputError(name, f"{value!r} is not a number or an array of numbers")
-    array = raw.astype(np.float64)
+    """``value`` as an array of its own of finite floats; `InputError` names ``name`` otherwise."""
+    array = as_numbers(name, value)
     if not np.all(np.isfinite(array)):
-        raise InputError(name, f"{array.tolist()} has an entry that is not finite")
-    return array
+        place = shown(array.tolist()) if array.size <= _SHOWN else shown(array)
+        raise InputError(name, f"{place} has an entry that is not finite")
+    return array.copy() if array is value or array.base is not None else array
 
 
 def as_scalar(name: str, value: Any) -> float:
     """``value`` as one finite float; `InputError` names ``name`` otherwise."""
     array = as_floats(name, value)
     if array.ndim != 0:
-        raise InputError(name, f"{value!r} must be one number, not an array of shape {array.shape}")
+        raise InputError(
+            name, f"{shown(value)} must be one number, not an array of shape {array.shape}"
+        )
     return float(array)
 
 
@@ -76,7 +109,7 @@ def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix
     """`as_matrix`, and symmetric positive definite; `InputError` gives the eigenvalues if not."""
     matrix = as_matrix(name, value, size)
     if not np.array_equal(matrix, matrix.T):
-        raise InputError(name, f"{matrix.tolist()} must be symmetric")
+        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
     eigenvalues = np.linalg.eigvalsh(matrix)
     if eigenvalues[0] <= 0:
         listed = ", ".join(f"{value:g}" for value in eigenvalues)
@@ -93,38 +126,70 @@ def as_rows(name: str, value: ArrayLike, like: Matrix | None = None) -> Matrix:
     return array
 
 
-def as_record(
+def as_samples(
     name: str,
     samples: ArrayLike,
-    columns: int,
+    columns: int | None,
+    *,
     rows: int | None = None,
-    like: str = "the measured rate",
+    like: str = "",
+    halves: bool = False,
+    missing: bool = False,
 ) -> Matrix:
-    """What an observer reads: two samples a step, and one at the end; finite, contiguous.
+    """The rows of a record that an observer reads, as `as_numbers` makes them.
+
+    Parameters
+    ----------
+    columns
+        How many numbers a row has; None for a plain list of numbers.
+    rows
+        How many there must be, if that is known, because ``like`` has so many.
+    halves
+        There are two a step and one at the end: an odd number, 3 or more.
+    missing
+        A nan stands for a number that was not measured.
 
     Raises
     ------
     InputError
-        If there is no odd number of rows (``rows`` if given, as ``like`` has), 3 or more, of
-        ``columns`` finite numbers.
+        If they are not so, or not finite; it names the first row that is not.
     """
     try:
-        array = np.ascontiguousarray(samples, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError(name, "is no array of numbers") from None
-    if array.ndim != 2 or array.shape[1] != columns or len(array) % 2 == 0 or len(array) < 3:
-        raise InputError(
-            name,
-            f"has shape {array.shape}, must have an odd number of rows, 3 or more, of {columns} "
-            f"number{'s' if columns > 1 else ''}",
-        )
+        array = as_numbers(name, samples)
+    except InputError:
+        masked = ": it has masked entries" if np.ma.is_masked(samples) else ""
+        raise InputError(name, f"is no array of numbers{masked}") from None
+    shape = array.shape
+    wrong = len(shape) != (1 if columns is None else 2) or shape[1:] != (
+        () if columns is None else (columns,)
+    )
+    few = wrong or not len(array) or (halves and (len(array) % 2 == 0 or len(array) < 3))
+    if few:
+        number = "an odd number of rows, 3 or more," if halves else "one row or more"
+        if columns is None:
+            number = "an odd number of samples, 3 or more" if halves else "1 sample or more"
+            raise InputError(name, f"has shape {shape}, must be a list of {number}")
+        ending = "s" if columns != 1 else ""
+        raise InputError(name, f"has shape {shape}, must have {number} of {columns} number{ending}")
     if rows is not None and len(array) != rows:
         raise InputError(name, f"has {len(array)} rows, must have {rows} like {like}")
     # Rows are looked at one by one only if something is wrong: that costs as much as observing.
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
+    good = np.isfinite(array)
+    if missing:
+        good |= np.isnan(array)
+    if not good.all():
+        row = int(np.argmin(good.reshape(len(array), -1).all(axis=1)))
+        allowed = "must be finite, or nan if missing" if missing else "must be finite"
+        raise InputError(name, f"sample {row} is {shown(array[row].tolist())}, {allowed}")
     return array
+
+
+def as_row(name: str, value: ArrayLike) -> Matrix:
+    """One sample as a record of one row, for `as_samples`."""
+    try:
+        return as_numbers(name, value).reshape(1, -1)
+    except InputError:
+        raise InputError(name, "is no array of numbers") from None
 
 
 def spectral_radius(matrix: Matrix) -> float:

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
+from reobserve.arguments import as_whole
+from reobserve.errors import InputError, shown
+from reobserve.matrices import as_floats
+from reobserve.vector_field import is_vector_field
 
 Array = NDArray[np.float64]
 
@@ -31,7 +34,7 @@ class TriangularModel:
     Raises
     ------
     InputError
-        If there are no states or a parameter is not finite.
+        If there are no states, a function was not compiled, or a parameter is not finite.
     """
 
     states: int
@@ -40,7 +43,17 @@ class TriangularModel:
     parameters: Array
 
     def __post_init__(self) -> None:
-        if self.states < 1:
-            raise InputError("states", f"{self.states} must be 1 or more")
-        if self.parameters.ndim != 1 or not np.all(np.isfinite(self.parameters)):
-            raise InputError("parameters", f"{self.parameters} must be a vector of finite numbers")
+        put = object.__setattr__
+        put(self, "states", as_whole("states", self.states, 1))
+        for name in ("drift", "input_gain"):
+            field = getattr(self, name)
+            if not is_vector_field(field):
+                raise InputError(
+                    name, f"{shown(field)} must be compiled by reobserve.vector_field.vector_field"
+                )
+        parameters = as_floats("parameters", self.parameters)
+        if parameters.ndim != 1:
+            raise InputError(
+                "parameters", f"has shape {parameters.shape}, must be a list of numbers"
+            )
+        put(self, "parameters", parameters)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
+from numba.core.ccallback import CFunc
+from numba.core.errors import NumbaError
+
+from reobserve.errors import InputError, shown
 from reobserve.kernel import compiled_with_signature
 
 # (point, parameters, out): write the value at a point to out; all are arrays of floats.
@@ -16,5 +21,21 @@ def vector_field(function: Callable[..., None]) -> Any:
 
     Unlike a kernel it has one fixed signature and is called through a pointer: a loop is
     compiled once for all fields, and its machine code is kept on disk.
+
+    Raises
+    ------
+    InputError
+        If it is no function, or does what cannot be compiled.
     """
-    return compiled_with_signature(_SIGNATURE, function)
+    if not inspect.isfunction(function):
+        raise InputError("function", f"{shown(function)} must be a function of Python")
+    try:
+        return compiled_with_signature(_SIGNATURE, function)
+    except NumbaError as error:
+        said = str(error).strip().partition("\n")[0]
+        raise InputError("function", f"{function.__name__} cannot be compiled: {said}") from None
+
+
+def is_vector_field(value: Any) -> bool:
+    """Whether a value was made by `vector_field`."""
+    return isinstance(value, CFunc)

@@ -55,7 +55,7 @@ def test_least_squares_winds_up_at_rest_and_says_when() -> None:
     still = np.tile([1.0, 0.0], (2001, 1))
     output = 1 - np.exp(-half_steps(0.01, 10.0)[:, None]) * 0.5
     state = estimator.init(0.3, 0.4, np.tile([1.0, 0.0], (301, 1)))
-    done = estimator.run(output, still, state)
+    done = estimator.run(output, still, state, on_divergence="return")
     assert done.diverged_at is not None
     assert 0 < done.diverged_at < 10
     assert done.state is state

@@ -62,7 +62,8 @@ def observer(case: Case, step: float) -> ExtendedHighGainObserver:
 def observed(case: Case, step: float, end: float) -> Run:
     y, u = record(case.applied, step, end)
     built = observer(case, step)
-    return built.run(y, u[:, : case.order + 1], built.init([0.0, 0.0], FIRST_DELAY))
+    start = built.init([0.0, 0.0], FIRST_DELAY)
+    return built.run(y, u[:, : case.order + 1], start, on_divergence="return")
 
 
 def together(run: Run) -> Array:

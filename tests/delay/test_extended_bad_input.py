@@ -176,11 +176,11 @@ BAD_RECORDS: list[Any] = [
     ((Y, U + HOLED[:, None]), "inputs: sample 2 is [nan, nan, nan], must be finite"),
     ((Y, [["a"] * 3] * 5), "inputs: is no array of numbers"),
     ((Y[:3], U), "output: has 3 rows, must have 5 like u"),
-    ((HOLED, U), "output: sample 2 is [nan], must be finite"),
+    ((HOLED, U), "output: sample 2 is nan, must be finite"),
     ((list("abcde"), U), "output: is no array of numbers"),
     (([[1], [1, 2], [1], [1], [1]], U), "output: is no array of numbers"),
     ((Y, U, Y[:3]), "output_before: has 3 rows, must have 5 like u"),
-    ((Y, U, HOLED), "output_before: sample 2 is [nan], must be finite"),
+    ((Y, U, HOLED), "output_before: sample 2 is nan, must be finite"),
     ((Y, U, Y, U[:, :2]), f"inputs_before: has shape (5, 2), {DERIVATIVES}"),
     ((Y, U, None, U[:3]), "inputs_before: has 3 rows, must have 5"),
 ]

@@ -463,7 +463,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
     filters = [UsersOwn(one) for one in smooth] if own else smooth
     bank = InteractingMultipleModel(filters, [[0.9, 0.1], [0.1, 0.9]])
     start = bank.init([1.0, 1.0], 1.0)
-    run = bank.run(np.full((400, 1), 0.3 if taken else np.nan), start)
+    run = bank.run(np.full((400, 1), 0.3 if taken else np.nan), start, on_divergence="return")
     assert run.diverged_at == 154
     assert len(run.estimate) == len(run.covariance) == len(run.probability) == 154
     assert np.isfinite(run.covariance).all()

@@ -252,7 +252,7 @@ def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
     y = plant(step, steps)[:, :1]
     observer = IdentityObserver(form(), 2, step)
     start = observer.init([0.0, 0.0])
-    run = observer.run(y, start)
+    run = observer.run(y, start, on_divergence="return")
     assert run.diverged_at == pytest.approx(9.736, abs=0.01)
     assert len(run.estimate) == round(run.diverged_at / step) + 1
     assert np.isfinite(run.estimate).all()
@@ -267,7 +267,7 @@ def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
     half = 2 * (len(run.estimate) // 2)
     before = observer.run(y[: half + 1], start)
     assert before.diverged_at is None
-    after = observer.run(y[half:], before.state)
+    after = observer.run(y[half:], before.state, on_divergence="return")
     assert after.diverged_at == pytest.approx(run.diverged_at - before.state.count * step)
     state = observer.run(y[: 2 * len(run.estimate) - 1], start).state
     with pytest.raises(DivergenceError, match=rf"up to t = {run.diverged_at:g} s and not after"):
@@ -285,7 +285,7 @@ def test_an_estimate_that_overflows_at_the_start() -> None:
     """z is finite, T(z) is not: no row is left, and the state is the one to begin with."""
     observer = TransformedObserver(form(5), 4, 0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
-    run = observer.run(np.zeros((5, 1)), start)
+    run = observer.run(np.zeros((5, 1)), start, on_divergence="return")
     assert run.diverged_at == 0.0
     assert run.estimate.shape == (0, 2)
     assert run.state is start

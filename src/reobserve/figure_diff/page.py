@@ -12,8 +12,10 @@ from reobserve.errors import InputError, ReobserveError
 from reobserve.figure_diff import pixels
 from reobserve.figure_diff.model import Diff, Item, MovedSeries
 from reobserve.figure_diff.summary import counts
+from reobserve.replication_report.policy import content_policy, inline
 
 TEMPLATE = "figure_diff.html.jinja"
+STYLE = "figure_diff.css"
 
 # Of each figure the series that are furthest out of tolerance; a page with all would be no page.
 _DRAWN = 3
@@ -42,6 +44,7 @@ def render(diff: Diff, templates: Path) -> str:
         If the template is missing or no template.
     """
     import jinja2
+    from markupsafe import Markup
 
     loader = jinja2.FileSystemLoader(templates)
     environment = jinja2.Environment(
@@ -50,8 +53,11 @@ def render(diff: Diff, templates: Path) -> str:
     )  # fmt: skip
     shown = [_show(item) for item in diff.items]
     try:
+        style = inline(templates / STYLE)
         return environment.get_template(TEMPLATE).render(
             diff=diff,
+            policy=content_policy(style),
+            style=Markup(style),
             counts=counts(diff),
             failed=[one for one in shown if one.item.verdict != "agrees"],
             agreeing=[one for one in shown if one.item.verdict == "agrees"],
@@ -62,6 +68,8 @@ def render(diff: Diff, templates: Path) -> str:
         )
     except jinja2.TemplateNotFound:
         raise InputError(str(templates / TEMPLATE), "cannot be read") from None
+    except OSError:
+        raise InputError(str(templates / STYLE), "cannot be read") from None
     except jinja2.TemplateError as error:
         raise InputError(str(templates / TEMPLATE), f"cannot be filled: {error.message}") from None
 

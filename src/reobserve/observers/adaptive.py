@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from reobserve.kernel import kernel
-from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.matrices import Matrix, as_matrix, as_positive_definite
 from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
 from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
 
@@ -61,8 +61,8 @@ class AdaptiveObserver(RigidBodyObserver):
     proportional_gain: Matrix
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         put = object.__setattr__
-        put(self, "step_size", as_positive("step_size", self.step_size))
         put(self, "damping", as_positive_definite("damping", self.damping, 3))
         put(self, "integral_gain", as_positive_definite("integral_gain", self.integral_gain, 3))
         put(self, "proportional_gain", as_matrix("proportional_gain", self.proportional_gain, 3))

@@ -10,16 +10,25 @@ how one comes to them, and what holds for it need not hold for the method that t
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.arguments import as_kind
+from reobserve.errors import InputError
 from reobserve.input_history import InputHistory, samples_with_limits
-from reobserve.matrices import as_positive, as_record, as_scalar, as_vector
+from reobserve.matrices import as_positive, as_scalar, as_vector
+from reobserve.observers.contract import (
+    FixedStepObserver,
+    OnDivergence,
+    Record,
+    Rows,
+    Samples,
+    check_state,
+)
 
 Array = NDArray[np.float64]
 
@@ -57,7 +66,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class DelayEstimator(ABC):
+class DelayEstimator(FixedStepObserver[State, Run]):
     """An estimator of the delay of x' = -a x + b u(t - tau).
 
     Parameters
@@ -176,11 +185,9 @@ class DelayEstimator(ABC):
         InputError
             As `run`.
         DivergenceError
-            If the values leave the range of floating-point numbers in this step.
+            As `run`.
         """
         run = self.run(output, control, state, control_before)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.step_size)
         return run.state, float(run.delay[-1])
 
     def run(
@@ -189,6 +196,8 @@ class DelayEstimator(ABC):
         control: ArrayLike,
         state: State,
         control_before: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> Run:
         """Estimates over a whole record, by one compiled loop.
 
@@ -203,33 +212,45 @@ class DelayEstimator(ABC):
             From `init`, or from an earlier run to go on.
         control_before
             Where the input jumps between steps: the limits from the left, same shape.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong, a sample is not finite or the state is of another estimator.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers.
         """
         size = len(self._start(self.delay_bounds[1], 0.0))
-        history = state.history
-        if state.values.shape != (size,) or history.steps != self.history_steps:
-            raise InputError("state", "is of an estimator of another kind, step or greatest delay")
-        measured = as_record("output", output, self.output_columns)
+        problem = "is of an estimator of another kind, step or greatest delay"
+        state = check_state(state, State, problem, values=(size,))
+        history = as_kind("state.history", state.history, InputHistory)
+        if history.steps != self.history_steps or history.step_size != self.step_size:
+            raise InputError("state", problem)
+        measured = Samples.read("output", output, None, self.output_columns)
         right, left = samples_with_limits("control", control, control_before)
-        if len(right) != len(measured):
+        if len(right) != len(measured.right):
             raise InputError(
-                "control", f"has {len(right)} rows, must have {len(measured)} like output"
+                "control", f"has {len(right)} rows, must have {len(measured.right)} like output"
             )
-        steps = len(measured) // 2
-        rows = np.empty((steps + 1, size))
+        return self._observe(state, (measured, Samples(right, left)), on_divergence)
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        measured, control = record
+        rows = np.empty((measured.steps + 1, len(state.values)))
         rows[0] = state.values
-        known = history.followed_by(right, left)
-        finite = self._run(measured, known, rows)
-        if finite == steps + 1:
-            kept = known.latest(self.history_steps)
-            after = State(rows[-1].copy(), kept, state.count + steps)
-            return Run(rows[:, 0].copy(), rows, after, None)
-        rows = rows[:finite]
-        return Run(rows[:, 0].copy(), rows, state, (finite - 1) * self.step_size)
+        known = state.history.followed_by(control.right, control.left)
+        finite = self._run(measured.right, known, rows)
+        kept = known.latest(self.history_steps)
+        return Rows((rows,), finite, State(rows[-1].copy(), kept, state.count + measured.steps))
+
+    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
+        (rows,) = arrays
+        return Run(rows[:, 0].copy(), rows, state, diverged_at)
+
+    def _halved(self, state: State) -> None:
+        """None: steps that are too long are refused beforehand, see `check_rate`."""
 
 
 def check_rate(name: str, rate: float, step: float) -> None:

@@ -42,6 +42,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_word
 from reobserve.errors import InputError
 from reobserve.input_history import InputHistory, past_input
 from reobserve.kernel import kernel
@@ -81,8 +82,7 @@ class VariableStructureDelayEstimator(DelayEstimator):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "relay_gain", as_positive("relay_gain", self.relay_gain))
-        if self.relay_on not in RELAYS:
-            raise InputError("relay_on", f"{self.relay_on!r} must be one of {', '.join(RELAYS)}")
+        as_word("relay_on", self.relay_on, RELAYS)
 
     def init(
         self,

@@ -24,8 +24,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import as_positive, as_positive_definite, as_record, as_scalar, as_vector
+from reobserve.arguments import as_kind, as_word
+from reobserve.errors import InputError, shown
+from reobserve.matrices import as_positive, as_positive_definite, as_scalar, as_vector
+from reobserve.observers.contract import (
+    FixedStepObserver,
+    OnDivergence,
+    Record,
+    Rows,
+    Samples,
+    check_state,
+)
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 from reobserve.triangular_model import TriangularModel
@@ -68,7 +77,7 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class ExtendedHighGainObserver:
+class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
     """The observer (9) for a model (1) of any size and any Taylor order.
 
     Parameters
@@ -108,20 +117,26 @@ class ExtendedHighGainObserver:
     initial_matrix: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        as_positive("step_size", self.step_size)
+        put = object.__setattr__
+        as_kind("model", self.model, TriangularModel)
+        put(self, "step_size", as_positive("step_size", self.step_size))
         if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
             raise InputError(
-                "order", f"{self.order!r} must be a whole number, 1 or more: order 0 holds no delay"
+                "order",
+                f"{shown(self.order)} must be a whole number, 1 or more: order 0 holds no delay",
             )
-        least, most = as_vector("delay_bounds", self.delay_bounds, 2)
+        least, most = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
+        put(self, "delay_bounds", (least, most))
         if not 0.0 <= least < most:
             raise InputError("delay_bounds", f"[{least:g}, {most:g}] s must be 0 or more, rising")
-        if as_scalar("threshold", self.threshold) < 0:
+        put(self, "threshold", as_scalar("threshold", self.threshold))
+        if self.threshold < 0:
             raise InputError("threshold", f"{self.threshold:g} must not be negative")
-        if self.switched not in SWITCHED:
-            raise InputError("switched", f"{self.switched!r} must be one of {', '.join(SWITCHED)}")
+        as_word("switched", self.switched, SWITCHED)
+        size = self.model.states + 1
         if self.initial_matrix is not None:
-            as_positive_definite("initial_matrix", self.initial_matrix, self.model.states + 1)
+            matrix = as_positive_definite("initial_matrix", self.initial_matrix, size)
+            put(self, "initial_matrix", matrix)
         self._gains(np.zeros(1))
 
     def _gains(self, times: NDArray[Any]) -> Array:
@@ -169,11 +184,10 @@ class ExtendedHighGainObserver:
         InputError
             As `run`.
         DivergenceError
-            If the state leaves the range of floating-point numbers in this step.
+            As `run`.
         """
-        done = self._run(state, output, inputs, output_before, inputs_before)
-        if done.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.step_size)
+        record = self._read(output, inputs, output_before, inputs_before)
+        done = self._observe(self._checked(state), record)
         return done.state, done.estimate[-1], float(done.delay[-1])
 
     def run(
@@ -183,6 +197,8 @@ class ExtendedHighGainObserver:
         state: State,
         output_before: ArrayLike | None = None,
         inputs_before: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> Run:
         """Estimates over a whole record, by one compiled loop.
 
@@ -196,18 +212,24 @@ class ExtendedHighGainObserver:
             From `init`, or from an earlier run to go on.
         output_before, inputs_before
             Where a record jumps between samples, as held noise does: the limits from the left.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong or a sample is not finite.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers; it says whether a shorter
+            step would have helped.
 
         Warns
         -----
         SwitchedOffWarning
             If the gain was off for the whole record.
         """
-        done = self._run(state, output, inputs, output_before, inputs_before)
+        record = self._read(output, inputs, output_before, inputs_before)
+        done = self._observe(self._checked(state), record, on_divergence)
         if len(done.switched_off) and float(np.min(done.switched_off)) >= 1.0:
             warnings.warn(
                 f"threshold: {self.threshold:g} is above |xi^| for 100 % of the record, so the "
@@ -217,30 +239,38 @@ class ExtendedHighGainObserver:
             )
         return done
 
-    def _run(
+    def _checked(self, state: State) -> State:
+        n = self.model.states
+        problem = f"must be of an observer of {n} states"
+        return check_state(state, State, problem, values=(n + 1,))
+
+    def _read(
         self,
-        state: State,
         output: ArrayLike,
         inputs: ArrayLike,
         output_before: ArrayLike | None,
         inputs_before: ArrayLike | None,
-    ) -> Run:
-        size = self.model.states + 1
-        if state.values.shape != (size,):
-            raise InputError("state", f"must be of an observer of {size - 1} states")
-        right = self._record(output, inputs, state.count, "")
-        left = right
-        if output_before is not None or inputs_before is not None:
-            left = self._record(
-                output if output_before is None else output_before,
-                inputs if inputs_before is None else inputs_before,
-                state.count,
-                "_before",
-                len(right),
-            )
-        steps = len(right) // 2
-        states, off = np.empty((steps + 1, size)), np.zeros(steps)
+    ) -> Record:
+        for name, values in (("inputs", inputs), ("inputs_before", inputs_before)):
+            shape = _shape(values)
+            if values is not None and (len(shape) != 2 or shape[1] != self.order + 1):
+                raise InputError(
+                    name,
+                    f"has shape {shape}, must have {self.order + 1} columns: u and its "
+                    f"derivatives up to the order {self.order}",
+                )
+        u = Samples.read("inputs", inputs, inputs_before, self.order + 1)
+        y = Samples.read("output", output, output_before, None, rows=len(u.right), like="u")
+        return y, u
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        y, u = record
+        states = np.empty((y.steps + 1, self.model.states + 1))
+        off = np.zeros(y.steps + 1)
         states[0] = state.values
+        right = left = self._table(y.right, u.right, state.count)
+        if y.left is not y.right or u.left is not u.right:
+            left = self._table(y.left, u.left, state.count)
         finite = run(
             self.model.drift,
             self.model.input_gain,
@@ -252,46 +282,28 @@ class ExtendedHighGainObserver:
             right,
             left,
             states,
-            off,
+            off[1:],
         )
-        kept, off = states[:finite], off[: finite - 1]
-        estimate, delay = np.ascontiguousarray(kept[:, :-1]), kept[:, -1].copy()
-        if finite == steps + 1:
-            after = State(states[-1].copy(), state.count + steps)
-            return Run(estimate, delay, off, after, None)
-        return Run(estimate, delay, off, state, (finite - 1) * self.step_size)
+        return Rows((states, off), finite, State(states[-1].copy(), state.count + y.steps))
 
-    def _record(
-        self,
-        output: ArrayLike,
-        inputs: ArrayLike,
-        count: int,
-        ending: str,
-        rows: int | None = None,
-    ) -> Array:
-        """y, u and its derivatives, and the gains, one row a sample."""
-        shape = _shape(inputs)
-        if len(shape) != 2 or shape[1] != self.order + 1:
-            raise InputError(
-                f"inputs{ending}",
-                f"has shape {shape}, must have {self.order + 1} columns: u and its "
-                f"derivatives up to the order {self.order}",
-            )
-        u = as_record(f"inputs{ending}", inputs, self.order + 1, rows, "the record")
-        column = output if isinstance(output, np.ndarray) else np.asarray(output, dtype=object)
-        if column.ndim != 1:
-            raise InputError(f"output{ending}", f"has shape {column.shape}, must be one column")
-        y = as_record(f"output{ending}", column[:, None], 1, len(u), "u")
-        half = np.arange(2 * count, 2 * count + len(u)) * (0.5 * self.step_size)
+    def _table(self, y: Array, u: Array, count: int) -> Array:
+        """y, u and its derivatives, and the gains, one row a sample, from step ``count`` on."""
+        half = np.arange(2 * count, 2 * count + len(y)) * (0.5 * self.step_size)
         table = np.empty((len(u), u.shape[1] + self.model.states + 2))
-        table[:, :1], table[:, 1 : u.shape[1] + 1] = y, u
+        table[:, 0], table[:, 1 : u.shape[1] + 1] = y, u
         table[:, u.shape[1] + 1 :] = self._gains(half)
         return table
 
+    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
+        states, off = arrays
+        return Run(
+            np.ascontiguousarray(states[:, :-1]), states[:, -1].copy(), off[1:], state, diverged_at
+        )
 
-def _shape(values: ArrayLike) -> tuple[int, ...]:
+
+def _shape(values: ArrayLike | None) -> tuple[int, ...]:
     """The shape of an array, or of lists; rows of different lengths count as one column."""
     try:
-        return np.shape(values)
+        return np.shape(values)  # type: ignore[arg-type]
     except ValueError:
         return (len(np.asarray(values, dtype=object)),)

@@ -25,10 +25,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind, as_word
 from reobserve.discretisation import interpolating_hold
-from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import as_floats, as_positive, as_vector
-from reobserve.observers.extended_state_loop import Pair, as_samples, run_observer
+from reobserve.errors import DivergenceError, InputError, shown
+from reobserve.matrices import as_floats, as_positive, as_row, as_vector
+from reobserve.observers.contract import OnDivergence, check_state, raises
+from reobserve.observers.extended_state_loop import Pair, read_pair, run_observer
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]
@@ -100,8 +102,9 @@ class ExtendedStateObserver:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "period", as_positive("period", self.period))
-        if self.hold not in HOLDS:
-            raise InputError("hold", f"{self.hold!r} must be one of {', '.join(HOLDS)}")
+        as_word("hold", self.hold, tuple(HOLDS))
+        as_kind("system", self.system, AugmentedSystem)
+        as_kind("gains", self.gains, Gains)
         wanted = (self.system.size, self.system.outputs)
         for name in ("L", "Ld"):
             gain = as_floats(name, getattr(self.gains, name))
@@ -195,16 +198,13 @@ class ExtendedStateObserver:
         InputError
             As `run`.
         DivergenceError
-            If the state leaves the range of floating-point numbers.
+            As `run`.
         """
-        output, control = _single((output, control))
         run = self.run(
-            output, control, state,
-            None if before is None else _single(before),
-            None if middle is None else _single(middle),
+            as_row("output", output), as_row("control", control), state,
+            None if before is None else _single("before ", before),
+            None if middle is None else _single("middle ", middle),
         )  # fmt: skip
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, run.diverged_at)
         return run.state, run.state.estimate
 
     def run(
@@ -214,6 +214,8 @@ class ExtendedStateObserver:
         state: State,
         before: Pair | None = None,
         middle: Pair | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> Run:
         """Estimates at all samples, by one compiled loop.
 
@@ -232,36 +234,44 @@ class ExtendedStateObserver:
         middle
             y and u in the middle between each sample and the one before it, in the same shapes:
             for the parabolas of the second-order hold, and for those alone.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong, a sample is not finite, the hold takes no such values or misses
             them, or the state is not of such an observer.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers.
         """
+        loud = raises(on_divergence)
         p, m, size = self.system.outputs, self.system.B.shape[1], self.system.size
-        shapes = (state.filtered.shape, state.estimate.shape, state.sample.shape)
-        if shapes != ((p,), (size,), (p + m,)):
-            raise InputError("state", f"must be of an observer of size {size} with {p} outputs")
+        state = check_state(
+            state, State, f"must be of an observer of size {size} with {p} outputs",
+            filtered=(p,), estimate=(size,), sample=(p + m,),
+        )  # fmt: skip
         if before is not None and self.hold == "zero":
             raise InputError("before", "must be left out: the zero-order hold asks for no limits")
         if (middle is None) == (self.hold == "second"):
             need = "is missing" if middle is None else "must be left out"
             raise InputError("middle", f"{need}: the hold is {self.hold!r}, second needs it alone")
-        taken = as_samples("", (output, control), (p, m))
+        taken = read_pair("", (output, control), (p, m))
         rows = len(taken.output)
         held = [taken]
         if self.hold != "zero":
-            held.append(taken if before is None else as_samples("before ", before, (p, m), rows))
+            held.append(taken if before is None else read_pair("before ", before, (p, m), rows))
         if middle is not None:
-            held.append(as_samples("middle ", middle, (p, m), rows))
+            held.append(read_pair("middle ", middle, (p, m), rows))
         found = np.empty((rows, p + size))
         start = np.concatenate([state.filtered, state.estimate, state.sample])
         finite = run_observer(self._weights, start, held, found, state.count == 0)
         good = found[:finite]
         after, diverged_at = state, None
         if finite < rows:
-            diverged_at = (state.count + finite - 1) * self.period
+            diverged_at = max(state.count + finite - 1, 0) * self.period
+            if loud:
+                raise DivergenceError(type(self).__name__, diverged_at)
         else:
             last = np.concatenate([taken.output[-1], taken.control[-1]])
             after = State(good[-1, :p].copy(), good[-1, p:].copy(), last, state.count + rows)
@@ -273,6 +283,8 @@ class ExtendedStateObserver:
         )  # fmt: skip
 
 
-def _single(pair: Pair) -> Pair:
+def _single(name: str, pair: Pair) -> Pair:
     """A sample as a record of one row."""
-    return np.reshape(pair[0], (1, -1)), np.reshape(pair[1], (1, -1))
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise InputError(name.strip(), f"{shown(pair)} must be a pair of y and u")
+    return as_row(f"{name}output", pair[0]), as_row(f"{name}control", pair[1])

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.kernel import inlined_kernel, kernel
+from reobserve.matrices import as_samples
 
 Array = NDArray[np.float64]
 Pair = tuple[ArrayLike, ArrayLike]
@@ -24,7 +25,7 @@ class Samples(NamedTuple):
     control: Array
 
 
-def as_samples(name: str, pair: Pair, columns: tuple[int, int], rows: int | None = None) -> Samples:
+def read_pair(name: str, pair: Pair, columns: tuple[int, int], rows: int | None = None) -> Samples:
     """Finite samples of y and u; as many as of y if not said.
 
     Raises
@@ -32,27 +33,13 @@ def as_samples(name: str, pair: Pair, columns: tuple[int, int], rows: int | None
     InputError
         If they are not; ``name`` goes before output or control.
     """
-    output = _rows(f"{name}output", pair[0], columns[0], rows)
-    return Samples(output, _rows(f"{name}control", pair[1], columns[1], len(output)))
-
-
-def _rows(name: str, values: ArrayLike, columns: int, rows: int | None) -> Array:
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError(name, "is no array of numbers") from None
-    if array.shape != ((len(array) or 1) if rows is None else rows, columns):
-        wanted = "one row or more" if rows is None else f"{rows} row{'s' if rows > 1 else ''}"
-        raise InputError(
-            name,
-            f"has shape {np.shape(values)}, must have {wanted} of {columns} "
-            f"number{'' if columns == 1 else 's'}",
-        )
-    # Rows are looked at one by one only if something is wrong: that costs as much as observing.
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise InputError(name, f"sample {row} is {array[row].tolist()}, must be finite")
-    return array
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise InputError(name.strip(), f"{shown(pair)} must be a pair of y and u")
+    output = as_samples(f"{name}output", pair[0], columns[0], rows=rows, like="output")
+    known = as_samples(
+        f"{name}control", pair[1], columns[1], rows=len(output), like=f"{name}output"
+    )
+    return Samples(output, known)
 
 
 def run_observer(

@@ -16,9 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.arguments import as_kind
 from reobserve.kernel import kernel
 from reobserve.matrices import as_positive, as_vector
+from reobserve.observers import contract
+from reobserve.observers.contract import FixedStepObserver, OnDivergence, Rows, Samples, check_state
 from reobserve.synthesis.high_gain import high_gain
 from reobserve.triangular_model import TriangularModel
 
@@ -61,7 +63,7 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class HighGainObserver:
+class HighGainObserver(FixedStepObserver[State, Run]):
     """The observer (36), integrated by the classical Runge-Kutta method.
 
     It reads the record at both ends and in the middle of each step: two samples a step. The
@@ -88,6 +90,7 @@ class HighGainObserver:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        as_kind("model", self.model, TriangularModel)
         put(self, "rho", as_positive("rho", self.rho))
         put(self, "step_size", as_positive("step_size", self.step_size))
         _ = self.gain  # refuses what has no gain now and not at the first step
@@ -125,11 +128,9 @@ class HighGainObserver:
         InputError
             As `run`.
         DivergenceError
-            If the state leaves the range of floating-point numbers in this step.
+            As `run`.
         """
         run = self.run(output, delayed_input, state, output_before, input_before)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.step_size)
         return run.state, run.estimate[-1]
 
     def run(
@@ -139,6 +140,8 @@ class HighGainObserver:
         state: State,
         output_before: ArrayLike | None = None,
         input_before: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> Run:
         """Estimates over a whole record, by one compiled loop.
 
@@ -151,52 +154,43 @@ class HighGainObserver:
         output_before, input_before
             Where a record jumps at samples, as held noise does: the limits from the left, same
             shape. They are used at the ends of steps: a jump belongs there, not in the middle.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong, a sample is not finite or the state is not of such an observer.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers; it says whether a shorter
+            step would have helped.
         """
         n = self.model.states
-        if state.estimate.shape != (n,):
-            raise InputError("state", f"must be of an observer of {n} states")
-        right = _samples("output", output)
-        known = _samples("delayed_input", delayed_input, len(right))
-        record = Record(
-            right,
-            right
-            if output_before is None
-            else _samples("output_before", output_before, len(right)),
-            known,
-            known if input_before is None else _samples("input_before", input_before, len(right)),
-        )
-        steps = len(right) // 2
-        rows = np.empty((steps + 1, n))
+        state = check_state(state, State, f"must be of an observer of {n} states", estimate=(n,))
+        y = Samples.read("output", output, output_before, None)
+        u = Samples.read(
+            "delayed_input", delayed_input, input_before, None,
+            rows=len(y.right), like="output", left_name="input_before",
+        )  # fmt: skip
+        return self._observe(state, (y, u), on_divergence)
+
+    def _fill(self, state: State, record: contract.Record) -> Rows:
+        y, u = record
+        rows = np.empty((y.steps + 1, self.model.states))
         rows[0] = state.estimate
-        model = self.model
-        parameters = np.ascontiguousarray(model.parameters, dtype=np.float64)
         finite = _run(
-            model.drift, model.input_gain, parameters, self.gain, self.step_size, record, rows
+            self.model.drift,
+            self.model.input_gain,
+            self.model.parameters,
+            self.gain,
+            self.step_size,
+            Record(y.right, y.left, u.right, u.left),
+            rows,
         )
-        if finite == steps + 1:
-            return Run(rows, State(rows[-1].copy(), state.count + steps), None)
-        return Run(rows[:finite], state, (finite - 1) * self.step_size)
+        return Rows((rows,), finite, State(rows[-1].copy(), state.count + y.steps))
 
-
-def _samples(name: str, values: ArrayLike, count: int | None = None) -> Array:
-    """An odd number of finite samples, 3 or more, or as many as ``count`` says."""
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError(name, "is no array of numbers") from None
-    wrong = len(array) % 2 == 0 or len(array) < 3 if count is None else len(array) != count
-    if np.ndim(values) != 1 or wrong:
-        wanted = "an odd number of samples, 3 or more" if count is None else f"{count} samples"
-        raise InputError(name, f"has shape {np.shape(values)}, must be a list of {wanted}")
-    if not np.isfinite(array).all():
-        place = int(np.argmin(np.isfinite(array)))
-        raise InputError(name, f"sample {place} is {array[place]}, must be finite")
-    return array
+    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
+        return Run(arrays[0], state, diverged_at)
 
 
 @kernel

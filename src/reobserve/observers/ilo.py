@@ -9,12 +9,13 @@ one interval earlier; `reobserve.observers.ilo_sampled` updates it once an inter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from reobserve.arguments import as_flag
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
@@ -72,12 +73,13 @@ class IloGains(RigidBodyObserver):
     allow_unstable: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         put = object.__setattr__
-        put(self, "step_size", as_positive("step_size", self.step_size))
         put(self, "K1", as_matrix("K1", self.K1, 3))
         put(self, "K2", as_matrix("K2", self.K2, 3))
         put(self, "damping", as_positive_definite("damping", self.damping, 3))
         put(self, "interval", as_positive("interval", self.interval))
+        put(self, "allow_unstable", as_flag("allow_unstable", self.allow_unstable))
         whole_steps(self.interval, self.step_size)
 
     @property
@@ -132,6 +134,18 @@ class IterativeLearningObserver(IloGains):
     def _fresh_memory(self, fault: Array) -> Array:
         # v at the start, the middle and the end of each step of the last interval.
         return np.tile(fault, (self.delay, 3, 1))
+
+    def _halved(self, state: State) -> tuple[IterativeLearningObserver, State]:
+        finer = replace(self, step_size=0.5 * self.step_size)
+        # v of each step, at its start, middle and end, on the parabola through the three.
+        first, middle, last = state.memory[:, 0], state.memory[:, 1], state.memory[:, 2]
+        memory = np.empty((2 * len(first), 3, 3))
+        memory[::2, 0], memory[::2, 2], memory[1::2, 0], memory[1::2, 2] = (
+            first, middle, middle, last
+        )  # fmt: skip
+        memory[::2, 1] = 0.375 * first + 0.75 * middle - 0.125 * last
+        memory[1::2, 1] = 0.375 * last + 0.75 * middle - 0.125 * first
+        return finer, State(state.rate, memory, 2 * state.count)
 
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(self._constants, state.rate, state.memory, state.count, record, rows)

@@ -22,9 +22,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.arguments import as_flag
+from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.linear_model import ModelArrays, as_covariance
-from reobserve.matrices import as_floats, as_vector
+from reobserve.matrices import as_floats, as_numbers, as_row, as_samples, as_vector
+from reobserve.observers.contract import OnDivergence, check_state, raises
 from reobserve.observers.imm_loop import (
     Bank,
     Beliefs,
@@ -39,7 +41,6 @@ from reobserve.observers.linear_filter import (
     LinearFilter,
     ModeFilter,
     as_controls,
-    as_measurements,
     check_belief,
 )
 from reobserve.observers.linear_filter_loop import new_work
@@ -102,7 +103,16 @@ class InteractingMultipleModel:
     mixing: bool = True
 
     def __post_init__(self) -> None:
+        if not isinstance(self.filters, list | tuple):
+            raise InputError("filters", f"{shown(self.filters)} must be a list of filters")
         filters = tuple(self.filters)
+        object.__setattr__(self, "mixing", as_flag("mixing", self.mixing))
+        for j, one in enumerate(filters):
+            wanted = ("predict", "correct", "model")
+            if isinstance(one, type) or not all(hasattr(one, part) for part in wanted):
+                raise InputError(
+                    f"filters[{j}]", f"{shown(one)} must have a model, predict and correct"
+                )
         if not filters:
             raise InputError("filters", "are none, must be one or more")
         first = _size(filters[0])
@@ -149,7 +159,8 @@ class InteractingMultipleModel:
         mu = as_vector("probabilities", chosen, r)
         if mu.min() < 0 or abs(mu.sum() - 1) > 1e-9:
             raise InputError(
-                "probabilities", f"{mu.tolist()} must be 0 or more and sum to 1, not {mu.sum():g}"
+                "probabilities",
+                f"{shown(mu.tolist())} must be 0 or more and sum to 1, not {mu.sum():g}",
             )
         beliefs = tuple(
             Belief(each[j].copy(), as_covariance("covariances", wide[j], n), np.zeros(m))
@@ -170,16 +181,20 @@ class InteractingMultipleModel:
         InputError
             If the shapes do not fit.
         DivergenceError
-            If a filter leaves the range of floating-point numbers; its time counts from the
-            start of the step.
+            As `run`; the sample is number 0.
         """
-        held = np.reshape(as_floats("control", control), (1, -1))
-        run = self.run(np.reshape(measurement, (1, -1)), state, held)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, 0.0)
+        held = as_floats("control", control).reshape(1, -1)
+        run = self.run(as_row("measurements", measurement), state, held)
         return run.state, run
 
-    def run(self, measurements: ArrayLike, state: State, controls: ArrayLike | None = None) -> Run:
+    def run(
+        self,
+        measurements: ArrayLike,
+        state: State,
+        controls: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
+    ) -> Run:
         """Filter a record.
 
         Parameters
@@ -190,27 +205,29 @@ class InteractingMultipleModel:
             From `init`, or from an earlier run to go on.
         controls
             Held over each step, shape (k, p); left out for models without inputs.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If the shapes do not fit, or a control is not finite.
+        DivergenceError
+            If a filter leaves the range of floating-point numbers; it gives the sample.
         """
+        loud = raises(on_divergence)
         n, inputs, m = _size(self.filters[0])
-        taken = as_measurements(measurements, m)
+        taken = as_samples("measurements", measurements, m, missing=True)
         held = as_controls(controls, len(taken), inputs)
         rows, r = len(taken), len(self.filters)
-        if len(state.beliefs) != r:
-            raise InputError("state", f"has {len(state.beliefs)} beliefs, must have {r}")
-        for j, belief in enumerate(state.beliefs):
-            check_belief(f"state.beliefs[{j}]", belief, n, m)
+        checked = self._checked(state, n, m)
         estimates, covariances = np.empty((rows, n)), np.empty((rows, n, n))
         probabilities, innovations = np.empty((rows, r)), np.empty((rows, r, m))
         beliefs = Beliefs(
-            np.array([belief.mean for belief in state.beliefs]),
-            np.array([belief.covariance for belief in state.beliefs]),
-            np.array([belief.error for belief in state.beliefs]),
-            state.log_probabilities.copy(),
+            np.array([belief.mean for belief in checked.beliefs]),
+            np.array([belief.covariance for belief in checked.beliefs]),
+            np.array([belief.error for belief in checked.beliefs]),
+            checked.log_probabilities.copy(),
         )
         found = estimates, covariances, probabilities, innovations
         if self._bank is None:
@@ -220,6 +237,8 @@ class InteractingMultipleModel:
             good = run_bank(
                 (0,) * n, (0,) * m, self._bank, law, beliefs, taken, held, new_work(n, m), *found
             )
+        if good < rows and loud:
+            raise DivergenceError(type(self).__name__, good, sample=True)
         moved = tuple(Belief(*(part[j].copy() for part in beliefs[:3])) for j in range(r))
         return Run(
             estimates[:good],
@@ -230,6 +249,22 @@ class InteractingMultipleModel:
             State(moved, beliefs.log_probabilities) if good == rows else state,
             None if good == rows else good,
         )
+
+    def _checked(self, state: State, states: int, outputs: int) -> State:
+        """The state, of this bank; `InputError` if it is not."""
+        r = len(self.filters)
+        beliefs = getattr(check_state(state, State, ""), "beliefs", ())
+        if not isinstance(beliefs, list | tuple) or len(beliefs) != r:
+            count = len(beliefs) if isinstance(beliefs, list | tuple) else "no"
+            raise InputError("state", f"has {count} beliefs, must have {r}")
+        checked = tuple(
+            check_belief(f"state.beliefs[{j}]", belief, states, outputs)
+            for j, belief in enumerate(beliefs)
+        )
+        logarithms = as_numbers("state.log_probabilities", state.log_probabilities)
+        if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
+            raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
+        return State(checked, logarithms)
 
     def _run_one_by_one(
         self,
@@ -307,7 +342,7 @@ def _as_transition(value: ArrayLike, size: int) -> Array:
         if row.min() < 0 or abs(row.sum() - 1.0) > 1e-9:
             raise InputError(
                 "transition",
-                f"row {i} is {row.tolist()} and sums to {row.sum():g}, must be probabilities "
-                "that sum to 1",
+                f"row {i} is {shown(row.tolist())} and sums to {row.sum():g}, must be "
+                "probabilities that sum to 1",
             )
     return matrix

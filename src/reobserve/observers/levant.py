@@ -21,9 +21,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.arguments import as_flag, as_whole
+from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.kernel import kernel
-from reobserve.matrices import as_positive, as_vector
+from reobserve.matrices import as_numbers, as_positive, as_samples, as_vector
+from reobserve.observers.contract import OnDivergence, check_state, raises
 
 Array = NDArray[np.float64]
 
@@ -103,8 +105,9 @@ class LevantDifferentiator:
     printed: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
-            raise InputError("order", f"{self.order!r} must be a whole number, 1 or more")
+        put = object.__setattr__
+        put(self, "order", as_whole("order", self.order, 1))
+        put(self, "printed", as_flag("printed", self.printed))
         lines = self.order + 1
         if self.lambdas is None and lines > len(_USUAL):
             raise InputError(
@@ -113,8 +116,7 @@ class LevantDifferentiator:
         usual = _USUAL[-lines:] if self.lambdas is None else self.lambdas
         chosen = as_vector("lambdas", usual, lines)
         if chosen.min() <= 0:
-            raise InputError("lambdas", f"{chosen.tolist()} must all be greater than zero")
-        put = object.__setattr__
+            raise InputError("lambdas", f"{shown(chosen.tolist())} must all be greater than zero")
         put(self, "L", as_positive("L", self.L))
         put(self, "period", as_positive("period", self.period))
         put(self, "lambdas", chosen)
@@ -154,14 +156,14 @@ class LevantDifferentiator:
         InputError
             If the sample is not one finite number, or the state is not of such a differentiator.
         DivergenceError
-            If the state leaves the range of floating-point numbers.
+            As `run`.
         """
-        run = self.run([sample], state)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.period)
+        run = self.run(as_numbers("samples", sample)[None], state)
         return run.state, run.estimate[0]
 
-    def run(self, samples: ArrayLike, state: State) -> Run:
+    def run(
+        self, samples: ArrayLike, state: State, *, on_divergence: OnDivergence = "raise"
+    ) -> Run:
         """Estimates at all samples, by one compiled loop.
 
         Parameters
@@ -170,39 +172,30 @@ class LevantDifferentiator:
             u at a fixed period, shape (m,).
         state
             From `init`, or from an earlier run to go on with the sample after its last.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If the samples are not a list of finite numbers, or the state is not of such a
             differentiator.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers.
         """
-        lines = self.order + 1
-        if state.estimate.shape != (lines,):
-            raise InputError("state", f"must be of a differentiator of order {self.order}")
-        values = _samples(samples)
+        loud, lines = raises(on_divergence), self.order + 1
+        problem = f"must be of a differentiator of order {self.order}"
+        state = check_state(state, State, problem, estimate=(lines,))
+        values = as_samples("samples", samples, None)
         rows = np.empty((len(values) + 1, lines))
         rows[0] = state.estimate
         finite = _run(self._law, values, rows)
         if finite == len(rows):
             return Run(rows[:-1], State(rows[-1].copy(), state.count + len(values)), None)
-        return Run(rows[:finite], state, (finite - 1) * self.period)
-
-
-def _samples(samples: ArrayLike) -> Array:
-    """One or more finite samples."""
-    try:
-        values = np.ascontiguousarray(samples, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError("samples", "is no array of numbers") from None
-    if np.ndim(samples) != 1 or len(values) == 0:
-        raise InputError(
-            "samples", f"has shape {np.shape(samples)}, must be a list of 1 sample or more"
-        )
-    if not np.isfinite(values).all():
-        place = int(np.argmin(np.isfinite(values)))
-        raise InputError("samples", f"sample {place} is {values[place]}, must be finite")
-    return values
+        diverged_at = (finite - 1) * self.period
+        if loud:
+            raise DivergenceError(type(self).__name__, state.count * self.period + diverged_at)
+        return Run(rows[:finite], state, diverged_at)
 
 
 @kernel

@@ -17,9 +17,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import DivergenceError, InputError
 from reobserve.linear_model import LinearModel, as_covariance
-from reobserve.matrices import as_vector
+from reobserve.matrices import as_row, as_samples, as_vector
+from reobserve.observers.contract import OnDivergence, check_state, raises
 from reobserve.observers.linear_filter_loop import (
     correct,
     is_missing,
@@ -100,9 +102,17 @@ class LinearFilter:
     ----------
     model
         The linear model that it trusts.
+
+    Raises
+    ------
+    InputError
+        If it is no linear model.
     """
 
     model: LinearModel
+
+    def __post_init__(self) -> None:
+        as_kind("model", self.model, LinearModel)
 
     @property
     def law(self) -> Any:
@@ -140,15 +150,25 @@ class LinearFilter:
         )
 
     def predict(self, belief: Belief, control: ArrayLike = ()) -> Belief:
-        """Time update, (11) and (12), with the input that is held over the step, shape (p,)."""
+        """Time update, (11) and (12), with the input that is held over the step, shape (p,).
+
+        Raises
+        ------
+        InputError
+            If the control or the belief has another size.
+        DivergenceError
+            If the belief leaves the range of floating-point numbers.
+        """
         states, outputs = self._sizes
-        check_belief("belief", belief, len(states), len(outputs))
+        belief = check_belief("belief", belief, len(states), len(outputs))
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         held = as_vector("control", control, self.model.inputs)
         predict(
             states, self.model.arrays, held, belief.mean, belief.covariance,
             mean, covariance, new_work(len(states), len(outputs)),
         )  # fmt: skip
+        if not np.isfinite(mean.sum() + np.trace(covariance)):
+            raise DivergenceError(type(self).__name__, 0, sample=True)
         return Belief(mean, covariance, belief.error)
 
     def correct(
@@ -161,13 +181,15 @@ class LinearFilter:
         InputError
             If the measurement (nan: missing), the control or the belief has another size.
         DivergenceError
-            If the covariance of the innovation is not positive definite.
+            If the covariance of the innovation is not positive definite, or the belief leaves the
+            range of floating-point numbers.
         """
-        taken = as_measurements(np.reshape(measurement, (1, -1)), self.model.outputs)[0]
+        row = as_row("measurements", measurement)
+        taken = as_samples("measurements", row, self.model.outputs, missing=True)[0]
         held = as_vector("control", control, self.model.inputs)
         states, outputs = self._sizes
         m = len(outputs)
-        check_belief("belief", belief, len(states), m)
+        belief = check_belief("belief", belief, len(states), m)
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
@@ -179,16 +201,29 @@ class LinearFilter:
             mean, covariance, error, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
         if not np.isfinite(log_likelihood + mean.sum() + np.trace(covariance)):
-            raise DivergenceError(type(self).__name__, 0.0)
+            raise DivergenceError(type(self).__name__, 0, sample=True)
         corrected = Belief(mean, covariance, error)
         return Correction(corrected, innovation, factor @ factor.T, log_likelihood)
 
     def step(self, belief: Belief, measurement: ArrayLike, control: ArrayLike = ()) -> Correction:
-        """Predict over one sample and correct; stepping gives the bits that `run` gives."""
+        """Predict over one sample and correct; stepping gives the bits that `run` gives.
+
+        Raises
+        ------
+        InputError
+            As `run`.
+        DivergenceError
+            As `run`; the sample is number 0.
+        """
         return self.correct(self.predict(belief, control), measurement, control)
 
     def run(
-        self, measurements: ArrayLike, belief: Belief, controls: ArrayLike | None = None
+        self,
+        measurements: ArrayLike,
+        belief: Belief,
+        controls: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> FilterRun:
         """Filter a record by one compiled loop.
 
@@ -200,16 +235,21 @@ class LinearFilter:
             From `init`, or from an earlier run to go on.
         controls
             Held over each step, shape (k, p); left out for a model without inputs.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `FilterRun.diverged_at`.
 
         Raises
         ------
         InputError
             If the shapes do not fit, or a control is not finite.
+        DivergenceError
+            If the belief leaves the range of floating-point numbers; it gives the sample.
         """
+        loud = raises(on_divergence)
         states, outputs = self._sizes
         n, m = len(states), len(outputs)
-        check_belief("belief", belief, n, m)
-        taken = as_measurements(measurements, m)
+        belief = check_belief("belief", belief, n, m)
+        taken = as_samples("measurements", measurements, m, missing=True)
         held = as_controls(controls, len(taken), self.model.inputs)
         rows = len(taken)
         mean, covariance, error = (
@@ -226,6 +266,8 @@ class LinearFilter:
         )  # fmt: skip
         if good == rows:
             return found
+        if loud:
+            raise DivergenceError(type(self).__name__, good, sample=True)
         return FilterRun(
             found.estimate[:good], found.variance[:good], found.innovation[:good],
             found.log_likelihood[:good], int(np.isnan(taken[:good]).any(axis=1).sum()),
@@ -233,44 +275,23 @@ class LinearFilter:
         )  # fmt: skip
 
 
-def check_belief(name: str, belief: Belief, states: int, outputs: int) -> None:
-    """Refuse a belief of another size: compiled loops would read beyond its end.
+def check_belief(name: str, belief: Belief, states: int, outputs: int) -> Belief:
+    """The belief, of this size: compiled loops would read beyond its end.
 
     Raises
     ------
     InputError
-        If it is one.
+        If it is of another size, or not finite.
     """
-    shapes = belief.mean.shape, belief.covariance.shape, belief.error.shape
-    if shapes != ((states,), (states, states), (outputs,)):
-        wanted = f"must be of {states} states, {outputs} outputs"
-        raise InputError(name, f"has arrays of shapes {shapes}, {wanted}")
-
-
-def as_measurements(value: ArrayLike, columns: int) -> Array:
-    """Measurements as rows of ``columns`` numbers, nan where there is none.
-
-    Raises
-    ------
-    InputError
-        If they are no such rows, or one is infinite.
-    """
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):  # text, or rows of different lengths
-        raise InputError("measurements", "is no array of numbers") from None
-    if array.ndim != 2 or array.shape[1] != columns or not len(array):
-        raise InputError(
-            "measurements",
-            f"has shape {array.shape}, must have one row or more of {columns} "
-            f"number{'s' if columns > 1 else ''}",
-        )
-    if np.isinf(array).any():
-        row = int(np.argmax(np.isinf(array).any(axis=1)))
-        raise InputError(
-            "measurements", f"row {row} is {array[row].tolist()}, must be finite, or nan if missing"
-        )
-    return array
+    shapes = [
+        getattr(getattr(belief, part, None), "shape", ())
+        for part in ("mean", "covariance", "error")
+    ]
+    return check_state(
+        belief, Belief,
+        f"has arrays of shapes {tuple(shapes)}, must be of {states} states, {outputs} outputs",
+        name, mean=(states,), covariance=(states, states), error=(outputs,),
+    )  # fmt: skip
 
 
 def as_controls(value: ArrayLike | None, rows: int, columns: int) -> Array:
@@ -285,16 +306,4 @@ def as_controls(value: ArrayLike | None, rows: int, columns: int) -> Array:
         return np.empty((rows, 0))
     if value is None:
         raise InputError("controls", f"are left out, must have shape {(rows, columns)}")
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError("controls", "is no array of numbers") from None
-    if array.shape != (rows, columns):
-        raise InputError("controls", f"has shape {array.shape}, must be {(rows, columns)}")
-    if not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise InputError(
-            "controls",
-            f"row {row} is {array[row].tolist()}, must be finite: nothing can replace it",
-        )
-    return array
+    return as_samples("controls", value, columns, rows=rows, like="the measurements")

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
+from reobserve.arguments import as_word
 from reobserve.kernel import kernel
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
@@ -59,8 +59,7 @@ class IdentityObserver(NormalFormObserver):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.gain not in GAINS:
-            raise InputError("gain", f"{self.gain!r} must be one of {', '.join(GAINS)}")
+        as_word("gain", self.gain, GAINS)
 
     @cached_property
     def _law(self) -> Law:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import as_positive, as_record, as_vector
+from reobserve.arguments import as_kind
+from reobserve.errors import InputError, shown
+from reobserve.matrices import as_positive, as_vector
+from reobserve.observers.contract import (
+    FixedStepObserver,
+    OnDivergence,
+    Record,
+    Rows,
+    Samples,
+    check_state,
+)
 from reobserve.synthesis.normal_form.convergence import convergence, warning
 from reobserve.synthesis.normal_form.design import NormalForm
 
@@ -50,7 +59,7 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class NormalFormObserver(ABC):
+class NormalFormObserver(FixedStepObserver[State, Run]):
     """An observer that measures y of an autonomous system and estimates its state.
 
     It reads the record at both ends and in the middle of each step: two samples a step.
@@ -76,13 +85,16 @@ class NormalFormObserver(ABC):
     step_size: float
 
     def __post_init__(self) -> None:
-        as_positive("step_size", self.step_size)
-        highest = self.normal_form.problem.degree - 1
-        if not 0 <= self.order <= highest:
+        put = object.__setattr__
+        put(self, "step_size", as_positive("step_size", self.step_size))
+        highest = as_kind("normal_form", self.normal_form, NormalForm).problem.degree - 1
+        if isinstance(self.order, bool) or self.order not in range(highest + 1):
             raise InputError(
                 "order",
-                f"{self.order} must be from 0 to {highest}, one less than the degree of the series",
+                f"{shown(self.order)} must be from 0 to {highest}, one less than the degree of "
+                "the series",
             )
+        put(self, "order", int(self.order))
 
     @abstractmethod
     def _start(self, estimate: Array) -> Array:
@@ -118,14 +130,12 @@ class NormalFormObserver(ABC):
         InputError
             As `run`.
         DivergenceError
-            If the state leaves the range of floating-point numbers in this step.
+            As `run`.
         """
         run = self.run(output, state)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.step_size)
         return run.state, run.estimate[-1]
 
-    def run(self, output: ArrayLike, state: State) -> Run:
+    def run(self, output: ArrayLike, state: State, *, on_divergence: OnDivergence = "raise") -> Run:
         """Estimates over a whole record, by one compiled loop.
 
         Parameters
@@ -134,30 +144,34 @@ class NormalFormObserver(ABC):
             Measured y, shape (2 m + 1, p), sampled every half step.
         state
             From `init`, or from an earlier run to go on.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong or a sample is not finite.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers; it says whether a shorter
+            step would have helped.
         """
         system = self.normal_form.problem.system
-        if state.values.shape != (system.states,):
-            raise InputError("state", f"must be of an observer of {system.states} states")
-        samples = as_record("output", output, system.outputs)
-        steps = len(samples) // 2
-        rows = np.empty((steps + 1, system.states))
+        problem = f"must be of an observer of {system.states} states"
+        state = check_state(state, State, problem, values=(system.states,))
+        record = (Samples.read("output", output, None, system.outputs),)
+        return self._observe(state, record, on_divergence)
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        (samples,) = record
+        rows = np.empty((samples.steps + 1, len(state.values)))
         rows[0] = state.values
-        finite = self._run(state.values, samples, rows)
+        finite = self._run(state.values, samples.right, rows)
         estimate, coordinates = self._read(rows[:finite])
-        bad = ~np.isfinite(estimate).all(axis=1)
-        if bad.any():  # the estimate T(z) may overflow where z does not
-            finite = int(np.argmax(bad))
-            estimate = estimate[:finite]
-            coordinates = None if coordinates is None else coordinates[:finite]
-        if finite == steps + 1:
-            after = State(rows[-1].copy(), state.count + steps)
-            return Run(estimate, coordinates, after, None)
-        return Run(estimate, coordinates, state, max(finite - 1, 0) * self.step_size)
+        arrays = (estimate,) if coordinates is None else (estimate, coordinates)
+        return Rows(arrays, finite, State(rows[-1].copy(), state.count + samples.steps))
+
+    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
+        return Run(arrays[0], arrays[1] if len(arrays) > 1 else None, state, diverged_at)
 
     def check_domain(self, run: Run) -> str | None:
         """Warn if the estimates of a run leave the domain in which S converges.

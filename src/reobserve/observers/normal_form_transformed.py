@@ -51,8 +51,8 @@ class TransformedObserver(NormalFormObserver):
         return np.ascontiguousarray(row[:, 0]), weights
 
     def _start(self, estimate: Array) -> Array:
-        start: Array = self.normal_form.S.upto(self.order + 1)(estimate)
-        return start
+        # Of series in fractions the values are no floats.
+        return np.asarray(self.normal_form.S.upto(self.order + 1)(estimate), dtype=np.float64)
 
     def _run(self, values: Array, output: Array, rows: Array) -> int:
         transition, weights = self._transition

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.matrices import Matrix, as_record, as_vector
+from reobserve.arguments import as_kind
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix, as_positive, as_vector
+from reobserve.observers import contract
+from reobserve.observers.contract import FixedStepObserver, OnDivergence, Samples, check_state
 from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -74,16 +77,25 @@ class Run:
 
 
 @dataclass(frozen=True)
-class RigidBodyObserver(ABC):
+class RigidBodyObserver(FixedStepObserver[State, Run]):
     """An observer that measures w, knows u and estimates the fault torque.
 
     It integrates with the classical Runge-Kutta method and reads the record at both ends and
     in the middle of each step of ``step_size`` seconds: a record has two samples a step.
     ``model`` is the rigid body as the observer knows it.
+
+    Raises
+    ------
+    InputError
+        If the model is no rigid body or the step not positive.
     """
 
     model: RigidBody
     step_size: float
+
+    def __post_init__(self) -> None:
+        as_kind("model", self.model, RigidBody)
+        object.__setattr__(self, "step_size", as_positive("step_size", self.step_size))
 
     @abstractmethod
     def _fresh_memory(self, fault: Array) -> Array:
@@ -129,11 +141,9 @@ class RigidBodyObserver(ABC):
         InputError
             As `run`.
         DivergenceError
-            If the state leaves the range of floating-point numbers in this step.
+            As `run`.
         """
         run = self.run(rate, control, state, rate_before, control_before)
-        if run.diverged_at is not None:
-            raise DivergenceError(type(self).__name__, state.count * self.step_size)
         return run.state, Estimate(run.rate[-1], run.fault[-1])
 
     def run(
@@ -143,6 +153,8 @@ class RigidBodyObserver(ABC):
         state: State,
         rate_before: ArrayLike | None = None,
         control_before: ArrayLike | None = None,
+        *,
+        on_divergence: OnDivergence = "raise",
     ) -> Run:
         """Estimates over a whole record, by one compiled loop.
 
@@ -154,37 +166,41 @@ class RigidBodyObserver(ABC):
             From `init`, or from an earlier run to go on.
         rate_before, control_before
             Where a record jumps between samples: the limits from the left, same shapes.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
         InputError
             If a shape is wrong, a sample is not finite or the state is not of such an observer.
+        DivergenceError
+            If an estimate leaves the range of floating-point numbers; it says whether a shorter
+            step would have helped.
         """
-        if state.memory.shape != self._fresh_memory(np.zeros(3)).shape:
-            raise InputError("state", "is of an observer of another kind or another delay")
-        right = as_record("rate", rate, 3)
-        rows = len(right)
-        known = as_record("control", control, 3, rows)
-        record = Record(
-            right,
-            right if rate_before is None else as_record("rate_before", rate_before, 3, rows),
-            known,
-            known
-            if control_before is None
-            else as_record("control_before", control_before, 3, rows),
-        )
-        steps = rows // 2
-        out = Rows(*(np.empty((steps + 1, 3)) for _ in Rows._fields))
+        state = check_state(
+            state, State, "is of an observer of another kind or another delay",
+            rate=(3,), memory=self._fresh_memory(np.zeros(3)).shape,
+        )  # fmt: skip
+        measured = Samples.read("rate", rate, rate_before, 3, like="the measured rate")
+        known = Samples.read(
+            "control", control, control_before, 3,
+            rows=len(measured.right), like="the measured rate",
+        )  # fmt: skip
+        return self._observe(state, (measured, known), on_divergence)
+
+    def _fill(self, state: State, record: contract.Record) -> contract.Rows:
+        measured, known = record
+        out = Rows(*(np.empty((measured.steps + 1, 3)) for _ in Rows._fields))
         working = State(state.rate.copy(), state.memory.copy(), state.count)
-        finite = self._run(working, record, out)
+        samples = Record(measured.right, measured.left, known.right, known.left)
+        finite = self._run(working, samples, out)
         out.fault_before[0] = out.fault[0]  # the record has nothing before its first row
-        # The loop watches the rate; a fault estimate may overflow one row earlier.
-        if finite > 1 and not np.isfinite([values[finite - 1] for values in out]).all():
-            finite -= 1
-        if finite == steps + 1:
-            return Run(*out, State(working.rate, working.memory, state.count + steps), None)
-        kept = Rows(*(values[:finite] for values in out))
-        return Run(*kept, state, (finite - 1) * self.step_size)
+        after = State(working.rate, working.memory, state.count + measured.steps)
+        return contract.Rows(out, finite, after)
+
+    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
+        rate, fault, fault_before = arrays
+        return Run(rate, fault, fault_before, state, diverged_at)
 
 
 def whole_steps(interval: float, step: float) -> int:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
@@ -55,11 +55,14 @@ class SmoothVariableStructureFilter(LinearFilter):
     memory: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         m = self.model.outputs
         psi = as_floats("boundary_layer", self.boundary_layer)
         psi = np.full(m, float(psi)) if psi.ndim == 0 else as_vector("boundary_layer", psi, m)
         if psi.min() <= 0:
-            raise InputError("boundary_layer", f"{psi.tolist()} must all be greater than zero")
+            raise InputError(
+                "boundary_layer", f"{shown(psi.tolist())} must all be greater than zero"
+            )
         gamma = as_scalar("memory", self.memory)
         if not 0 <= gamma < 1:
             raise InputError("memory", f"{gamma:g} must be from 0 to below 1")

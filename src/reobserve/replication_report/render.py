@@ -10,6 +10,7 @@ from typing import Any
 from reobserve.errors import InputError
 from reobserve.replication_report.jobs import outside_inputs
 from reobserve.replication_report.model import Claim, Entry, Gap, Image, Paper, Report
+from reobserve.replication_report.policy import content_policy, inline, without_blank_lines
 from reobserve.replication_report.verdicts import ALL_VERDICTS, counts, replicated
 
 
@@ -37,14 +38,14 @@ def render(report: Report, templates: Path) -> str:
         outside=outside_inputs, ticks=_ticks, alike=_alike,
     )  # fmt: skip
     try:
-        style = (templates / "report.css").read_text(encoding="utf-8")
-        script = (templates / "report.js").read_text(encoding="utf-8")
+        style, script = inline(templates / "report.css"), inline(templates / "report.js")
         page = environment.get_template("page.html.jinja").render(
             report=report,
             verdicts=ALL_VERDICTS,
             counts={paper.name: counts(paper.known_claims) for paper in report.papers},
             replicated={paper.name: replicated(paper.known_claims) for paper in report.papers},
             deciding={paper.name: _deciding(paper) for paper in report.papers},
+            policy=content_policy(style, script),
             style=Markup(style),
             script=Markup(script),
         )
@@ -54,8 +55,7 @@ def render(report: Report, templates: Path) -> str:
         raise InputError(str(error.filename), f"cannot be read ({error.strerror})") from None
     except jinja2.TemplateError as error:
         raise InputError(str(templates), f"cannot be filled: {error.message}") from None
-    # A browser does not care, a reader of the source does.
-    return re.sub(r"\n(?:[ \t]*\n)+", "\n", page).rstrip() + "\n"
+    return without_blank_lines(page).rstrip() + "\n"
 
 
 def _is_gap(value: object) -> bool:

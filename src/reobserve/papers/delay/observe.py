@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import InputError
 from reobserve.grid import stride
 from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
@@ -36,9 +36,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     job = read_job(keys.Ledger, settings)
     observer = job.observer
     every = stride(job.plant, observer.step_size)
-    channels, diverged = _RUNS[observer.algorithm](job, plant, every)
-    if diverged is not None:
-        raise DivergenceError(observer.algorithm, diverged)
+    channels = _RUNS[observer.algorithm](job, plant, every)
     return Series(plant.time[:: 2 * every], channels, plant.events)
 
 
@@ -118,7 +116,7 @@ def build(settings: Settings) -> Any:
     return build_estimator(job)
 
 
-Found = tuple[dict[str, Channel], float | None]
+Found = dict[str, Channel]
 
 
 def _extended(job: Job, plant: Series, every: int) -> Found:
@@ -135,12 +133,11 @@ def _extended(job: Job, plant: Series, every: int) -> Found:
     )
     unit = UNITS[observer.model][0]
     off = np.concatenate([[0.0], run.switched_off])
-    channels = {
+    return {
         "state": Channel(run.estimate, unit),
         "delay": Channel(run.delay, "s"),
         "off": Channel(off, "1"),
     }
-    return channels, run.diverged_at
 
 
 def _standard(job: Job, plant: Series, every: int) -> Found:
@@ -150,7 +147,7 @@ def _standard(job: Job, plant: Series, every: int) -> Found:
     u, u_before = records.delayed_input(job, plant, observer.mean_delay)
     start = built.init(observer.initial_estimate)
     run = built.run(y[::every], u[::every], start, y_before[::every], u_before[::every])
-    return {"state": Channel(run.estimate, UNITS[observer.model][0])}, run.diverged_at
+    return {"state": Channel(run.estimate, UNITS[observer.model][0])}
 
 
 def _estimator(job: Job, plant: Series, every: int) -> Found:
@@ -162,7 +159,7 @@ def _estimator(job: Job, plant: Series, every: int) -> Found:
         x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
     past, control = records.past_and_present(job, plant, every)
     run = built.run(x[::every], control, built.init(observer.initial_delay, float(x[0, 0]), past))
-    return {"delay": Channel(run.delay, "s")}, run.diverged_at
+    return {"delay": Channel(run.delay, "s")}
 
 
 _RUNS: dict[str, Callable[[Job, Series, int], Found]] = {

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import DivergenceError
 from reobserve.ledger_types import Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
 from reobserve.papers.eso import keys
@@ -42,8 +41,6 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     job = read_job(keys.Ledger, settings)
     observer = build(job, design)
     run = run_on(observer, plant)
-    if run.diverged_at is not None:
-        raise DivergenceError("observer", run.diverged_at)
     return Series(
         plant.time[::2],
         {

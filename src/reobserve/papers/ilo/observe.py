@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.errors import DivergenceError
 from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
@@ -44,8 +43,6 @@ def observe(observer: RigidBodyObserver, job: Job, plant: Series) -> Series:
         samples(f"{measured}_before"),
         samples("control_before"),
     )
-    if run.diverged_at is not None:
-        raise DivergenceError(mine.algorithm, run.diverged_at)
     channels = {
         "rate": Channel(run.rate, "rad/s"),
         "fault": Channel(run.fault, "N m"),

@@ -167,7 +167,9 @@ def _slowed(bench: _Bench, factor: float) -> float:
         factor * observer.interval,
         allow_unstable=True,
     )
-    run = slow.run(rate[change:], control[change:], State(state.rate, state.memory))
+    run = slow.run(
+        rate[change:], control[change:], State(state.rate, state.memory), on_divergence="return"
+    )
     if run.diverged_at is not None:
         return float("nan")
     truth = fault[change::2, axis]

@@ -139,8 +139,8 @@ def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Arra
 def run(
     chosen: InteractingMultipleModel, observer: keys.Observer, measured: Array, held: Array
 ) -> Run:
-    """Filter a record, from rest and equal probabilities of all modes."""
-    return chosen.run(measured, start(chosen, observer), held[:, None])
+    """Filter a record, from rest and equal probabilities of all modes, as far as it goes."""
+    return chosen.run(measured, start(chosen, observer), held[:, None], on_divergence="return")
 
 
 def start(chosen: InteractingMultipleModel, observer: keys.Observer) -> State:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.errors import DivergenceError
 from reobserve.grid import stride
 from reobserve.ledger_types import Settings, read_job
+from reobserve.observers.contract import OnDivergence
 from reobserve.observers.normal_form_observer import NormalFormObserver, Run
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_observer, stored_form
@@ -29,8 +29,6 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)
     run, every = observe(observer, mine.initial_estimate, job.plant, plant)
-    if run.diverged_at is not None:
-        raise DivergenceError(mine.algorithm, run.diverged_at)
     channels = {"state": Channel(run.estimate, "1")}
     if run.coordinates is not None:
         channels["coordinates"] = Channel(run.coordinates, "1")
@@ -38,8 +36,13 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
 
 
 def observe(
-    observer: NormalFormObserver, initial: Any, plant_settings: keys.Plant, plant: Series
+    observer: NormalFormObserver,
+    initial: Any,
+    plant_settings: keys.Plant,
+    plant: Series,
+    on_divergence: OnDivergence = "raise",
 ) -> tuple[Run, int]:
     """Run an observer on a record; also the plant samples in half of its steps."""
     every = stride(plant_settings, observer.step_size)
-    return observer.run(plant["output"][::every], observer.init(initial)), every
+    output = plant["output"][::every]
+    return observer.run(output, observer.init(initial), on_divergence=on_divergence), every

@@ -56,7 +56,7 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
             raise DivergenceError(f"plant from {point}", problem.time) from None
         output = plant.output(states)
         for name, order, observer in built:
-            result = observer.run(output, observer.init(estimates[0]))
+            result = observer.run(output, observer.init(estimates[0]), on_divergence="return")
             error = result.estimate - states[::2][: len(result.estimate)]
             diverged = result.diverged_at is not None
             settled = not diverged and np.isfinite(settling_time(error, step, band))

@@ -57,7 +57,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
 def _errors(
     job: Job, plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
-    run, every = observe(observer, initial, job.plant, plant)
+    run, every = observe(observer, initial, job.plant, plant, "return")
     step = observer.step_size
     squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
     if run.diverged_at is not None:

@@ -42,7 +42,7 @@ def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
 
     states, output = case.record(form)
     observer = TransformedObserver(form, order, case.step_size)
-    run = observer.run(output, observer.init(case.initial_estimate))
+    run = observer.run(output, observer.init(case.initial_estimate), on_divergence="return")
     if run.diverged_at is not None or run.coordinates is None:
         return float("nan")
     error = run.coordinates - form.S(states[::2])
@@ -62,7 +62,7 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
     """
     _, output = case.record(form)
     runs = [
-        observer.run(output, observer.init(case.initial_estimate))
+        observer.run(output, observer.init(case.initial_estimate), on_divergence="return")
         for observer in (
             TransformedObserver(form, order, case.step_size),
             IdentityObserver(form, order, case.step_size, "jacobian"),
@@ -76,7 +76,7 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
 def squared_error(observer: NormalFormObserver, case: Case) -> float:
     """The integral of |x^ - x|^2 over time [s]; nan if the observer diverges."""
     states, output = case.record(observer.normal_form)
-    run = observer.run(output, observer.init(case.initial_estimate))
+    run = observer.run(output, observer.init(case.initial_estimate), on_divergence="return")
     if run.diverged_at is not None:
         return float("nan")
     return float(integral_of_squares(run.estimate - states[::2], observer.step_size).sum())

@@ -1,0 +1,62 @@
+"""Checks of arguments that are no numbers with a unit: kinds, whole numbers, words, packages."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from reobserve.errors import InputError, shown
+
+Kind = TypeVar("Kind")
+
+
+def as_kind(name: str, value: Any, kind: type[Kind]) -> Kind:
+    """``value``, which must be a ``kind``; `InputError` names ``name`` otherwise."""
+    if not isinstance(value, kind):
+        raise InputError(name, f"{shown(value)} must be of type {kind.__name__}")
+    return value
+
+
+def as_whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+    """``value`` as a whole number in a range; `InputError` names ``name`` otherwise."""
+    wrong = isinstance(value, bool) or not isinstance(value, int | np.integer)
+    if wrong or value < least or (most is not None and value > most):
+        wanted = f"{least} or more" if most is None else f"from {least} to {most}"
+        raise InputError(name, f"{shown(value)} must be a whole number, {wanted}")
+    return int(value)
+
+
+def as_word(name: str, value: Any, words: Sequence[str]) -> str:
+    """``value``, which must be one of ``words``; `InputError` names ``name`` otherwise."""
+    if not isinstance(value, str) or value not in words:
+        raise InputError(name, f"{shown(value)} must be one of {', '.join(words)}")
+    return value
+
+
+def as_flag(name: str, value: Any) -> bool:
+    """``value``, which must be True or False; `InputError` names ``name`` otherwise."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(name, f"{shown(value)} must be True or False")
+    return bool(value)
+
+
+def package(name: str, purpose: str) -> Any:
+    """An imported package that only some users have.
+
+    Raises
+    ------
+    InputError
+        If it is not installed, with the command that installs it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name.partition(".")[0]:
+            raise
+        shop = {"flint": "python-flint"}.get(name, name)
+        raise InputError(
+            name, f"this package is needed to {purpose}: install it with `pip install {shop}`"
+        ) from None

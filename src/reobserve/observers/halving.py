@@ -1,0 +1,89 @@
+"""Told apart: an observer that diverges, and a step that is too long for it.
+
+A method of fixed step may leave the range of numbers where the observer itself does not: a gain
+that passes -3e5 on the way to the origin asks for steps of microseconds there. So the piece of the
+record around the divergence is integrated again, with half the step, a quarter and so on, the
+samples in between taken from the same parabolas that the method reads. An observer whose estimates
+stay finite with two steps, and agree, has only been given too long a step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.observers.contract import FixedStepObserver, Record
+
+Array = NDArray[np.float64]
+
+_HALVINGS = 10
+_BACK = 128  # steps before the last finite row from which it starts again
+_MORE = (
+    16  # steps after it, beside as many as before: so that a slower escape is not taken for none
+)
+_AT_ONCE = 32  # steps that are refined together, so that memory stays small
+_AGREE = 0.01
+
+
+def finding(observer: FixedStepObserver[Any, Any], state: Any, record: Record, finite: int) -> str:
+    """Why a run diverged, as the rest of a sentence; empty if the observer has no shorter step.
+
+    Parameters
+    ----------
+    observer, state, record
+        Those of the run.
+    finite
+        How many of its rows are finite.
+    """
+    last = max(finite - 1, 0)
+    first = max(last - _BACK, 0)
+    if first:
+        state = observer._fill(state, tuple(part.part(0, first) for part in record)).state
+    steps = min(record[0].steps - first, 2 * (last - first) + _MORE)
+    piece = tuple(part.part(first, first + steps) for part in record)
+    step, start = observer.step_size, state.count * observer.step_size
+    size = float(np.max(np.abs(_first_row(observer, state, piece)), initial=0.0))
+    since = f"from t = {start:g} s on " if start else ""
+    before: Array | None = None
+    for halvings in range(1, _HALVINGS + 1):
+        finer = observer._halved(state)
+        if finer is None:
+            return ""
+        observer, state = finer
+        end = _end(observer, state, piece, halvings)
+        if end is not None and before is not None:
+            scale = max(size, float(np.max(np.abs(end))))
+            if float(np.max(np.abs(end - before))) <= _AGREE * scale:
+                return (
+                    f"{since}its step of {step:g} s is too long: "
+                    f"with 1/{2 ** (halvings - 1)} of it the estimates stay finite"
+                )
+        before = end
+    finest = f"with 1/{2**_HALVINGS} of its step of {step:g} s"
+    if before is not None:
+        return f"{since}{finest} the estimates stay finite, but still depend on the step"
+    return f"{since}the observer itself diverges: {finest} it does so, too"
+
+
+def _first_row(observer: FixedStepObserver[Any, Any], state: Any, piece: Record) -> Array:
+    rows = observer._fill(state, tuple(part.part(0, 1) for part in piece)).arrays
+    return np.concatenate([np.ravel(array[0]) for array in rows])
+
+
+def _end(
+    observer: FixedStepObserver[Any, Any], state: Any, piece: Record, halvings: int
+) -> Array | None:
+    """The last row that an observer writes with a finer record; None if it diverges."""
+    row = np.empty(0)
+    for first in range(0, piece[0].steps, _AT_ONCE):
+        part = tuple(samples.part(first, first + _AT_ONCE) for samples in piece)
+        for _ in range(halvings):
+            part = tuple(samples.halved() for samples in part)
+        rows = observer._fill(state, part)
+        row = np.concatenate([np.ravel(array[-1]) for array in rows.arrays])
+        if rows.finite <= part[0].steps or not np.isfinite(row).all():
+            return None
+        state = rows.state
+    return row

@@ -1,0 +1,1 @@
+"""What holds for every observer, and for every call of the library."""

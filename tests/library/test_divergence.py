@@ -1,0 +1,344 @@
+"""A run that diverges says so, and whether the observer did or only its step was too long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.signal import place_poles
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.linear_model import LinearModel
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.contract import Samples
+from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.observers.ilo import IterativeLearningObserver
+from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.plants.pendulum import pendulum
+from reobserve.rigid_body import RigidBody
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+
+Array = NDArray[np.float64]
+
+TOO_LONG = r"; (from t = \S+ s on )?its step of \S+ s is too long: with 1/(\d+) of it the estimates"
+ITSELF = r"; (from t = \S+ s on )?the observer itself diverges: with 1/1024 of its step"
+BODY = RigidBody(np.eye(3))
+MODEL = pendulum(9.81, 1.0, 1.0, 0.1)
+
+
+# --- Van der Pol in reversed time: a stable origin, a gain that passes -3e5 on the way to it ------
+
+
+def backwards(_: float, x: Array) -> Array:
+    return np.array([-x[1], x[0] - (1 - x[0] ** 2) * x[1]])
+
+
+@cache
+def reversed_oscillator(step: float, poles: tuple[float, float] = (-1.7, -2.5)) -> Any:
+    return normal_form_observer(
+        ["-x1_", "x0 - (1 - x0**2)*x1_"], ["x0"], ["x0", "x1_"],
+        poles=poles, order=8, step_size=step,
+    )  # fmt: skip
+
+
+def its_output(step: float, steps: int) -> Array:
+    times = 0.5 * step * np.arange(2 * steps + 1)
+    found = solve_ivp(
+        backwards, (0, times[-1]), [1.4, 0.3], method="DOP853", rtol=1e-12, atol=1e-13,
+        t_eval=times,
+    )  # fmt: skip
+    return np.asarray(found.y[:1].T)
+
+
+@cache
+def continuous(tolerance: float) -> Any:
+    """Plant, estimate and integral of squared error, by an integrator with error control."""
+    form = reversed_oscillator(1e-2).normal_form
+    gain, linear = form.gain.upto(8), form.problem.injection.matrix[:, 0]
+    powers, rows = gain.basis.exponents, gain.coefficients
+
+    def slope(_: float, v: Array) -> Array:
+        x, e = v[:2], v[2:4]
+        matrix = (rows @ np.prod(e**powers, axis=1)).reshape(2, 2)
+        fed = matrix @ (linear * (e[0] - x[0]))
+        return np.concatenate([backwards(0, x), backwards(0, e) + fed, [np.sum((e - x) ** 2)]])
+
+    start = [1.4, 0.3, 0.0, 0.0, 0.0]
+    return solve_ivp(
+        slope, (0, 20), start, method="DOP853", rtol=tolerance, atol=tolerance, dense_output=True
+    )
+
+
+@pytest.mark.parametrize("step", [1e-2, 2e-3, 1e-4])
+def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float) -> None:
+    """The continuous observer converges from there: two tolerances agree, and the error is gone."""
+    truth = [continuous(tolerance) for tolerance in (1e-8, 1e-10)]
+    assert all(one.success for one in truth)
+    squares = [one.y[4, -1] for one in truth]
+    assert squares[0] == pytest.approx(squares[1], rel=1e-6)
+    assert squares[1] == pytest.approx(1.83682, rel=1e-5)
+    assert np.abs(truth[1].y[2:4, -1] - truth[1].y[:2, -1]).max() < 1e-8
+
+    observer = reversed_oscillator(step)
+    y = its_output(step, round(0.4 / step))
+    with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
+        observer.run(y, observer.init([0.0, 0.0]))
+    assert caught.value.time == pytest.approx(0.116, abs=0.005)
+
+
+def test_with_the_step_that_the_message_names_the_run_is_that_of_the_continuous_observer() -> None:
+    observer = reversed_oscillator(2e-3)
+    with pytest.raises(DivergenceError, match="with 1/256 of it"):
+        observer.run(its_output(2e-3, 200), observer.init([0.0, 0.0]))
+    step = 2e-3 / 256
+    finer = replace(observer, step_size=step)
+    run = finer.run(its_output(step, 51200), finer.init([0.0, 0.0]))
+    assert run.estimate[-1] == pytest.approx(continuous(1e-10).sol(0.4)[2:4], abs=0.02)
+
+
+def test_an_observer_that_diverges_itself_is_called_that() -> None:
+    """Order 2 on the oscillator of the paper escapes at 9.736 s, by error control, too."""
+    observer = normal_form_observer(
+        ["b", "-a + (1 - a**2)*b"], ["a"], ["a", "b"],
+        injection=[[-2.0], [-4.0]], order=2, step_size=2e-3,
+    )  # fmt: skip
+
+    def forwards(t: float, x: Array) -> Array:
+        return -backwards(t, x)
+
+    times = 1e-3 * np.arange(20_001)
+    found = solve_ivp(
+        forwards, (0, 20), [2.0, 0.5], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=times
+    )
+    with pytest.raises(DivergenceError, match=ITSELF) as caught:
+        observer.run(found.y[:1].T, observer.init([0.0, 0.0]))
+    form = observer.normal_form
+    gain, injection = form.gain.upto(2), form.problem.injection
+
+    def slope(t: float, v: Array) -> Array:
+        x, e = v[:2], v[2:]
+        fed = gain(e).reshape(2, -1) @ (injection(e[:1]) - injection(x[:1]))
+        return np.concatenate([forwards(t, x), forwards(t, e) + fed])
+
+    def far(_: float, v: Array) -> float:
+        return 1e4 - float(np.max(np.abs(v[2:])))
+
+    far.terminal = True  # type: ignore[attr-defined]
+    escape = solve_ivp(
+        slope, (0, 20), [2.0, 0.5, 0, 0], method="DOP853", rtol=1e-10, atol=1e-10,
+        events=far, max_step=0.1,
+    )  # fmt: skip
+    assert caught.value.time == pytest.approx(escape.t_events[0][0], abs=0.02)
+
+
+# --- The other observers: stiff ones, whose method is unstable, and those with growing laws ------
+
+
+def still(columns: int | None, steps: int) -> Array:
+    return np.zeros(2 * steps + 1 if columns is None else (2 * steps + 1, columns))
+
+
+def high_gain(rho: float, step: float) -> Callable[[], Any]:
+    observer = HighGainObserver(MODEL, rho, step)
+    return lambda: observer.run(still(None, 3000), still(None, 3000), observer.init([1.0, 0.0]))
+
+
+def extended(rho: float, step: float) -> Callable[[], Any]:
+    observer = ExtendedHighGainObserver(MODEL, step, rho, 1, (0.0, 1.0))
+    time = 0.5 * step * np.arange(2 * 3000 + 1)
+    u = np.column_stack([np.sin(time), np.cos(time)])
+    return lambda: observer.run(still(None, 3000), u, observer.init([1.0, 0.0], 0.5))
+
+
+def rigid(observer: Any, steps: int = 4000) -> Callable[[], Any]:
+    start = observer.init([0.1, 0.2, -0.1])
+    return lambda: observer.run(still(3, steps), still(3, steps), start)
+
+
+STIFF: dict[str, Callable[[], Any]] = {
+    "high gain": high_gain(400.0, 0.01),
+    "extended high gain": extended(80.0, 0.1),
+    "adaptive": rigid(AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)),
+    "continuous": rigid(IterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+    "sampled": rigid(SampledIterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+}
+GROWING: dict[str, Callable[[], Any]] = {
+    "continuous": rigid(
+        IterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
+    ),
+    "sampled": rigid(
+        SampledIterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STIFF)
+def test_a_method_that_is_unstable_with_its_step_is_told(name: str) -> None:
+    """Rates of 300 1/s and more with steps of 0.01 s: beyond 2.78, where Runge-Kutta ends."""
+    with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
+        STIFF[name]()
+    share = int(str(caught.value).partition("with 1/")[2].split()[0])
+    assert share in (2, 4, 8, 16, 32)
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_a_law_that_grows_is_told(name: str) -> None:
+    """K1 = 3 makes v three times as large an interval, whatever the step."""
+    with pytest.raises(DivergenceError, match=ITSELF):
+        GROWING[name]()
+
+
+def test_a_halved_learning_observer_goes_on_as_the_whole_one_did() -> None:
+    """A record that is a parabola in each step: then nothing is lost by halving, to order 4."""
+    step, steps, interval = 0.01, 40, 0.1
+    observer = IterativeLearningObserver(BODY, step, 0.9, 5.0, 10.0, interval)
+    time = 0.5 * step * np.arange(2 * steps + 1)
+    rate = np.column_stack([np.sin(2 * time), np.cos(time), 0.1 * time])
+    torque = np.zeros_like(rate)
+    half = steps  # rows up to the middle of the record
+    state = observer.run(rate[: half + 1], torque[: half + 1], observer.init(rate[0])).state
+    finer, begun = observer._halved(state)
+    samples = Samples(rate[half:], rate[half:]).halved()
+    run = finer.run(samples.right, np.zeros_like(samples.right), begun)
+    whole = observer.run(rate[half:], torque[half:], state)
+    assert run.rate[::2] == pytest.approx(whole.rate, abs=2e-7)
+    assert run.fault[::2] == pytest.approx(whole.fault, abs=2e-5)
+    assert run.state.count == 2 * whole.state.count
+
+
+def test_samples_between_are_those_of_the_parabola() -> None:
+    time = np.arange(9) / 4.0
+    right = 1 + time - 3 * time**2
+    left = right.copy()
+    left[2] = right[2] + 1.0  # a jump at the end of the first step
+    found = Samples(right, left).halved()
+    fine = np.arange(17) / 8.0
+    wanted = 1 + fine - 3 * fine**2
+    assert found.right[4:] == pytest.approx(wanted[4:], abs=1e-14)
+    assert found.left[4] == left[2]
+    assert found.right[1] == pytest.approx(wanted[1] - 0.125, abs=1e-14)
+    assert found.right[3] == pytest.approx(wanted[3] + 0.375, abs=1e-14)
+    assert np.array_equal(np.delete(found.left, 4), np.delete(found.right, 4))
+
+
+# --- Every observer and filter: loud by default, and quiet if asked -------------------------------
+
+UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0)
+NONE = np.zeros((1, 0))
+SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)
+
+
+def of_filter(missing: bool) -> Callable[..., Any]:
+    kalman = KalmanFilter(UNSEEN)
+    taken = np.full((400, 1), np.nan if missing else 0.3)
+    return lambda **how: kalman.run(taken, kalman.init([1.0, 1.0], 1.0), **how)
+
+
+def of_bank(**how: Any) -> Any:
+    bank = InteractingMultipleModel([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
+    return bank.run(np.full((400, 1), np.nan), bank.init([1.0, 1.0], 1.0), **how)
+
+
+def of_levant(**how: Any) -> Any:
+    differentiator = LevantDifferentiator(1e200, 1e60, 1, (1.0, 1.0))
+    return differentiator.run(np.zeros(9), differentiator.init([1e300, 0.0]), **how)
+
+
+def of_extended_state(**how: Any) -> Any:
+    placed = place_poles(SYSTEM.A_tilde.T, SYSTEM.C_tilde.T, [-30.0, -40.0, -50.0]).gain_matrix.T
+    observer = ExtendedStateObserver(SYSTEM, Gains(placed, np.zeros((3, 1))), 0.1)
+    y = np.zeros((9, 1))
+    y[4:6, 0] = 1.7e308, -1.7e308
+    return observer.run(y, y, observer.init(), **how)
+
+
+def of_least_squares(**how: Any) -> Any:
+    estimator = LeastSquaresDelayEstimator(1.0, 1.0, (0.0, 1.5), 0.01, 1.0, 100.0)
+    still = np.tile([1.0, 0.0], (2001, 1))
+    state = estimator.init(0.3, 0.4, np.tile([1.0, 0.0], (301, 1)))
+    output = 1 - 0.5 * np.exp(-0.005 * np.arange(2001.0))[:, None]
+    return estimator.run(output, still, state, **how)
+
+
+def of_adaptive(**how: Any) -> Any:
+    observer = AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)
+    return observer.run(still(3, 4000), still(3, 4000), observer.init([0.1, 0.2, -0.1]), **how)
+
+
+RUNS: dict[str, Callable[..., Any]] = {
+    "filter": of_filter(False),
+    "filter without measurements": of_filter(True),
+    "bank": of_bank,
+    "differentiator": of_levant,
+    "extended state": of_extended_state,
+    "least squares": of_least_squares,
+    "rigid body": of_adaptive,
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_run_raises_unless_it_is_to_return_what_it_had(name: str) -> None:
+    run = RUNS[name](on_divergence="return")
+    assert run.diverged_at is not None
+    with pytest.raises(DivergenceError, match="diverged") as caught:
+        RUNS[name]()
+    assert caught.value.time == pytest.approx(run.diverged_at)
+    with pytest.raises(InputError, match=r"^on_divergence: 'ignore' must be one of raise, return$"):
+        RUNS[name](on_divergence="ignore")
+
+
+@pytest.mark.parametrize("taken", [0.3, np.nan])
+def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(taken: float) -> None:
+    kalman = KalmanFilter(UNSEEN)
+    belief = kalman.init([1.0, 1.0], 1.0)
+    good = of_filter(bool(np.isnan(taken)))(on_divergence="return").diverged_at
+    for _ in range(good):
+        belief = kalman.step(belief, [taken]).belief
+    assert np.isfinite(belief.mean).all()
+    with pytest.raises(DivergenceError, match=r"^KalmanFilter diverged: its belief is not finite"):
+        kalman.step(belief, [taken])
+
+
+def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:
+    observer = SampledIterativeLearningObserver(BODY, 0.01, 0.9, 10.0, 10.0, 0.1)
+    rate = np.full((5, 3), 1e308)
+    with pytest.raises(DivergenceError, match=r"^SampledIterativeLearningObserver diverged"):
+        observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)))
+    run = observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)), on_divergence="return")
+    assert np.isfinite(run.fault).all()
+    assert run.diverged_at == 0.0
+
+
+def test_a_step_says_what_a_run_says() -> None:
+    observer = AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)
+    start = observer.init([0.1, 0.2, -0.1])
+    quiet = observer.run(still(3, 4000), still(3, 4000), start, on_divergence="return")
+    rows = len(quiet.rate) - 1
+    state = observer.run(still(3, rows), still(3, rows), start).state
+    said = rf"^AdaptiveObserver diverged: its state is finite up to t = {quiet.diverged_at:g} s"
+    for call in (
+        lambda: observer.run(still(3, 4000), still(3, 4000), start),
+        lambda: observer.step(state, still(3, 1), still(3, 1)),
+    ):
+        with pytest.raises(DivergenceError, match=said):
+            call()
+    bad = replace(state, rate=np.array([np.nan, 0, 0]))
+    for call in (
+        lambda: observer.run(still(3, 1), still(3, 1), bad),
+        lambda: observer.step(bad, still(3, 1), still(3, 1)),
+    ):
+        with pytest.raises(InputError, match=r"^state.rate: .* has an entry that is not finite$"):
+            call()
