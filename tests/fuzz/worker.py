@@ -1,0 +1,40 @@
+"""A process that runs cases and tells what became of each, so that none takes the others along.
+
+It reads lines ``class seed case`` and answers each with a line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from .classes import CLASSES, make  # noqa: E402  (after the environment is set)
+from .judge import judge, limit_memory, watch  # noqa: E402
+
+# What has to be compiled or made once is no fault of a case.
+FIRST = 600.0  # seconds
+
+
+def serve() -> None:
+    """Answer until the end of the input."""
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)  # what a case prints is no answer
+    watch()
+    known: set[str] = set()
+    for line in sys.stdin:
+        name, seed, number = line.split()
+        if name not in known:
+            known.add(name)
+            for example in CLASSES[name].examples():
+                judge(example, FIRST)
+            limit_memory()
+        case = make(name, int(seed), int(number))
+        verdict = judge(case)
+        answers.write(json.dumps([verdict.word, verdict.detail, case.text]) + "\n")
+
+
+serve()
