@@ -31,7 +31,7 @@ def make(random: Random) -> Case:
         if not arguments:
             break
         at = random.randrange(len(arguments))
-        valid = arguments[at]
+        valid = subject.arguments[at]
         what, new = _odd(random, valid)
         arguments[at] = new
         told.append(f"argument {at + 1} = {what}")
@@ -70,7 +70,7 @@ def _numeric(valid: Any) -> bool:
 
 
 # What may never pass for a number or numbers, and what it is called.
-_NEVER = ("text", "a masked entry", "complex", "nothing", "not a number")
+_NEVER = ("text", "a masked entry", "complex", "not a number")
 
 
 def _odd(random: Random, valid: Any) -> tuple[str, Any]:
