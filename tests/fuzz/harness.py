@@ -17,6 +17,9 @@ from .judge import SECONDS, Verdict
 
 ROOT = Path(__file__).parents[2]
 
+# The number that asks what became of the valid examples of a class.
+EXAMPLES = -1
+
 # A worker that has used so many seconds of processor time, or waited so long, hangs where it cannot
 # interrupt itself: in compiled code, or before a device.
 _BUSY = SECONDS + 2

@@ -29,15 +29,14 @@ from . import (
 
 @dataclass(frozen=True)
 class Class:
-    """``cases`` of what ``made`` makes; ``valid`` are examples that must be accepted."""
+    """So many ``cases`` of what ``made`` makes in the tests.
+
+    The ``valid`` examples must be accepted; they bring along all that is compiled or made once.
+    """
 
     cases: int
     made: Callable[[Random], Case]
     valid: Callable[[], Iterator[Case]]
-
-    def examples(self) -> Iterator[Case]:
-        """What must be accepted, and brings along all that is compiled or made once."""
-        return self.valid()
 
 
 CLASSES = {

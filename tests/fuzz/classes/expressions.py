@@ -98,10 +98,10 @@ def _text(random: Random) -> str:
     if act == 0:
         return random.choice(_HOSTILE)
     text = _grown(random, random.choice([1, 2, 3, 5]))
-    if act == 1:
+    if act == 1 and random.random() < 0.3:
         return text
-    if act == 2:
-        return f"-sin(a) - w/10 + {text}"
+    if act <= 2:
+        return f"-sin(a) - w/10 + a**2*({text})"
     at = random.randrange(len(text) + 1)
     piece = random.choice([*"()+-*/,.[]'_\\^=", "**", mutations.word(random)[:50], "((", "1e"])
     return text[:at] + piece + text[at + random.choice([0, 1]) :]

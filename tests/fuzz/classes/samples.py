@@ -38,8 +38,9 @@ def make(random: Random) -> Case:
     if random.random() < 0.5:
         content, told = mutations.damaged(random, _parquet({}), None)
         return case("mine.parquet", content, term, told)
-    columns = {random.choice(["time", "torque"]): _column(random)}
-    return case("mine.parquet", _parquet(columns), term, f"{columns!r:.200}")
+    name, column = random.choice(["time", "torque"]), _column(random)
+    told = f"{name} is {column.type}: {column.to_pylist()}"
+    return case("mine.parquet", _parquet({name: column}), term, told)
 
 
 def examples() -> Iterator[Case]:

@@ -11,8 +11,6 @@ from reobserve.matrices import (
     as_matrix,
     as_positive,
     as_positive_definite,
-    as_record,
-    as_rows,
     as_scalar,
     as_vector,
 )
@@ -26,11 +24,10 @@ def subjects() -> Iterator[Subject]:
     three = np.array([1.0, 2.0, 3.0])
     checks = {
         as_floats: (three,), as_scalar: (1.0,), as_positive: (1.0,), as_vector: (three,),
-        as_matrix: (np.eye(3),), as_positive_definite: (np.eye(3),), as_rows: (np.eye(3),),
-        as_record: (np.zeros((5, 3)),),
+        as_matrix: (np.eye(3),), as_positive_definite: (np.eye(3),),
     }  # fmt: skip
     for check, values in checks.items():
-        sized = check in (as_vector, as_matrix, as_positive_definite, as_record)
+        sized = check in (as_vector, as_matrix, as_positive_definite)
 
         def call(value: object, check: object = check, sized: bool = sized) -> object:
             return check("x", value, 3) if sized else check("x", value)  # type: ignore[operator]
