@@ -39,6 +39,8 @@ def subjects() -> Iterator[Subject]:
     yield Subject("synthesis.extended_state.pd_pi.design", pd_pi.design, (system, 1.05))
     yield Subject("synthesis.extended_state.pi.design_feasible", pi.design_feasible, (system, 1.0))
     yield Subject("synthesis.extended_state.structured.design", structured.design, (system, 1.05))
+    least = pd_pi.design_least_gamma
+    yield Subject("synthesis.extended_state.pd_pi.design_least_gamma", least, (system, 2.0, 50.0))
     yield subject(ball_matrix, [[-2.0, 1.0], [1.0, -2.0]])
     yield subject(prove_negative_definite, [[-2.0, 1.0], [1.0, -2.0]])
     yield from _normal_forms()
