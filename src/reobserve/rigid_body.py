@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_matrix, as_positive_definite
@@ -32,6 +34,12 @@ class RigidBody:
     inertia: Matrix
     input_matrix: Matrix = field(default_factory=lambda: np.eye(3))
     fault_matrix: Matrix = field(default_factory=lambda: np.eye(3))
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self, inertia: ArrayLike, input_matrix: ArrayLike = ..., fault_matrix: ArrayLike = ...
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         put = object.__setattr__

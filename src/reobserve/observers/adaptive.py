@@ -13,14 +13,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_matrix, as_positive_definite
 from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
-from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
+from reobserve.rigid_body import RigidBody, Triple, acceleration, ahead, product, rk4_sum, row
 
 
 class Constants(NamedTuple):
@@ -59,6 +60,17 @@ class AdaptiveObserver(RigidBodyObserver):
     damping: Matrix
     integral_gain: Matrix
     proportional_gain: Matrix
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            model: RigidBody,
+            step_size: float,
+            damping: ArrayLike,
+            integral_gain: ArrayLike,
+            proportional_gain: ArrayLike,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()

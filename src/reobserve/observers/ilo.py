@@ -11,9 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reobserve.arguments import as_flag
 from reobserve.errors import InputError
@@ -27,7 +28,7 @@ from reobserve.observers.rigid_body_observer import (
     State,
     whole_steps,
 )
-from reobserve.rigid_body import Triple, acceleration, ahead, product, rk4_sum, row
+from reobserve.rigid_body import RigidBody, Triple, acceleration, ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 
@@ -115,6 +116,19 @@ class IterativeLearningObserver(IloGains):
         As `IloGains`; K1 with a spectral radius above 1 or K2 that destabilises is refused
         with the growth that it causes.
     """
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            model: RigidBody,
+            step_size: float,
+            K1: ArrayLike,
+            K2: ArrayLike,
+            damping: ArrayLike,
+            interval: float,
+            allow_unstable: bool = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -12,14 +12,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
 from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
 from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
-from reobserve.rigid_body import ahead, product, rk4_sum, row
+from reobserve.rigid_body import RigidBody, ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
 
@@ -35,6 +37,19 @@ class SampledIterativeLearningObserver(IloGains):
         As `IloGains`; gains for which v and w - w^ grow from one update to the next are
         refused with the largest K2 that does not.
     """
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            model: RigidBody,
+            step_size: float,
+            K1: ArrayLike,
+            K2: ArrayLike,
+            damping: ArrayLike,
+            interval: float,
+            allow_unstable: bool = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()

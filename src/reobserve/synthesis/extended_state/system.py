@@ -24,8 +24,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_floats, as_matrix
@@ -66,6 +68,20 @@ class AugmentedSystem:
     Fa: Matrix
     Fs: Matrix
     Az: Matrix = field(default_factory=lambda: np.array(1.0))
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            A: ArrayLike,
+            B: ArrayLike,
+            C: ArrayLike,
+            Dd: ArrayLike,
+            Dw: ArrayLike,
+            Fa: ArrayLike,
+            Fs: ArrayLike,
+            Az: ArrayLike = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         for name in [each.name for each in fields(self)][:-1]:

@@ -1,0 +1,95 @@
+"""Lines of arguments: unknown, missing, doubled and odd ones, paths that are devices or folders."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cache
+from random import Random
+
+from .. import material, mutations
+from ..case import Case, command
+
+_PATHS = [
+    *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "/dev/zero", "/dev/tty", "/proc"),
+    *("/proc/self/mem", "folder", "folder/", "missing", "missing/x", "file", "file/x", "~", "-", "x" * 300),
+    *("a b", "a\nb", "$HOME", "ünï", "\udcff", "fifo-that-is-none", "out.json", "folder/out", "*", "a\x00b"),
+]  # fmt: skip
+_OPTIONS = [
+    *(
+        "--output",
+        "--project",
+        "--help",
+        "--draws",
+        "--seed",
+        "--why",
+        "--nope",
+        "-x",
+        "--",
+        "--out",
+    ),
+    *(
+        "--design-file",
+        "--overrides",
+        "--formats",
+        "--papers",
+        "--study-file",
+        "--built",
+        "--reason",
+    ),
+]
+# Commands that build for minutes or change the project are tried with wrong arguments only.
+_SLOW = ("figdiff", "accept", "golden", "robustness", "search", "theory", "study")
+
+
+def make(random: Random) -> Case:
+    """A line as it should be with a few arguments changed."""
+    line = list(random.choice(_lines()))
+    for _ in range(random.choice([1, 1, 2, 3])):
+        at = random.randrange(len(line) + 1)
+        act = random.randrange(5)
+        if act == 0 and line:
+            del line[min(at, len(line) - 1)]
+        elif act == 1:
+            line.insert(at, random.choice(_OPTIONS))
+        elif act == 2:
+            line.insert(at, random.choice([mutations.word(random), *map(str, mutations.NUMBERS)]))
+        elif at < len(line):
+            line[at] = random.choice([*_PATHS, mutations.word(random), "-5", "0", "1e9", "9" * 30])
+    return case(line)
+
+
+def examples() -> Iterator[Case]:
+    """The lines as they should be."""
+    for line in _lines():
+        yield case(line)
+
+
+def case(line: list[str]) -> Case:
+    """Run it, unless that would take minutes."""
+    inside = {"file": b"x\n", "folder/inner": b""}
+    slow = line and line[0] in _SLOW
+    text = " ".join(part if len(part) < 60 else f"{part[:50]}..." for part in line)
+    return Case(f"reobserve {text!r}", lambda: None if slow else command(*line), inside)
+
+
+@cache
+def _lines() -> list[list[str]]:
+    root = ["--project", os.fspath(material.ROOT)]
+    ledger, record = (os.fspath(f("imm")) for f in (material.ledger_file, material.record))
+    lie, linear = (
+        os.fspath(p) for p in (material.ledger_file("lie"), material.design("lie", "linear"))
+    )
+    return [
+        ["list", *root],
+        ["list", "ilo", "eso", *root],
+        ["params", "ilo", "sampled", "--why", *root],
+        ["ledger", "imm", "--seed", "3", "--output", "out.json", *root],
+        ["ledger", "eso", "--overrides", '{"plant": {"inertia": 0.02}}', "--output", "o.json", *root],
+        ["plant", ledger, "plain", "--output", "out.parquet"],
+        ["observe", ledger, record, "kalman", "--output", "out.parquet"],
+        ["design", lie, "linear", "--output", "out.json"],
+        ["table", lie, "table_coefficients", "--design-file", linear, "--output", "out.csv"],
+        ["verdicts", os.fspath(material.claims_table()), "--output", "out.md", *root],
+        ["claims", "eso", "--results", "folder", "--output", "out.csv", *root],
+    ]  # fmt: skip

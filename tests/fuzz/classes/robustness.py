@@ -1,0 +1,65 @@
+"""The robustness of claims as a file, before the verdicts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from reobserve.claims.registry import read_registry
+from reobserve.claims.robustness import Flip, Robustness
+from reobserve.claims.robustness_file import to_data
+from reobserve.errors import InputError
+
+from .. import material, mutations
+from ..case import Case, command
+
+
+def make(random: Random) -> Case:
+    """The file with a few changes."""
+    content = json.dumps(_stored()).encode()
+    if random.random() < 0.2:
+        content, told = mutations.damaged(random, content)
+        return case(content, told)
+    stored = json.loads(content)
+    if random.random() < 0.3:
+        stored, told = mutations.tree(random, stored)
+    else:
+        name = random.choice([*stored["claims"]])
+        stored["claims"][name], told = mutations.tree(random, stored["claims"][name])
+    return case(json.dumps(stored).encode(), told)
+
+
+def examples() -> Iterator[Case]:
+    """The file as it should be."""
+    yield case(json.dumps(_stored()).encode(), "as it is")
+
+
+def case(content: bytes, told: str) -> Case:
+    """Write the table of claims; a row says if the file is refused."""
+
+    def run() -> None:
+        command("claims", "eso", "--output", "claims.csv", "--project", material.ROOT)
+        told = Path("claims.csv").read_text(encoding="utf-8")
+        Path("claims.csv").unlink()
+        if "robustness.json: " in told:
+            raise InputError("claims.csv", next(line for line in told.splitlines() if "json: " in line))
+
+    results = {"ledger.json": material.ledger_file("eso").read_bytes(), "robustness.json": content}
+    for figure in (*material.ledger("eso").tree["figures"], "theory"):
+        results[f"{figure}.metrics.csv"] = material.metrics("eso", figure)
+    return Case(told, run, {f"results/eso/{name}": part for name, part in results.items()})
+
+
+@cache
+def _stored() -> Any:
+    claims = read_registry(material.ROOT, material.ledger("eso")).claims
+    flip = Flip("plant.horizon", "s", 20.0, 10.0, 0.5)
+    found = {
+        claim.name: to_data(Robustness(32, 30, 1, 1, flip if k % 2 else None), claim)
+        for k, claim in enumerate(claims[:5])
+    }
+    return {"paper": "eso", "seed": 1, "draws": 32, "claims": found}

@@ -1,0 +1,56 @@
+"""Designs of extended state observers and normal forms, and their proofs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from reobserve.power_series.maps import PolynomialMap
+from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
+from reobserve.synthesis.extended_state import pd_pi, pi, structured
+from reobserve.synthesis.extended_state.certificate import certify, error_system
+from reobserve.synthesis.extended_state.deviation import held_deviation
+from reobserve.synthesis.extended_state.floor import as_gamma, gamma_floor
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.normal_form.convergence import convergence, part_norms
+from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.placement import injection_for
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
+
+from .models import van_der_pol
+from .observers import augmented, gains
+from .subject import Subject, subject
+
+
+def subjects() -> Iterator[Subject]:
+    """Calls that must be accepted."""
+    system, found = augmented(), gains()
+    names = ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az")
+    yield subject(AugmentedSystem, *(getattr(system, name) for name in names))
+    yield subject(Gains, found.L, found.Ld)
+    yield subject(gamma_floor, system)
+    yield subject(as_gamma, system, 1.05)
+    yield subject(error_system, system, found)
+    yield subject(certify, system, found, 100.0)
+    yield subject(held_deviation, system, found, np.ones(3), 0.1)
+    yield Subject("synthesis.extended_state.pi.design", pi.design, (system, 1.05))
+    yield Subject("synthesis.extended_state.pd_pi.design", pd_pi.design, (system, 1.05))
+    yield Subject("synthesis.extended_state.pi.design_feasible", pi.design_feasible, (system, 1.0))
+    yield Subject("synthesis.extended_state.structured.design", structured.design, (system, 1.05))
+    least = pd_pi.design_least_gamma
+    yield Subject("synthesis.extended_state.pd_pi.design_least_gamma", least, (system, 2.0, 50.0))
+    yield subject(ball_matrix, [[-2.0, 1.0], [1.0, -2.0]])
+    yield subject(prove_negative_definite, [[-2.0, 1.0], [1.0, -2.0]])
+    yield from _normal_forms()
+
+
+def _normal_forms() -> Iterator[Subject]:
+    system = van_der_pol()
+    linear = PolynomialMap.linear(np.array([[-2.0], [-1.0]]))
+    yield subject(NormalFormProblem, system, linear, 3)
+    yield subject(injection_for, system, [-1.7, -2.3])
+    series: Any = normal_form(system, 12, poles=[-1.7, -2.3])
+    yield subject(convergence, series.S)
+    yield subject(part_norms, series.S)

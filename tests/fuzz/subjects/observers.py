@@ -1,0 +1,183 @@
+"""Observers, filters and banks: how they are made, started, stepped and run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
+from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
+from reobserve.observers.delay_variable_structure import RELAYS, VariableStructureDelayEstimator
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.observers.ilo import IterativeLearningObserver
+from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.linear_filter import Belief
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.plants.pendulum import pendulum
+from reobserve.rigid_body import RigidBody
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.normal_form.design import normal_form
+
+from .models import INERTIA, linear_model, van_der_pol
+from .subject import Subject, subject
+
+HALF = np.linspace(0.0, 0.2, 41)  # two samples a step of 0.01 s
+
+
+def augmented() -> AugmentedSystem:
+    """The motor of the README."""
+    return AugmentedSystem(
+        A=np.array([[-10.0, 1.0], [-0.02, -2.0]]), B=np.array([[0.0], [2.0]]), C=np.eye(2),
+        Dd=np.diag([1.0, 2.0]), Dw=np.array([[1.0], [0.0]]), Fa=np.array([[0.0], [2.0]]),
+        Fs=np.array([[1.0], [0.0]]),
+    )  # fmt: skip
+
+
+def gains() -> Gains:
+    """Gains that make a PI observer of `augmented` stable: those of a Riccati equation."""
+    from scipy.linalg import solve_continuous_are
+
+    system = augmented()
+    weight = np.eye(system.size)
+    covariance = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, np.eye(2))
+    return Gains(covariance @ system.C_tilde.T, np.zeros((system.size, 2)))
+
+
+def subjects() -> Iterator[Subject]:
+    """Calls that must be accepted."""
+    yield from _rigid_bodies()
+    yield from _delays()
+    yield from _high_gains()
+    yield from _filters()
+    yield from _normal_forms()
+    system = augmented()
+    yield subject(ExtendedStateObserver, system, gains(), 0.01, "zero")
+    observer = ExtendedStateObserver(system, gains(), 0.01, "zero")
+    samples = np.zeros((20, 2)), np.ones((20, 1))
+    yield from used(observer, (np.zeros(6), np.zeros(2)), samples, ([0.0, 0.0], [1.0]))
+
+
+def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> Iterator[Subject]:
+    """Start an observer, run it over a record and step it; the state is an argument, too.
+
+    ``samples`` are those of a record and those of a step, measured and known.
+    """
+    state = observer.init(*started)
+    record, one = samples
+    yield subject(observer.init, *started, of=observer)
+    yield subject(observer.run, record[0], *record[1:], state, of=observer)
+    yield subject(observer.step, state, *one, of=observer)
+
+
+def _rigid_bodies() -> Iterator[Subject]:
+    body = RigidBody(INERTIA)
+    rate = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
+    samples = (rate, 0 * rate), (rate[:3], 0 * rate[:3])
+    arguments: dict[Any, tuple[Any, ...]] = {
+        SampledIterativeLearningObserver: (1.0, 500.0, 500.0, 0.01, False),
+        IterativeLearningObserver: (0.9, 50.0, 500.0, 0.01, False),
+        AdaptiveObserver: (500.0, 1000.0, 10.0),
+    }
+    for kind, parameters in arguments.items():
+        yield subject(kind, body, 0.01, *parameters)
+        observer = kind(body, 0.01, *parameters)
+        yield from used(observer, ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), *samples)
+
+
+def _delays() -> Iterator[Subject]:
+    plain = (1.0, 1.0, (0.0, 0.1), 0.01)
+    arguments: dict[Any, tuple[Any, ...]] = {
+        AdaptiveDelayEstimator: (0.1, 1.0, 1.0),
+        LeastSquaresDelayEstimator: (1.0, 0.5),
+        VariableStructureDelayEstimator: (0.5, RELAYS[0]),
+    }
+    past = np.column_stack([np.sin(HALF), np.cos(HALF)])
+    for kind, parameters in arguments.items():
+        yield subject(kind, *plain, *parameters)
+        estimator = kind(*plain, *parameters)
+        output = np.tile(np.sin(HALF)[:, None], (1, estimator.output_columns))
+        samples = (output, past), (output[:3], past[:3])
+        yield from used(estimator, (0.05, 0.0, past), *samples)
+
+
+def _high_gains() -> Iterator[Subject]:
+    model = pendulum(9.81, 0.5, 0.2, 0.3)
+    y = 0.1 * np.cos(HALF)
+    yield subject(HighGainObserver, model, 10.0, 0.01)
+    yield from used(
+        HighGainObserver(model, 10.0, 0.01), ([0.1, 0.0],), (y, 0 * y), (y[:3], 0 * y[:3])
+    )
+    arguments = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
+    yield subject(ExtendedHighGainObserver, *arguments)
+    inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])
+    samples = (y, inputs), (y[:3], inputs[:3])
+    yield from used(ExtendedHighGainObserver(*arguments), ([0.0], 0.5), *samples)
+    yield subject(LevantDifferentiator, 1.0, 0.01, 2, [3.0, 1.5, 1.0], False)
+    yield from used(LevantDifferentiator(1.0, 0.01), ([0.0, 0.0, 0.0],), (y,), (0.1,))
+
+
+def _filters() -> Iterator[Subject]:
+    model = linear_model()
+    kalman = KalmanFilter(model)
+    smooth = SmoothVariableStructureFilter(model, [0.5], 0.1)
+    yield subject(KalmanFilter, model)
+    yield subject(SmoothVariableStructureFilter, model, [0.5], 0.1)
+    measured, controls = np.sin(HALF)[:, None], np.ones((len(HALF), 1))
+    for one in (kalman, smooth):
+        belief = one.init([0.0, 0.0], 1e-2)
+        yield subject(one.init, [0.0, 0.0], np.eye(2), of=one)
+        yield subject(one.predict, belief, [1.0], of=one)
+        yield subject(one.correct, belief, [0.1], [1.0], of=one)
+        yield subject(one.step, belief, [0.1], [1.0], of=one)
+        yield subject(one.run, measured, belief, controls, of=one)
+    yield subject(Belief, np.zeros(2), np.eye(2), np.zeros(1))
+    stays = [[0.9, 0.1], [0.1, 0.9]]
+    yield subject(InteractingMultipleModel, [kalman, kalman], stays, True)
+    bank = InteractingMultipleModel([kalman, smooth], stays)
+    state = bank.init([0.0, 0.0], 1e-2)
+    yield subject(bank.init, [0.0, 0.0], 1e-2, [0.5, 0.5], of=bank)
+    yield subject(bank.step, state, [0.1], [1.0], of=bank)
+    yield subject(bank.run, measured, state, controls, of=bank)
+
+
+def _normal_forms() -> Iterator[Subject]:
+    series = normal_form(van_der_pol(), 3, poles=[-1.7, -2.3])
+    y = 0.1 * np.sin(HALF)[:, None]
+
+    def placed(system: Any, degree: Any, poles: Any) -> object:
+        return normal_form(system, degree, poles=poles)
+
+    def observer(order: Any, step: Any, poles: Any, form: Any, gain: Any, degree: Any) -> object:
+        return normal_form_observer(
+            ["-w", "a - (1 - a**2)*w"], ["a"], ["a", "w"], order=order, step_size=step, poles=poles,
+            form=form, gain=gain, degree=degree, expanded=3,
+        )  # fmt: skip
+
+    def injected(injection: Any, variables: Any) -> object:
+        return normal_form_observer(
+            ["-w", "a - (1 - a**2)*w"], ["a"], variables, order=1, step_size=0.01,
+            injection=injection,
+        )  # fmt: skip
+
+    name = "observers.normal_form.normal_form_observer"
+    yield Subject(
+        "synthesis.normal_form.design.normal_form", placed, (van_der_pol(), 3, [-1.7, -2.3])
+    )
+    yield Subject(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4))
+    yield Subject(f"{name}, injected", injected, ([[-3.0], [-1.7]], ["a", "w"]))
+    yield subject(IdentityObserver, series, 2, 0.01, "series")
+    yield subject(TransformedObserver, series, 2, 0.01)
+    for one in (IdentityObserver(series, 2, 0.01), TransformedObserver(series, 2, 0.01)):
+        yield from used(one, ([0.1, 0.0],), (y,), (y[:3],))
