@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from numpy._core import _multiarray_umath as simd
 
 from reobserve.code_paths import DISABLED, ENABLED, KERNEL, THREADS, unpinned
 
@@ -36,6 +37,12 @@ def run(code: str, **variables: str) -> list[str]:
 def test_numpy_dispatches_nothing_and_nothing_warns() -> None:
     show = f"import os; print(pinned, os.environ['{KERNEL}'], os.environ['{THREADS[0]}'])"
     assert run(PIN + LOOK + show) == ["[]", "True Nehalem 1"]
+
+
+def test_these_tests_run_with_what_they_pin() -> None:
+    """No plugin has imported numpy before; unless something is set outside."""
+    found = [name for name in simd.__cpu_dispatch__ if simd.__cpu_features__[name]]
+    assert found == [] or os.environ.get(ENABLED) != " "
 
 
 def test_what_the_user_has_set_wins() -> None:

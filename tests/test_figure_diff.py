@@ -307,8 +307,8 @@ def test_what_does_not_agree_is_said_and_shown(
 
 
 def test_numbers_within_tolerance_are_quiet(project: Path) -> None:
-    rewrite_metric("0.5000000009")(project)
-    series = Series(TIME, {"x": Channel(np.cos(TIME) + 9e-10, "1")})
+    rewrite_metric("0.5000000000004")(project)
+    series = Series(TIME, {"x": Channel(np.cos(TIME) + 9e-13, "1")})
     series.write(project / "results/made/slow/watch.parquet")
     assert main(["figdiff"]) == 0
 

@@ -38,7 +38,7 @@ def environment() -> dict[str, str]:
         "machine": platform.machine(),
         "fused multiply-add": "yes" if fused_multiply_add() else "no",  # the C library's choice
         "C library": " ".join(platform.libc_ver()).strip(),
-        "Python": ".".join(platform.python_version_tuple()[:2]),
+        "Python": ".".join(platform.python_version_tuple()[:2]),  # 3.12 sums more exactly
         **{name: version for name, version in versions().items() if name not in _DRAWING},
     }
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from reobserve.errors import ReobserveError
 from reobserve.golden import digests
 from reobserve.golden.comparison import Worst, differences
+from reobserve.golden.deviation import Deviation, OtherCell
 from reobserve.golden.files import folder
 from reobserve.golden.job import default_ledger
 from reobserve.golden.kept import THEORY, KeptPaper, part_names
@@ -81,9 +81,8 @@ def _in_tolerances(worst: Worst) -> str:
     return f"{worst.ratio:.2g} tolerances: {worst.what}"
 
 
-def _differences(project: Path, paper: str, run: Run) -> Any:
-    kept: Mapping[str, Any] = run.papers[paper].parts
-    for part, numbers in kept.items():
+def _differences(project: Path, paper: str, run: Run) -> Iterator[Deviation | OtherCell]:
+    for part, numbers in run.papers[paper].parts.items():
         yield from differences(numbers, paper, part, folder(project, paper))
 
 

@@ -31,11 +31,11 @@ class Renewal:
     """The new golden files of a paper: what moved, a line each, and how to write them."""
 
     moved: list[str] = field(default_factory=list)
-    _writes: list[Callable[[], None]] = field(default_factory=list)
+    writes: list[Callable[[], None]] = field(default_factory=list)
 
     def write(self) -> None:
         """Write all files. Nothing was written before, so that a refusal leaves none behind."""
-        for write in self._writes:
+        for write in self.writes:
             write()
 
 
@@ -62,13 +62,13 @@ def prepare(paper: str, found: Evidence, golden: Path, *, anew: bool = False) ->
         except InputError as error:
             renewal.moved.append(f"{paper} {part}: written anew ({error})")
         work = _Part(paper, part, golden, left_out.get(part, {}), anew)
-        renewal._writes += work.renew(kept, others, refined)
+        renewal.writes += work.renew(kept, others, refined)
         left_out[part] = work.left_out
         unmoved = unmoved and work.unmoved
-    renewal._writes.append(lambda: files.write_undetermined(golden, left_out))
+    renewal.writes.append(lambda: files.write_undetermined(golden, left_out))
     if not (unmoved and _made_elsewhere(golden)):
         stages, where = found.pinned.digests, digests.environment()
-        renewal._writes.append(lambda: digests.write(golden, stages, where))
+        renewal.writes.append(lambda: digests.write(golden, stages, where))
     return renewal
 
 
