@@ -14,7 +14,8 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report test check bench figdiff accept mutations lock env clean distclean help
+.PHONY: figures report test check elsewhere bench figdiff accept mutations lock env clean distclean \
+	help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
@@ -32,6 +33,9 @@ check: $(STAMP)  ## style, types, workflow lint
 	mypy
 	snakefmt --check Snakefile workflow
 	snakemake --lint
+
+elsewhere: $(STAMP)  ## compare the golden numbers under every processor that this one can stand in for
+	reobserve golden elsewhere --cores $(CORES)
 
 bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks

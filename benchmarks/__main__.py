@@ -7,8 +7,10 @@ import os
 import sys
 from pathlib import Path
 
+from reobserve.code_paths import THREADS
+
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "build")
+NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "pinned", "build")
 
 
 def main() -> int:
@@ -18,8 +20,9 @@ def main() -> int:
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
             "against C, numpy, scipy, control and filterpy, designs by Clarabel against SCS, "
-            "normal forms against sympy and DACE, the cold build against its bare imports. Slow "
-            "is no failure; the exit code is 1 only if a peer computes other numbers."
+            "normal forms against sympy and DACE, pinned code paths against free ones, the cold "
+            "build against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
+            "computes other numbers."
         ),
     )
     parser.add_argument(
@@ -29,10 +32,10 @@ def main() -> int:
         "--quick", action="store_true", help="fewer repeats: a first look, not a figure to quote"
     )
     options = parser.parse_args()
-    # As the command line does it, before numpy is imported.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    # Before numpy is imported. No more is pinned: peers are as fast as the processor lets them.
+    for name in THREADS:
         os.environ.setdefault(name, "1")
-    from benchmarks import build, delays, designs, filters, kernels, normal_forms
+    from benchmarks import build, delays, designs, filters, kernels, normal_forms, pinned
     from benchmarks.report import write
 
     runs = {
@@ -41,6 +44,7 @@ def main() -> int:
         "filters": filters.run,
         "designs": designs.run,
         "normal_forms": normal_forms.run,
+        "pinned": pinned.run,
         "build": build.run,
     }
     sections = {}

@@ -12,9 +12,10 @@ import sys
 import zlib
 from importlib import import_module
 
+from reobserve.code_paths import pin_code_paths
+
 # As the real command line does it: starting the threads of BLAS takes time, too.
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
+pin_code_paths()
 
 key = zlib.crc32(" ".join(sys.argv[1:]).encode())
 with open(os.path.join(os.environ["BENCHMARK_NOTES"], f"{key}.json")) as stream:

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+from reobserve.code_paths import pin_code_paths
+
+pin_code_paths()
 
 
 def group(test: str) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from reobserve import golden_claims, golden_tables
 from reobserve.claims.table import HEADER
 from reobserve.cli import main
 from reobserve.errors import ReobserveError
@@ -27,7 +26,11 @@ from reobserve.figure_diff.origin import origin_here, write_origin
 from reobserve.figure_diff.project_copy import build, copy_project
 from reobserve.figures import STYLES, fix_layout, new_figure, save
 from reobserve.files import write_table
-from reobserve.golden import write, write_theory
+from reobserve.golden import claims as golden_claims
+from reobserve.golden import kept as golden_kept
+from reobserve.golden import tables as golden_tables
+from reobserve.golden.kept import kept_paper
+from reobserve.golden.renewal import Evidence, prepare
 from reobserve.ledger import Ledger
 from reobserve.metrics import Metric, write_metrics
 from reobserve.series import Channel, Series
@@ -86,13 +89,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for template in ("workflow/report/figure_diff.html.jinja", "workflow/report/figure_diff.css"):
         shutil.copy2(ROOT / template, project / template)
     for name in TREE["figures"]:
-        write(made, made, name, kept)
         draw(results / f"{name}.png")
         write_metrics(results / f"{name}.metrics.csv", made.figure(name).metrics)
-    write_theory(made, made, kept)
     write_metrics(results / "theory.metrics.csv", made.theory())
-    for folder in (kept, results):
-        write_table(folder / "table1.csv", made.table("table1"), TABLE.HEADER)
+    write_table(results / "table1.csv", made.table("table1"), TABLE.HEADER)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (golden_kept, golden_tables):
+            patch.setattr(module, "paper_module", lambda paper, stage: TABLE)
+        found = kept_paper(made)
+        prepare("made", Evidence(found, [], found), kept).write()
     evaluation = made.figure("fig1")
     evaluation.plant.write(results / "slow/plant.parquet")
     evaluation.estimates["watch"].write(results / "slow/watch.parquet")
@@ -115,7 +120,8 @@ def project(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     copy = tmp_path / "project"
     shutil.copytree(whole, copy)
     monkeypatch.chdir(copy)
-    monkeypatch.setattr(golden_tables, "paper_module", lambda paper, stage: TABLE)
+    for module in (golden_kept, golden_tables):
+        monkeypatch.setattr(module, "paper_module", lambda paper, stage: TABLE)
     return copy
 
 
@@ -334,8 +340,8 @@ def test_what_does_not_agree_is_said_and_shown(
 
 
 def test_numbers_within_tolerance_are_quiet(project: Path) -> None:
-    rewrite_metric("0.5000000009")(project)
-    series = Series(TIME, {"x": Channel(np.cos(TIME) + 9e-10, "1")})
+    rewrite_metric("0.5000000000004")(project)
+    series = Series(TIME, {"x": Channel(np.cos(TIME) + 9e-13, "1")})
     series.write(project / "results/made/slow/watch.parquet")
     assert main(["figdiff"]) == 0
 
@@ -414,7 +420,7 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(commands, "build", stand_in)
     monkeypatch.setattr(commands, "known_papers", lambda project: ["made"])
     monkeypatch.setattr(commands.Ledger, "load", lambda *arguments, **options: LEDGER)
-    monkeypatch.setattr(commands, "renew", lambda project, papers: ["made fig1, x: moved"])
+    monkeypatch.setattr(commands, "renew", lambda project, papers, cores: ["made fig1, x: moved"])
     return project
 
 

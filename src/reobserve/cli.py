@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from reobserve.code_paths import pin_code_paths
 from reobserve.errors import InputError, ReobserveError, one_line, shown
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
@@ -32,9 +33,7 @@ Each command that `snakemake --printshellcmds` prints can be run the same way.
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one sub-command; the exit code is 0, 1 after an error of the user's, 2 for usage."""
-    # Before numpy is imported: sums over several BLAS threads may round differently each time.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    pin_code_paths()  # before numpy is imported
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal that has no letter for a name is shown its code.
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -248,17 +247,34 @@ def _add_golden(commands: Any) -> None:
     check = _command(
         actions,
         "check",
-        "golden_commands:check_command",
+        "golden.commands:check_command",
         "compare all figures and tables with their golden numbers",
     )
     _project(check)
+    elsewhere = _command(
+        actions, "elsewhere", "golden.commands:elsewhere_command",
+        "compare all of them on other processors, as far as this one can stand in for them",
+    )  # fmt: skip
+    elsewhere.add_argument(
+        "--papers", nargs="+", default=[], metavar="PAPER", help="only these (default: as built)"
+    )
+    elsewhere.add_argument(
+        "--part", choices=("all", "gate"), default="all",
+        help="gate: what hangs on designs and one figure a paper, on the most telling processors",
+    )  # fmt: skip
     update = _command(
-        actions, "update", "golden_commands:update_command",
+        actions, "update", "golden.commands:update_command",
         "renew the golden numbers; prints old and new, refuses in CI and on a dirty tree",
     )  # fmt: skip
     update.add_argument("--reason", required=True, help="why they moved; kept beside them")
+    update.add_argument(
+        "--anew", action="store_true",
+        help="digits and tolerances, too, of what has not moved beyond rounding",
+    )  # fmt: skip
     update.add_argument("paper", nargs="*", help="only these papers (default: all)")
-    _project(update)
+    for command in (elsewhere, update):
+        command.add_argument("--cores", type=int, default=2, help="processes (default: 2)")
+        _project(command)
 
 
 def _add_figure_diff(commands: Any) -> None:

@@ -6,7 +6,7 @@ functions of the paper with the same settings as the pipeline's stages.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,10 +29,15 @@ class Evaluation:
 
 @dataclass
 class Evaluator:
-    """Evaluates figures and tables of one ledger; what they share is computed once."""
+    """Evaluates figures and tables of one ledger; what they share is computed once.
+
+    ``made`` is what each stage gave so far, in the order of need: ``plant constant``,
+    ``observe constant sampled``, ``metrics fig1``.
+    """
 
     ledger: Ledger
     _done: dict[str, Any] = field(default_factory=dict)
+    made: dict[str, Any] = field(default_factory=dict, init=False)
 
     def figure(self, figure: str) -> Evaluation:
         """Everything behind one figure.
@@ -53,9 +58,9 @@ class Evaluator:
         study = self._study(settings["figure"]["study"]) if "study" in settings else None
         module = paper_module(self.ledger.paper, "metrics")
         with located(self.ledger.paper):
-            return Evaluation(
-                plant, estimates, study, module.measure(settings, plant, estimates, study)
-            )
+            metrics = module.measure(settings, plant, estimates, study)
+        self.made[f"metrics {figure}"] = metrics
+        return Evaluation(plant, estimates, study, metrics)
 
     def theory(self) -> list[Metric]:
         """The numbers of the paper's theory; none if the ledger has no section for it.
@@ -68,14 +73,13 @@ class Evaluator:
         if "theory" not in self.ledger.tree:
             return []
         settings = self.ledger.settings("theory")
-        key = digest(["theory", settings])
-        if key not in self._done:
+
+        def measure() -> Any:
             designs = {name: self._design({"design": name})[0] for name in settings["designs"]}
             with located(f"{self.ledger.paper}.theory"):
-                self._done[key] = paper_module(self.ledger.paper, "theory").measure(
-                    settings, designs
-                )
-        found: list[Metric] = self._done[key]
+                return paper_module(self.ledger.paper, "theory").measure(settings, designs)
+
+        found: list[Metric] = self._once("theory", settings, measure)
         return found
 
     def table(self, table: str) -> list[dict[str, Any]]:
@@ -92,6 +96,7 @@ class Evaluator:
             rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "table").rows(
                 settings, *design
             )
+        self.made[f"table {table}"] = rows
         return rows
 
     def refined(self) -> Evaluator:
@@ -105,49 +110,55 @@ class Evaluator:
         """
         return Evaluator(ledger, dict(self._done))
 
+    def _once(self, name: str, settings: Any, compute: Callable[[], Any]) -> Any:
+        """What a stage gives: its name, all that it sees, and how it is computed if it is not."""
+        key = digest([name.split(maxsplit=1)[0], settings])
+        if key not in self._done:
+            self._done[key] = compute()
+        self.made[name] = self._done[key]
+        return self._done[key]
+
     def _design(self, body: dict[str, Any]) -> list[dict[str, Any]]:
         """The design that an observer, a study or a table names; empty without one."""
         if "design" not in body:
             return []
         name = body["design"]
-        key = digest(["design", name, self.ledger.settings("design", name)])
-        if key not in self._done:
-            self._done[key] = compute_design(self.ledger, name)
-        return [self._done[key]]
+        settings = [name, self.ledger.settings("design", name)]
+        return [self._once(f"design {name}", settings, lambda: compute_design(self.ledger, name))]
 
     def _plant(self, scenario: str) -> Series:
         settings = self.ledger.settings("plant", scenario)
-        key = digest(["plant", settings])
-        if key not in self._done:
+
+        def simulate() -> Any:
             with located(self.ledger.paper):
-                self._done[key] = paper_module(self.ledger.paper, "plant").simulate(settings)
-        series: Series = self._done[key]
+                return paper_module(self.ledger.paper, "plant").simulate(settings)
+
+        series: Series = self._once(f"plant {scenario}", settings, simulate)
         return series
 
     def _estimate(self, scenario: str, observer: str) -> Series:
         settings = self.ledger.settings("observe", scenario, observer)
-        key = digest(["observe", settings, self.ledger.settings("plant", scenario)])
-        if key not in self._done:
+
+        def estimate() -> Any:
             design = self._design(settings["observer"])
             plant = self._plant(scenario)
             with located(f"{self.ledger.paper}.observers.{observer}"):
-                self._done[key] = paper_module(self.ledger.paper, "observe").estimate(
-                    settings, plant, *design
-                )
-        series: Series = self._done[key]
+                return paper_module(self.ledger.paper, "observe").estimate(settings, plant, *design)
+
+        inputs = [settings, self.ledger.settings("plant", scenario)]
+        series: Series = self._once(f"observe {scenario} {observer}", inputs, estimate)
         return series
 
     def _study(self, study: str) -> list[dict[str, Any]]:
         settings = self.ledger.settings("study", study)
-        key = digest(["study", settings])
-        if key not in self._done:
+
+        def run() -> Any:
             design = self._design(settings["study"])
             plant = self._plant(settings["study"]["scenario"])
             with located(self.ledger.paper):
-                self._done[key] = paper_module(self.ledger.paper, "study").run(
-                    settings, plant, *design
-                )
-        rows: list[dict[str, Any]] = self._done[key]
+                return paper_module(self.ledger.paper, "study").run(settings, plant, *design)
+
+        rows: list[dict[str, Any]] = self._once(f"study {study}", settings, run)
         return rows
 
 

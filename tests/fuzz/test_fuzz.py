@@ -62,7 +62,8 @@ def test_everything_that_promises_to_refuse_is_tried() -> None:
     missing = [
         name
         for name in promised()
-        if name not in INNER and not any(each == name or each.startswith(f"{name}.") for each in tried)
+        if name not in INNER
+        and not any(each == name or each.startswith(f"{name}.") for each in tried)
     ]
     assert missing == []
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve import golden_claims
 from reobserve.claims import gallery
 from reobserve.claims.table import HEADER
 from reobserve.config import known_papers
 from reobserve.evaluation import Evaluator
 from reobserve.files import read_table, write_table
+from reobserve.golden import claims as golden_claims
 from reobserve.metrics import read_metrics
 from reobserve.series import Series
 from reobserve.stages.common import paper_module

@@ -52,7 +52,7 @@ EDITS = {
     "papers/ilo/plot.py": {"plot": 6},
     "figures.py": {"plot": 6},
     "captions.py": {"plot": 6},
-    "golden.py": {},
+    "golden/comparison.py": {},
     "overview.py": {},
     "stages/ledger.py": {},
 }

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from reobserve import golden, golden_claims
 from reobserve.claims.gallery import put_into
 from reobserve.config import known_papers
 from reobserve.errors import InputError, ReobserveError
@@ -18,8 +17,11 @@ from reobserve.figure_diff.model import Diff, Origin
 from reobserve.figure_diff.origin import origin_here, read_origin, write_origin
 from reobserve.figure_diff.project_copy import build, copy_project
 from reobserve.files import write_text
-from reobserve.golden_commands import renew
-from reobserve.golden_guard import check_may_renew, keep_reason
+from reobserve.golden import claims as golden_claims
+from reobserve.golden.commands import renew
+from reobserve.golden.files import folder
+from reobserve.golden.guard import check_may_renew, keep_reason
+from reobserve.golden.kept import part_names
 from reobserve.ledger import Ledger
 
 _BUILD_LOG = "build.log"
@@ -51,7 +53,7 @@ def accept_command(project: Path, reason: str, cores: int) -> None:
     with _built_copy(project, cores, project / "figdiff" / _BUILD_LOG) as (copy, gaps):
         if gaps:
             raise ReobserveError(f"nothing is accepted: {gaps[0]}")
-        moved = renew(project, known_papers(project))
+        moved = renew(project, known_papers(project), cores)
         moved += golden_claims.renew(project, copy / "results")
         put_into(project / "README.md", copy / "results" / "verdicts.md")
         redrawn = _renew_references(reference, copy / "results")
@@ -73,9 +75,9 @@ def _built_copy(project: Path, cores: int, log: Path) -> Iterator[tuple[Path, li
 
 
 def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: list[str]) -> None:
-    for name, folder in (("--reference", reference), ("--results", results)):
-        if not folder.is_dir():
-            gaps = [*gaps, f"{name}: there is no folder {folder}"]
+    for name, path in (("--reference", reference), ("--results", results)):
+        if not path.is_dir():
+            gaps = [*gaps, f"{name}: there is no folder {path}"]
     try:
         accepted = read_origin(reference)
     except InputError as error:
@@ -125,9 +127,7 @@ def _renew_references(reference: Path, results: Path) -> list[str]:
 def _drop_golden_of_no_figure(project: Path) -> None:
     """Remove the golden numbers of what the ledgers have no longer."""
     for paper in known_papers(project):
-        tree = Ledger.load(project, paper).tree
-        names = {*tree["figures"], *tree.get("tables", {})}
-        names |= {golden.THEORY} & set(tree)
-        for path in golden.folder(project, paper).glob("*.csv"):
+        names = part_names(Ledger.load(project, paper).tree)
+        for path in folder(project, paper).glob("*.csv"):
             if path.name.partition(".")[0] not in names:
                 path.unlink()

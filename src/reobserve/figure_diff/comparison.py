@@ -6,11 +6,15 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from reobserve import golden, golden_claims, golden_tables
 from reobserve.errors import InputError, ReobserveError
 from reobserve.figure_diff import pixels
 from reobserve.figure_diff.built import built_series, why_missing
 from reobserve.figure_diff.model import Item, MovedSeries
+from reobserve.golden import claims as golden_claims
+from reobserve.golden.comparison import metric_differences, series_differences
+from reobserve.golden.files import folder, read_series
+from reobserve.golden.kept import THEORY, by_name, kept_rows
+from reobserve.golden.tables import compare_rows, read_cells
 from reobserve.ledger import Ledger
 from reobserve.metrics import read_metrics
 
@@ -61,7 +65,7 @@ class _Paper:
 
     def __init__(self, paper: str, project: Path, reference: Path, results: Path) -> None:
         self.paper = paper
-        self.golden = golden.folder(project, paper)
+        self.golden = folder(project, paper)
         self.reference = reference / paper
         self.results = results / paper
         self.logs = results.parent / "logs" / paper
@@ -75,7 +79,7 @@ class _Paper:
     def items(self) -> Iterable[Item]:
         tree = self.ledger.tree if self.ledger else {}
         kept = {path.name for path in self.golden.glob("*.csv")}
-        theory = f"{golden.THEORY}.metrics.csv"
+        theory = f"{THEORY}.metrics.csv"
         figures = {path.stem for f in (self.reference, self.results) for path in f.glob("*.png")}
         figures |= {name.removesuffix(_PARTS[0]) for name in kept - {theory} if _PARTS[0] in name}
         for name in sorted(figures | set(tree.get("figures", {}))):
@@ -83,8 +87,8 @@ class _Paper:
         tables = {name.removesuffix(".csv") for name in kept if not name.endswith(_PARTS)}
         for name in sorted(tables | set(tree.get("tables", {}))):
             yield self._numbers_only(name, "table", f"{name}.csv")
-        if theory in kept or golden.THEORY in tree:
-            yield self._numbers_only(golden.THEORY, golden.THEORY, theory)
+        if theory in kept or THEORY in tree:
+            yield self._numbers_only(THEORY, THEORY, theory)
 
     def _figure(self, name: str) -> Item:
         drawings = [folder / f"{name}.png" for folder in (self.reference, self.results)]
@@ -138,22 +142,24 @@ class _Paper:
     def _compare_series(self, item: Item) -> None:
         if self.ledger is None:
             raise ReobserveError(self.no_ledger)
-        found = golden.kept_rows(built_series(self.ledger, item.name, self.results))
-        columns, tolerances = golden.read_series(self.golden, item.name)
-        for moved in golden.compare_series(found, self.paper, item.name, self.golden):
+        found = kept_rows(built_series(self.ledger, item.name, self.results))
+        columns = read_series(self.golden, item.name)
+        for moved in series_differences(found, self.paper, item.name, self.golden):
+            if not moved.exceeds:
+                continue
             item.deviations.append(moved)
             name, number = moved.column, found[moved.column]
-            item.series.append(
-                MovedSeries(name, number.unit, columns[name], number.values, tolerances[name])
-            )
+            golden, allowed = columns[name].values, columns[name].tolerance.allowed
+            item.series.append(MovedSeries(name, number.unit, golden, number.values, allowed))
 
     def _compare_metrics(self, item: Item, file: Path) -> None:
-        found = read_metrics(file)
-        item.deviations += golden.compare_metrics(found, self.paper, item.name, self.golden)
+        found = by_name(read_metrics(file))
+        compared = metric_differences(found, self.paper, item.name, self.golden)
+        item.deviations += (one for one in compared if one.exceeds)
 
     def _compare_table(self, item: Item, file: Path) -> None:
-        rows = golden_tables.read_rows(file, self.paper)
-        item.deviations += golden_tables.compare_rows(rows, self.paper, item.name, self.golden)
+        rows = read_cells(file, self.paper)
+        item.deviations += compare_rows(rows, self.paper, item.name, self.golden)
 
 
 @contextmanager

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from reobserve.figure_diff.pixels import PixelDifference
-from reobserve.golden import Array, Deviation
-from reobserve.golden_tables import OtherCell
+from reobserve.golden.deviation import Deviation, OtherCell
+from reobserve.golden.kept import Array
 
 
 @dataclass(frozen=True)
 class MovedSeries:
-    """A series that left its tolerance: golden and new values, one each `golden.PERIOD`."""
+    """A series that left its tolerance: golden and new values, one each `golden.kept.PERIOD`."""
 
     name: str
     unit: str

@@ -10,7 +10,7 @@ import numpy as np
 
 from reobserve.figure_diff.model import MovedSeries
 from reobserve.figures import STYLES, TRUTH, fix_layout, new_figure, save
-from reobserve.golden import PERIOD
+from reobserve.golden.kept import PERIOD
 
 
 def draw_moved(series: Sequence[MovedSeries]) -> bytes:

@@ -9,8 +9,7 @@ from typing import Any
 
 from reobserve.figure_diff.model import Diff, Item
 from reobserve.figure_diff.pixels import RMS, SIMILARITY
-from reobserve.golden import Deviation
-from reobserve.golden_tables import OtherCell
+from reobserve.golden.deviation import Deviation, OtherCell
 
 VERDICTS = ("missing", "extra", "gap", "moved", "agrees")
 

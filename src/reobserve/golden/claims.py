@@ -13,7 +13,7 @@ from pathlib import Path
 from reobserve.claims.table import HEADER, KINDS
 from reobserve.errors import InputError
 from reobserve.files import read_table, write_table
-from reobserve.golden_tables import OtherCell
+from reobserve.golden.deviation import OtherCell
 
 _COMPARED = ("verdict", "holds")
 _KEY = ("paper", "claim")
