@@ -3,7 +3,7 @@
 pi_feasible       the PI observer by feasibility with a decay rate
 pi_least_norm     the PI observer by optimisation, gamma fixed
 pd_pi_least_norm  the PD/PI observer by optimisation, gamma fixed
-pd_pi_bounded     Theorem 1, min gamma, with poles not faster than a bound
+pd_pi_bounded     Theorem 1, min gamma, with poles not faster than a bound and matrices in a radius
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def design(plant: dict[str, Any], body: dict[str, Any]) -> Design:
         return pi.design(system, body["factor"], None, solver)
     if kind == "pd_pi_least_norm":
         return pd_pi.design(system, body["factor"], None, solver)
-    return pd_pi.design_least_gamma(system, 0.0, body["pole_bound"], solver)
+    return pd_pi.design_least_gamma(system, 0.0, body["pole_bound"], body["radius"], solver)
 
 
 def check_kind(kind: Any) -> None:

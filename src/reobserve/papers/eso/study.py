@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located
-from reobserve.matrices import as_floats
+from reobserve.matrices import as_floats, as_positive
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.design import design
@@ -22,7 +22,7 @@ from reobserve.papers.eso.setup import augmented, experiment
 from reobserve.series import Channel, Series
 from reobserve.synthesis.extended_state.deviation import held_deviation
 
-HEADER = ("kind", "filter_rate", "choice", "level", "unique", "quantity", "value", "unit")
+HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
 
 Row = dict[str, Any]
 
@@ -48,7 +48,7 @@ def run(settings: dict[str, Any], plant: Series) -> list[Row]:
 
 
 def _bodies(study: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The designs, each with the choice that is varied and whether its gains are unique."""
+    """The designs, each with the choice that is varied."""
     shared = {"solver": study["solver"]}
     for rate in study["filter_rates"]:
         for decay in study["decays"]:
@@ -60,7 +60,7 @@ def _bodies(study: dict[str, Any]) -> Iterator[dict[str, Any]]:
                    "factor": factor, "level": factor}  # fmt: skip
     for bound in study["pole_bounds"]:
         yield {**shared, "kind": "pd_pi_bounded", "filter_rate": 1.0, "choice": "bound",
-               "pole_bound": bound, "level": bound}  # fmt: skip
+               "pole_bound": bound, "radius": study["radius"], "level": bound}  # fmt: skip
 
 
 def _rows(settings: dict[str, Any], clean: Series, body: dict[str, Any]) -> Iterator[Row]:
@@ -81,8 +81,6 @@ def _rows(settings: dict[str, Any], clean: Series, body: dict[str, Any]) -> Iter
         "filter_rate": body["filter_rate"],
         "choice": body["choice"],
         "level": body["level"],
-        # Theorem 1 leaves directions in which gains grow without changing gamma.
-        "unique": "no" if body["kind"] == "pd_pi_bounded" else "yes",
     }
     numbers = list(scores(settings["metrics"], clean, estimate))
     numbers += _deviations(settings, system, found.gains)
@@ -122,3 +120,4 @@ def check_study(study: dict[str, Any]) -> None:
         levels = as_floats(name, study[name])
         if levels.ndim != 1 or (levels < 0).any():
             raise InputError(name, f"{study[name]} must be a list of numbers, none below zero")
+    as_positive("radius", study["radius"])
