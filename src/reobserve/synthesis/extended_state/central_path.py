@@ -1,16 +1,21 @@
 """Smooth problems with matrix inequalities: points of the central path, by Newton's method.
 
-Unknown are matrices X, and gamma if a side has a slope in it. Asked for is the least
+Unknown are matrices X, and gamma if a side has a slope in it. Of all of them with
 
-    objective - mu * sum of log det S,    S = constant + gamma slope + sum of (L X R + R^T X^T L^T)
+    S = constant + gamma slope + sum of (L X R + R^T X^T L^T) > 0
 
-over all S > 0. The objective is the sum of the squares of all entries; or it is gamma, and with the
-sum of squares kept below a radius squared by one more term, -mu log(radius^2 - sum of squares).
-This is strictly convex: its minimiser is unique and moves smoothly with the data. An optimum might
-not exist, and a solver, which finds the objective to 1e-8 of itself, finds the matrices to 1e-4.
+for each side, those with the least sum of squares of all entries are asked for, or those with the
+least gamma that have a sum of squares below a radius squared. But the latter need not exist, and of
+the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So it is
 
-Z = mu S^-1 is feasible for the dual, so that the objective exceeds the optimum by no more than mu
-times the number of rows of all S, plus one with a radius. mu follows from the gap that is allowed.
+    (rows / gap) log(squares) - sum of log det S      or
+    ((rows + 1) / gap) gamma - log(radius^2 - squares) - sum of log det S
+
+that is minimised, with the number of rows of all S. The minimiser is a point of the central path:
+unique, as the second is strictly convex and the first is stationary at one point only (along the
+path the squares over the weight of the barrier fall), and it moves smoothly with the data. A
+multiple of all S^-1 is feasible for the dual, so that gamma exceeds the optimum by no more than the
+gap, and the squares by no more than that part of themselves.
 
 Here the unknowns are one vector, of floats: X1, X2, ... by rows, of a symmetric one the lower
 triangle, then gamma. Its last digits hang on the processor; `polishing` removes that.
@@ -32,7 +37,7 @@ from reobserve.matrices import Matrix
 
 Vector = NDArray[np.float64]
 
-_LARGEST = (0.0, 1e-2, 1.0)  # mu to begin with
+_LARGEST = (1.0, 1e3, 1e8)  # mu, by which the barrier is multiplied, to begin with
 _FACTOR = 0.2  # from one mu to the next
 _STEPS = 100  # of Newton's method for one mu; some ten are usual
 _SHORTEST = 1e-10  # part of a step: less is rounding
@@ -62,7 +67,8 @@ class Side:
 class Problem:
     """What the module tells, with matrices of the ``shapes``; those in ``symmetric`` are so.
 
-    ``radius`` is none if the objective is the sum of squares, and then gamma is not unknown.
+    ``gap`` is a part of the squares, or of gamma itself; ``radius`` is none if the squares are
+    minimised, and then gamma is not unknown.
     """
 
     shapes: dict[str, tuple[int, int]]
@@ -71,11 +77,11 @@ class Problem:
     gap: float
     radius: float | None = None
 
-    @property
-    def mu(self) -> float:
-        """Of the barrier, so that the objective is within ``gap`` of the optimum."""
+    @cached_property
+    def slant(self) -> float:
+        """What gamma, or the logarithm of the squares, is multiplied by."""
         rows = sum(len(side.constant) for side in self.sides)
-        return self.gap / (rows + (self.radius is not None))
+        return (rows + (self.radius is not None)) / self.gap
 
     @cached_property
     def places(self) -> dict[str, slice]:
@@ -140,21 +146,20 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
     InputError
         If the start is not inside, or no minimiser is found.
     """
-    if not np.isfinite(_value(problem, start, problem.mu)):
+    if not np.isfinite(_value(problem, start, 1.0)):
         raise InputError("solver", "found matrices that do not meet the inequalities strictly")
     # The straight way is the shortest, one along the central path leads there from farther away.
     for largest in _LARGEST:
-        found: Vector | None = start
-        mu = max(largest, problem.mu)
-        while found is not None:
-            found = _centred(problem, found, mu, _FINEST if mu == problem.mu else _CLOSE)
-            if found is not None and mu == problem.mu:
-                return found
-            mu = max(_FACTOR * mu, problem.mu)
+        mu, found = largest, _centred(problem, start, largest)
+        while found is not None and mu > 1.0:
+            mu = max(_FACTOR * mu, 1.0)
+            found = _centred(problem, found, mu)
+        if found is not None:
+            return found
     raise InputError("solver", "found matrices from which Newton's method does not converge")
 
 
-def newton_step(problem: Problem, x: Vector, mu: float | None = None) -> Callable[[Vector], Vector]:
+def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
     """The map from a gradient to Newton's step, with the Hessian at ``x`` factored once.
 
     Raises
@@ -164,14 +169,15 @@ def newton_step(problem: Problem, x: Vector, mu: float | None = None) -> Callabl
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    hessian = _hessian(problem, x, problem.mu if mu is None else mu)
+    hessian = _hessian(problem, x, mu)
     scale = 1.0 / np.sqrt(np.diag(hessian))
     factor = cho_factor(hessian * scale * scale[:, None], overwrite_a=True)
     return lambda gradient: -scale * cho_solve(factor, scale * gradient)
 
 
-def _centred(problem: Problem, x: Vector, mu: float, finest: float) -> Vector | None:
-    """Where the decrement is below ``finest`` or falls no more; none if it does not get there."""
+def _centred(problem: Problem, x: Vector, mu: float) -> Vector | None:
+    """Where the decrement is small or, for the last mu, falls no more; none if it never does."""
+    finest = _FINEST if mu == 1.0 else _CLOSE
     before = inf
     for _ in range(_STEPS):
         gradient = _gradient(problem, x, mu)
@@ -196,9 +202,9 @@ def _centred(problem: Problem, x: Vector, mu: float, finest: float) -> Vector | 
 def _value(problem: Problem, x: Vector, mu: float) -> float:
     squares = float(problem.weights @ x**2)
     if problem.radius is None:
-        value = squares
+        value = problem.slant * log(squares)
     elif (room := problem.radius**2 - squares) > 0:
-        value = float(x[-1]) - mu * log(room)
+        value = problem.slant * float(x[-1]) - mu * log(room)
     else:
         return inf
     for left in _sides(problem, x):
@@ -221,17 +227,22 @@ def _sides(problem: Problem, x: Vector) -> list[Matrix]:
 
 
 def _pull(problem: Problem, x: Vector, mu: float) -> tuple[float, float]:
-    """First and second derivative of the objective by the sum of squares."""
+    """First and second derivative by the sum of squares.
+
+    The second one of the logarithm is left out, which would make the Hessian indefinite afar: it is
+    but the part ``gap`` of what the sides give, and Newton's steps err by no more.
+    """
+    squares = float(problem.weights @ x**2)
     if problem.radius is None:
-        return 1.0, 0.0
-    room = problem.radius**2 - float(problem.weights @ x**2)
+        return problem.slant / squares, 0.0
+    room = problem.radius**2 - squares
     return mu / room, mu / room**2
 
 
 def _gradient(problem: Problem, x: Vector, mu: float) -> Vector:
     gradient = 2.0 * _pull(problem, x, mu)[0] * problem.weights * x
     if problem.radius is not None:
-        gradient[-1] = 1.0
+        gradient[-1] = problem.slant
     for side, left in zip(problem.sides, _sides(problem, x), strict=True):
         inverse = np.linalg.inv(left)
         for term in side.terms:

@@ -31,7 +31,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _LEAST = 0.01  # eigenvalue of P1 and of the symmetric part of P3
-_GAP = 0.01  # of the sum of squares to its optimum: none would move the gains by 2e-4
+_GAP = 1e-5  # of the sum of squares to its optimum, relative: none would move gains by 2e-4
 _GAP_OF_GAMMA = 1e-6
 
 

@@ -17,7 +17,7 @@ from reobserve.synthesis.extended_state.factored import above, pi_sides
 from reobserve.synthesis.extended_state.inequality import PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-_GAP = 1e-3  # of the sum of squares to its optimum
+_GAP = 1e-5  # of the sum of squares to its optimum, relative
 
 
 def design(

@@ -11,7 +11,8 @@ matrices inside the radius that meet the inequalities have
 
 where G is the derivative of the sum of tr(Z S) by the matrices, and the term with it what lambda
 times their squares, less tr(G^T X), is at least. A sum of squares is the case without slopes, with
-lambda = 1 and radius = 0. Here Z = mu S^-1 and lambda = mu / (radius^2 - squares), all in balls.
+lambda = 1 and radius = 0. Here Z is the multiple of S^-1 that makes the minimiser stationary, and
+lambda the same multiple of 1 / (radius^2 - squares), all in balls.
 """
 
 from __future__ import annotations
@@ -97,28 +98,28 @@ def _left(problem: Problem, side: _BallSide, x: Any) -> arb_mat:
 
 
 def _pull(problem: Problem, x: Any) -> arb:
-    """lambda."""
+    """The derivative of what is minimised by the sum of squares."""
     from flint import arb
 
-    if problem.radius is None:
-        return arb(1)
     squares = sum(
         (arb(w) * v * v for w, v in zip(problem.weights.tolist(), x, strict=True)), arb(0)
     )
-    return arb(problem.mu) / (arb(problem.radius) ** 2 - squares)
+    if problem.radius is None:
+        return problem.slant / squares
+    return 1 / (arb(problem.radius) ** 2 - squares)
 
 
 def _gradient(problem: Problem, sides: list[_BallSide], x: Any) -> Any:
     pull = 2 * _pull(problem, x)
     gradient = np.array([v * w * pull for v, w in zip(x, problem.weights.tolist(), strict=True)])
     if problem.radius is not None:
-        gradient[-1] = gradient[-1] + 1
+        gradient[-1] = gradient[-1] + problem.slant
     for side in sides:
         inverse = _left(problem, side, x).inv()
         for name, full in _derivatives(side, inverse):
-            gradient[problem.places[name]] -= problem.fold(name, _array(full)) * problem.mu
+            gradient[problem.places[name]] -= problem.fold(name, _array(full))
         if side.slope is not None:
-            gradient[-1] -= _inner(inverse, side.slope) * problem.mu
+            gradient[-1] -= _inner(inverse, side.slope)
     return gradient
 
 
@@ -136,22 +137,29 @@ def _lower(problem: Problem, sides: list[_BallSide], x: Any) -> float:
     lefts = [_left(problem, side, x) for side in sides]
     if not all(is_negative_definite(-left) for left in lefts):
         return -np.inf
-    duals = [left.inv() * problem.mu for left in lefts]
-    slopes = [side.slope for side in sides]
-    parts = [_inner(Z, slope) for Z, slope in zip(duals, slopes, strict=True) if slope is not None]
-    scale = 1 / sum(parts[1:], parts[0]) if parts else arb(1)
+    inverses = [left.inv() for left in lefts]
+    pull = _pull(problem, x)
+    scale = 1 / pull
+    if problem.radius is not None:
+        parts = [
+            _inner(inverse, side.slope)
+            for inverse, side in zip(inverses, sides, strict=True)
+            if side.slope is not None
+        ]
+        scale = 1 / sum(parts[1:], parts[0])
     found = arb(0)
     derivatives = {name: arb_mat(*shape) for name, shape in problem.shapes.items()}
-    for Z, side in zip(duals, sides, strict=True):
-        found -= scale * _inner(Z, side.constant)
-        for name, full in _derivatives(side, Z * scale):
+    for inverse, side in zip(inverses, sides, strict=True):
+        Z = inverse * scale
+        found -= _inner(Z, side.constant)
+        for name, full in _derivatives(side, Z):
             derivatives[name] += full
-    pull = _pull(problem, x)
+    weight = pull * scale  # lambda
     for name, full in derivatives.items():
         half = (full + full.transpose()) / 2 if name in problem.symmetric else full
-        found -= _inner(half, half) / (4 * pull)
+        found -= _inner(half, half) / (4 * weight)
     if problem.radius is not None:
-        found -= pull * arb(problem.radius) ** 2
+        found -= weight * arb(problem.radius) ** 2
     return float(np.nextafter(float(found.lower()), -np.inf))
 
 
