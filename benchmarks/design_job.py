@@ -20,7 +20,8 @@ from benchmarks.design_problem import plant
 from reobserve.errors import InputError
 from reobserve.synthesis.extended_state import design as designs
 from reobserve.synthesis.extended_state import pd_pi, structured
-from reobserve.synthesis.extended_state.design import SOLVERS, Design
+from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.start import SOLVERS
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Road = Callable[[AugmentedSystem], Design]

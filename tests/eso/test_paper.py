@@ -437,17 +437,16 @@ def rows_of_the_study() -> list[Tree]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "unique", "choice", "level", "rate"),
-    [("pi_feasible", "yes", "decay", 1.0, 2.0), ("pd_pi_bounded", "no", "bound", 50.0, 1.0)],
+    ("kind", "choice", "level", "rate"),
+    [("pi_feasible", "decay", 1.0, 2.0), ("pd_pi_bounded", "bound", 50.0, 1.0)],
 )
 def test_the_study_has_the_numbers_of_direct_calls(
-    kind: str, unique: str, choice: str, level: float, rate: float
+    kind: str, choice: str, level: float, rate: float
 ) -> None:
     rows = [row for row in rows_of_the_study() if row["kind"] == kind]
     for row in rows:
         assert tuple(row) == study.HEADER
-        assert (row["unique"], row["choice"]) == (unique, choice)
-        assert (row["level"], row["filter_rate"]) == (level, rate)
+        assert (row["choice"], row["level"], row["filter_rate"]) == (choice, level, rate)
     found = {row["quantity"]: row["value"] for row in rows}
     assert len(found) == len(rows) == 18
 
@@ -482,13 +481,14 @@ def test_the_study_has_the_numbers_of_direct_calls(
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
-def test_metrics_tell_unique_designs_of_the_study_alone() -> None:
+def test_metrics_tell_every_design_of_the_study() -> None:
     settings = ledger().settings("metrics", "fig3_designs")
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
     found = lookup(metrics.measure(settings, record("disturbed"), estimates, rows_of_the_study()))
     names = [name for observer, name in found if observer != "pd_pi"]
-    assert len(names) == 18
-    assert all(name.endswith("_at_rate_2_decay_1") for name in names)
+    assert [name.partition("_at_")[2] for name in names] == [
+        *["rate_2_decay_1"] * 18, *["rate_1_bound_50"] * 18
+    ]  # fmt: skip
     row = next(row for row in rows_of_the_study() if row["quantity"] == "norm")
     assert found["pi_feasible", "norm_at_rate_2_decay_1"] == row["value"]
 
@@ -609,6 +609,7 @@ BAD = {
     ),
     "negative decay of a study": (studies(decays=[-1]), f"{S}.decays", "none below zero"),
     "a bound that is no list": (studies(pole_bounds=50), f"{S}.pole_bounds", "a list of numbers"),
+    "no radius": (studies(radius=0), f"{S}.radius", "greater than zero"),
     "words of a study": (studies(factors=["much"]), f"{S}.factors", "not a number or an array"),
 }  # fmt: skip
 

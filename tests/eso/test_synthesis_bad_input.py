@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.synthesis.extended_state import design as designs
-from reobserve.synthesis.extended_state import pd_pi, pi, structured
+from reobserve.synthesis.extended_state import pd_pi, pi, start, structured
 from tests.eso.plants import dc_motor, random_plant
 
 
@@ -38,6 +37,10 @@ def test_poles_must_have_room() -> None:
         pd_pi.design_least_gamma(dc_motor(), 5.0, 5.0)
     with pytest.raises(InputError, match="decay: -1 must be at least zero"):
         pi.design_feasible(dc_motor(), -1.0)
+    with pytest.raises(InputError, match=r"radius: 0.5 must be above \d.*: no matrices fit"):
+        pd_pi.design_least_gamma(dc_motor(), radius=0.5)
+    with pytest.raises(InputError, match="radius: 0 must be greater than zero"):
+        pd_pi.design_least_gamma(dc_motor(), radius=0.0)
 
 
 def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
@@ -49,13 +52,13 @@ def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
 
 
 def test_a_solution_that_is_not_accurate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(designs.SOLVERS, "SCS", {"max_iters": 30})
+    monkeypatch.setitem(start.SOLVERS, "SCS", {"max_iters": 30})
     with pytest.raises(InputError, match="SCS ended with status 'optimal_inaccurate', not"):
         pd_pi.design(dc_motor(), solver="SCS")
 
 
 def test_a_solver_that_fails_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(designs.SOLVERS, "CLARABEL", {"max_iter": 2})
+    monkeypatch.setitem(start.SOLVERS, "CLARABEL", {"max_iter": 2})
     with pytest.raises(InputError, match=r"solver: CLARABEL (failed|ended with status)"):
         pd_pi.design(dc_motor())
 

@@ -95,6 +95,14 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
     return Proof(False, False, 0.0, _PRECISIONS[-1])
 
 
+def is_negative_definite(matrix: arb_mat) -> bool:
+    """Whether a matrix of balls is proved to be symmetric and negative definite as it is.
+
+    `prove_negative_definite` without its margin, in the precision of the caller.
+    """
+    return _sign(_symmetric(matrix), 0.0) < 0
+
+
 def _symmetric(matrix: arb_mat | ArrayLike) -> arb_mat:
     """M with balls that enclose the symmetric part of all it may be."""
     from flint import arb_mat, ctx

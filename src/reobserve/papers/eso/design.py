@@ -3,7 +3,7 @@
 pi_feasible       the PI observer by feasibility with a decay rate
 pi_least_norm     the PI observer by optimisation, gamma fixed
 pd_pi_least_norm  the PD/PI observer by optimisation, gamma fixed
-pd_pi_bounded     Theorem 1, min gamma, with poles not faster than a bound
+pd_pi_bounded     Theorem 1, min gamma, with poles not faster than a bound and matrices in a radius
 """
 
 from __future__ import annotations
@@ -36,6 +36,6 @@ def design(plant: keys.Plant, stated: keys.Design) -> Design:
     if isinstance(stated, keys.Feasible):
         return pi.design_feasible(system, stated.decay, solver)
     if isinstance(stated, keys.Bounded):
-        return pd_pi.design_least_gamma(system, 0.0, stated.pole_bound, solver)
+        return pd_pi.design_least_gamma(system, 0.0, stated.pole_bound, stated.radius, solver)
     by_kind = {"pi_least_norm": pi.design, "pd_pi_least_norm": pd_pi.design}
     return by_kind[stated.kind](system, stated.factor, None, solver)

@@ -93,11 +93,12 @@ class LeastNorm:
 
 @dataclass(frozen=True)
 class Bounded:
-    """Theorem 1, min gamma, with poles not faster than a bound."""
+    """Theorem 1, min gamma, with poles not faster than a bound and matrices in a radius."""
 
     kind: Literal["pd_pi_bounded"]
     filter_rate: Positive
     pole_bound: Positive
+    radius: Positive
     solver: Solver
     title: str = ""
 
@@ -125,6 +126,7 @@ class Designs:
     decays: Annotated[list[NotNegative], items(0)]
     factors: Changed
     pole_bounds: Changed
+    radius: Positive
     solver: Solver
     title: str = ""
 

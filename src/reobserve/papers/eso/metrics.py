@@ -38,10 +38,7 @@ def measure(
 
 
 def _brief(study: Rows) -> Iterator[Metric]:
-    """Each number of a design, named after what was chosen; of unique designs only."""
+    """Each number of a design, named after what was chosen."""
     for row in study:
-        if row["unique"] == "yes":
-            place = f"rate_{float(row['filter_rate']):g}_{row['choice']}_{float(row['level']):g}"
-            yield Metric(
-                row["kind"], f"{row['quantity']}_at_{place}", float(row["value"]), row["unit"]
-            )
+        place = f"rate_{float(row['filter_rate']):g}_{row['choice']}_{float(row['level']):g}"
+        yield Metric(row["kind"], f"{row['quantity']}_at_{place}", float(row["value"]), row["unit"])

@@ -62,7 +62,8 @@ def draw(
         f"feasible: filter rates {_listed(chosen.filter_rates)}\nand decays "
         f"{_listed(chosen.decays)} per second. Optimised: γ over its floor "
         f"{_listed(chosen.factors)}; open squares and triangles fall together.\nLeast γ: poles "
-        f"within {_listed(chosen.pole_bounds)} per second; these gains are not unique.",
+        f"within {_listed(chosen.pole_bounds)} per second, matrices of norm up to "
+        f"{chosen.radius:g}.",
     )
     return figure
 

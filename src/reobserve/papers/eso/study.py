@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.files import NAME, NUMBER, SCORE, UNIT, YES_NO
+from reobserve.files import NAME, NUMBER, SCORE, UNIT
 from reobserve.ledger_types import Job, Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
@@ -25,10 +25,10 @@ from reobserve.papers.eso.setup import augmented, experiment
 from reobserve.series import Channel, Series
 from reobserve.synthesis.extended_state.deviation import held_deviation
 
-HEADER = ("kind", "filter_rate", "choice", "level", "unique", "quantity", "value", "unit")
+HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
 KINDS = {
     **dict.fromkeys(("kind", "choice", "quantity"), NAME),
-    "filter_rate": NUMBER, "level": NUMBER, "unique": YES_NO, "value": SCORE, "unit": UNIT,
+    "filter_rate": NUMBER, "level": NUMBER, "value": SCORE, "unit": UNIT,
 }  # fmt: skip
 
 Row = dict[str, Any]
@@ -61,7 +61,8 @@ def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
     for factor in study.factors:
         yield keys.LeastNorm("pd_pi_least_norm", 1.0, factor, solver), "factor", factor
     for bound in study.pole_bounds:
-        yield keys.Bounded("pd_pi_bounded", 1.0, bound, solver), "bound", bound
+        stated = keys.Bounded("pd_pi_bounded", 1.0, bound, study.radius, solver)
+        yield stated, "bound", bound
 
 
 def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float) -> Iterator[Row]:
@@ -82,8 +83,6 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
         "filter_rate": body.filter_rate,
         "choice": choice,
         "level": level,
-        # Theorem 1 leaves directions in which gains grow without changing gamma.
-        "unique": "no" if body.kind == "pd_pi_bounded" else "yes",
     }
     numbers = list(scores(job.metrics, clean, estimate))
     numbers += _deviations(job, system, found.gains)

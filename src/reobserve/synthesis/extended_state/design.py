@@ -1,29 +1,22 @@
-"""Designs: gains with their certificate, found by a solver of matrix inequalities and stored."""
+"""Designs: gains with their certificate and, of an optimum, how far it is from the best; stored."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Any
 
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
-from reobserve.synthesis.extended_state.inequality import Variables, mapped
+from reobserve.synthesis.extended_state.inequality import Variables
+from reobserve.synthesis.extended_state.polishing import polished
+from reobserve.synthesis.extended_state.start import strictly_feasible
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.typed_data import typed
-
-SOLVERS: dict[str, dict[str, Any]] = {
-    "CLARABEL": {},
-    "SCS": {"eps": 1e-9, "max_iters": 200_000},
-}
-
-# Eigenvalues of the inequalities stay so far below zero: a solver meets them to about 1e-8 times
-# the size of its matrices, which is a few units here.
-_STRICT = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +24,10 @@ class Design:
     """Gains that a certificate holds for, and how they were found.
 
     ``gamma`` is the proved bound of the norm from dD to e, or none if none was asked for;
-    ``objective`` is what ``solver`` minimised, it ended with ``status``.
+    ``objective`` is what was minimised, from matrices that ``solver`` ended at with ``status``. No
+    matrices that meet the inequalities have an objective below ``lower``, which is proved; where
+    there is a ``radius``, no matrices whose Frobenius norm is within it. Both are none if nothing
+    was minimised or bounded.
     """
 
     method: str
@@ -41,6 +37,8 @@ class Design:
     status: str
     objective: float
     certificate: Certificate
+    lower: float | None = None
+    radius: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -52,6 +50,8 @@ class Design:
             "solver": self.solver,
             "status": self.status,
             "objective": self.objective,
+            "lower": self.lower,
+            "radius": self.radius,
             "certificate": self.certificate.to_dict(),
         }
 
@@ -92,60 +92,41 @@ def accepted(
     return Design(method, gains, gamma, solver, status, objective, certificate)
 
 
-def solved(
+def optimised(
     method: str,
     system: AugmentedSystem,
-    variables: Variables,
-    gamma: Any,
-    objective: Any,
-    constraints: list[Any],
+    problem: Problem,
+    kind: type[Variables],
+    gamma: float | None,
     solver: str,
     decay: float = 0.0,
     bound: float = inf,
-    strict: float = _STRICT,
 ) -> Design:
-    """Minimise ``objective`` over cvxpy's ``variables``, and accept what comes out.
+    """The design at the minimiser of ``problem``, if its certificate holds.
 
-    The inequalities of ``variables``, with eigenvalues below -``strict``, are added to
-    ``constraints``; ``gamma`` is a number, none or a variable, too.
+    A solver finds where to begin, Newton's method the minimiser, and polishing all its digits.
+
+    Parameters
+    ----------
+    kind
+        Of the matrices; one that the problem does not have is zero.
+    gamma
+        The promised bound of the norm, none if there is none or if the problem finds it.
 
     Raises
     ------
     InputError
-        If the solver is unknown, fails or ends with another status than "optimal", or if the
-        certificate of its solution does not hold.
+        If the solver is unknown, fails or ends with another status than "optimal", the radius
+        leaves no room, no minimiser is found from there, or the certificate does not hold.
     """
-    import cvxpy
-    from cvxpy.atoms.affine.bmat import bmat
-
-    if solver not in SOLVERS:
-        raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
-    blocks: Any = bmat
-    sides = [blocks(rows) for rows in variables.inequalities(system, gamma, decay, bound)]
-    negative = [side << -strict * np.eye(side.shape[0]) for side in sides]
-    problem: Any = cvxpy.Problem(cvxpy.Minimize(objective), [*constraints, *negative])
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
-            problem.solve(solver=solver, **SOLVERS[solver])
-    except cvxpy.SolverError as error:
-        raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
-    if problem.status != "optimal":
-        raise InputError("solver", f"{solver} ended with status {problem.status!r}, not 'optimal'")
-    value = gamma if gamma is None or isinstance(gamma, float) else float(gamma.value)
-    return accepted(
-        method,
-        system,
-        mapped(variables, _value),
-        value,
-        solver,
-        problem.status,
-        float(problem.value),
-        decay,
-        bound,
-    )
-
-
-def _value(matrix: Any) -> Any:
-    """What the solver found for a variable; a matrix that is none stays."""
-    return matrix if isinstance(matrix, np.ndarray) else matrix.value
+    start, status = strictly_feasible(problem, solver)
+    minimum = polished(problem, minimiser(problem, start))
+    x = np.array([float(entry) for entry in minimum.x])
+    objective = float(problem.weights @ x**2)
+    if problem.radius is not None:
+        objective = gamma = float(x[-1])
+    found = problem.matrices(x)
+    nothing = np.zeros((system.outputs, system.size))
+    variables = kind(*(found.get(field.name, nothing) for field in fields(kind)))
+    design = accepted(method, system, variables, gamma, solver, status, objective, decay, bound)
+    return replace(design, lower=minimum.lower, radius=problem.radius)

@@ -51,6 +51,8 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Rows = list[list[Any]]
 
+_BITS = 256  # of the gains, before they are rounded
+
 
 @dataclass(frozen=True, eq=False)
 class PdPiVariables:
@@ -68,8 +70,9 @@ class PdPiVariables:
 
     def gains(self) -> Gains:
         """(Y P^-1)^T, of floats."""
-        Ld = np.linalg.solve(self.P3.T, self.Y2.T)
-        return Gains(np.linalg.solve(self.P1, self.Y1.T - self.P2.T @ Ld), Ld)
+        P = np.block([[self.P1, np.zeros(self.P1.shape)], [self.P2, self.P3]])
+        both = _solved(P.T, np.hstack([self.Y1, self.Y2]).T)
+        return Gains(*np.split(both, 2))
 
     def with_gains(self, gains: Gains) -> PdPiVariables:
         """The same P with Y = Lea P."""
@@ -121,7 +124,7 @@ class PiVariables:
 
     def gains(self) -> Gains:
         """P1^-1 Y^T and zero, of floats."""
-        L = np.linalg.solve(self.P1, self.Y.T)
+        L = _solved(self.P1, self.Y.T)
         return Gains(L, np.zeros(L.shape))
 
     def with_gains(self, gains: Gains) -> PiVariables:
@@ -149,6 +152,24 @@ class PiVariables:
 
 
 Variables = TypeVar("Variables", bound=PdPiVariables | PiVariables)
+
+
+def _solved(matrix: Matrix, right: Matrix) -> Matrix:
+    """matrix^-1 right in balls, rounded once: the same on every processor.
+
+    Raises
+    ------
+    LinAlgError
+        If the matrix is not proved to have an inverse.
+    """
+    from flint import arb_mat, ctx
+
+    with ctx.workprec(_BITS):
+        found = arb_mat(matrix.tolist()).solve(arb_mat(right.tolist()), nonstop=True)
+        values = [float(entry.mid()) for entry in found.entries()]
+    if not all(entry.is_finite() for entry in found.entries()):
+        raise np.linalg.LinAlgError("Singular matrix")
+    return np.array(values).reshape(right.shape)
 
 
 def in_balls(values: Matrix) -> Any:

@@ -2,20 +2,22 @@
 
 The paper takes them from the feasibility of a linear matrix inequality: any solution will do, and
 it is up to the solver. Here it is the Lyapunov inequality with a decay rate, which is homogeneous:
-P1 >= I fixes the scale, and of all solutions the one of least Frobenius norm is taken, which is
-unique.
+P1 >= I fixes the scale, and of all solutions the one of least Frobenius norm is taken, but for a
+gap that makes it a point of the central path: unique, and well conditioned.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from reobserve.errors import InputError
 from reobserve.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
-from reobserve.synthesis.extended_state.design import Design, solved
+from reobserve.synthesis.extended_state.central_path import Problem
+from reobserve.synthesis.extended_state.design import Design, optimised
+from reobserve.synthesis.extended_state.factored import above, pi_sides
 from reobserve.synthesis.extended_state.inequality import PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+_GAP = 1e-5  # of the sum of squares to its optimum, relative
 
 
 def design(
@@ -37,23 +39,11 @@ def design_feasible(system: AugmentedSystem, decay: float, solver: str = "CLARAB
         If ``decay`` is below zero, the solver does not end with "optimal", or the certificate does
         not hold.
     """
-    import cvxpy
-    from cvxpy.atoms.sum_squares import sum_squares
-
     decay = as_scalar("decay", decay)
     if decay < 0:
         raise InputError("decay", f"{decay:g} must be at least zero")
     size = system.size
-    variables = PiVariables(
-        cvxpy.Variable((size, size), symmetric=True), cvxpy.Variable((system.outputs, size))
-    )
-    return solved(
-        "PI, feasible",
-        system,
-        variables,
-        None,
-        sum_squares(variables.P1) + sum_squares(variables.Y),
-        [variables.P1 >> np.eye(size)],
-        solver,
-        decay,
-    )
+    shapes = {"P1": (size, size), "Y": (system.outputs, size)}
+    sides = (*pi_sides(system, decay), above("P1", size, 1.0))
+    problem = Problem(shapes, frozenset({"P1"}), sides, _GAP)
+    return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)

@@ -1,0 +1,292 @@
+"""Smooth problems with matrix inequalities: points of the central path, by Newton's method.
+
+Unknown are matrices X, and gamma if a side has a slope in it. Of all of them with
+
+    S = constant + gamma slope + sum of (L X R + R^T X^T L^T) > 0
+
+for each side, those with the least sum of squares of all entries are asked for, or those with the
+least gamma that have a sum of squares below a radius squared. But the latter need not exist, and of
+the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So it is
+
+    (rows / gap) log(squares) - sum of log det S      or
+    ((rows + 1) / gap) gamma - log(radius^2 - squares) - sum of log det S
+
+that is minimised, with the number of rows of all S. The minimiser is a point of the central path:
+unique, as the second is strictly convex and the first is stationary at one point only (along the
+path the squares over the weight of the barrier fall), and it moves smoothly with the data. A
+multiple of all S^-1 is feasible for the dual, so that gamma exceeds the optimum by no more than the
+gap, and the squares by no more than that part of themselves.
+
+Here the unknowns are one vector, of floats: X1, X2, ... by rows, of a symmetric one the lower
+triangle, then gamma. Its last digits hang on the processor; `polishing` removes that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, log
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.matrices import Matrix
+
+Vector = NDArray[np.float64]
+
+_LARGEST = (1.0, 1e3, 1e8)  # mu, by which the barrier is multiplied, to begin with
+_FACTOR = 0.2  # from one mu to the next
+_STEPS = 100  # of Newton's method for one mu; some ten are usual
+_SHORTEST = 1e-10  # part of a step: less is rounding
+_CLOSE = 0.1  # decrement from which on whole steps converge quadratically
+_FINEST = 1e-12  # decrement that `polishing` may start from
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """L X R of the matrix called ``name``."""
+
+    name: str
+    left: Matrix
+    right: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A symmetric matrix S that must be positive definite; without a slope gamma is not in it."""
+
+    constant: Matrix
+    terms: tuple[Term, ...]
+    slope: Matrix | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What the module tells, with matrices of the ``shapes``; those in ``symmetric`` are so.
+
+    ``gap`` is a part of the squares, or of gamma itself; ``radius`` is none if the squares are
+    minimised, and then gamma is not unknown.
+    """
+
+    shapes: dict[str, tuple[int, int]]
+    symmetric: frozenset[str]
+    sides: tuple[Side, ...]
+    gap: float
+    radius: float | None = None
+
+    @cached_property
+    def slant(self) -> float:
+        """What gamma, or the logarithm of the squares, is multiplied by."""
+        rows = sum(len(side.constant) for side in self.sides)
+        return (rows + (self.radius is not None)) / self.gap
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Where each matrix is in the vector."""
+        found, first = {}, 0
+        for name, (rows, columns) in self.shapes.items():
+            size = rows * (rows + 1) // 2 if name in self.symmetric else rows * columns
+            found[name] = slice(first, first + size)
+            first += size
+        return found
+
+    @cached_property
+    def weights(self) -> Vector:
+        """How often each entry of the vector counts among the squares."""
+        ones = [self.fold(name, np.ones(shape)) for name, shape in self.shapes.items()]
+        return np.concatenate([*ones, np.zeros(0 if self.radius is None else 1)])
+
+    def vector(self, matrices: dict[str, Matrix], gamma: float | None = None) -> Vector:
+        """The matrices as one vector, with gamma if it is unknown."""
+        parts = [
+            matrices[name][np.tril_indices(shape[0])]
+            if name in self.symmetric
+            else matrices[name].ravel()
+            for name, shape in self.shapes.items()
+        ]
+        return np.concatenate([*parts, [] if self.radius is None else [gamma]])
+
+    def matrices(self, x: Any) -> dict[str, Any]:
+        """The vector, of floats or balls, as matrices."""
+        found = {}
+        for name, shape in self.shapes.items():
+            part, matrix = x[self.places[name]], np.empty(shape, x.dtype)
+            if name in self.symmetric:
+                rows, columns = np.tril_indices(shape[0])
+                matrix[rows, columns] = matrix[columns, rows] = part
+            else:
+                matrix[:] = part.reshape(shape)
+            found[name] = matrix
+        return found
+
+    def fold(self, name: str, full: Any) -> Any:
+        """A derivative by each entry of a matrix as one by those entries that are in the vector."""
+        if name not in self.symmetric:
+            return full.reshape(-1, *full.shape[2:])
+        rows, columns = np.tril_indices(len(full))
+        found = full[rows, columns]
+        off = rows != columns
+        found[off] += full[columns[off], rows[off]]
+        return found
+
+
+def minimiser(problem: Problem, start: Vector) -> Vector:
+    """The minimiser up to rounding, by Newton's method.
+
+    Parameters
+    ----------
+    problem, start
+        All sides must be positive definite at the start, and the squares below the radius.
+
+    Raises
+    ------
+    InputError
+        If the start is not inside, or no minimiser is found.
+    """
+    if not np.isfinite(_value(problem, start, 1.0)):
+        raise InputError("solver", "found matrices that do not meet the inequalities strictly")
+    # The straight way is the shortest, one along the central path leads there from farther away.
+    for largest in _LARGEST:
+        mu, found = largest, _centred(problem, start, largest)
+        while found is not None and mu > 1.0:
+            mu = max(_FACTOR * mu, 1.0)
+            found = _centred(problem, found, mu)
+        if found is not None:
+            return found
+    raise InputError("solver", "found matrices from which Newton's method does not converge")
+
+
+def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
+    """The map from a gradient to Newton's step, with the Hessian at ``x`` factored once.
+
+    Raises
+    ------
+    LinAlgError
+        If the Hessian is not positive definite to rounding.
+    """
+    from scipy.linalg import cho_factor, cho_solve
+
+    hessian = _hessian(problem, x, mu)
+    scale = 1.0 / np.sqrt(np.diag(hessian))
+    factor = cho_factor(hessian * scale * scale[:, None], overwrite_a=True)
+    return lambda gradient: -scale * cho_solve(factor, scale * gradient)
+
+
+def _centred(problem: Problem, x: Vector, mu: float) -> Vector | None:
+    """Where the decrement is small or, for the last mu, falls no more; none if it never does."""
+    finest = _FINEST if mu == 1.0 else _CLOSE
+    before = inf
+    for _ in range(_STEPS):
+        gradient = _gradient(problem, x, mu)
+        try:
+            step = newton_step(problem, x, mu)(gradient)
+        except np.linalg.LinAlgError:
+            break
+        decrement = -float(gradient @ step) / mu
+        if decrement < finest or (before < _CLOSE and decrement > before / 2.0):
+            return x
+        size = 1.0
+        if decrement > _CLOSE:
+            value = _value(problem, x, mu)
+            while _value(problem, x + size * step, mu) > value - 0.1 * size * decrement * mu:
+                size /= 2.0
+                if size < _SHORTEST:
+                    return None
+        x, before = x + size * step, decrement
+    return x if before < _CLOSE else None
+
+
+def _value(problem: Problem, x: Vector, mu: float) -> float:
+    squares = float(problem.weights @ x**2)
+    if problem.radius is None:
+        value = problem.slant * log(squares)
+    elif (room := problem.radius**2 - squares) > 0:
+        value = problem.slant * float(x[-1]) - mu * log(room)
+    else:
+        return inf
+    for left in _sides(problem, x):
+        try:
+            factor = np.linalg.cholesky(left)
+        except np.linalg.LinAlgError:
+            return inf
+        value -= 2.0 * mu * float(np.log(np.diag(factor)).sum())
+    return value
+
+
+def _sides(problem: Problem, x: Vector) -> list[Matrix]:
+    matrices = problem.matrices(x)
+    found = []
+    for side in problem.sides:
+        half = sum(term.left @ matrices[term.name] @ term.right for term in side.terms)
+        left = side.constant + half + half.T
+        found.append(left if side.slope is None else left + x[-1] * side.slope)
+    return found
+
+
+def _pull(problem: Problem, x: Vector, mu: float) -> tuple[float, float]:
+    """First and second derivative by the sum of squares.
+
+    The second one of the logarithm is left out, which would make the Hessian indefinite afar: it is
+    but the part ``gap`` of what the sides give, and Newton's steps err by no more.
+    """
+    squares = float(problem.weights @ x**2)
+    if problem.radius is None:
+        return problem.slant / squares, 0.0
+    room = problem.radius**2 - squares
+    return mu / room, mu / room**2
+
+
+def _gradient(problem: Problem, x: Vector, mu: float) -> Vector:
+    gradient = 2.0 * _pull(problem, x, mu)[0] * problem.weights * x
+    if problem.radius is not None:
+        gradient[-1] = problem.slant
+    for side, left in zip(problem.sides, _sides(problem, x), strict=True):
+        inverse = np.linalg.inv(left)
+        for term in side.terms:
+            full = 2.0 * term.left.T @ inverse @ term.right.T
+            gradient[problem.places[term.name]] -= mu * problem.fold(term.name, full)
+        if side.slope is not None:
+            gradient[-1] -= mu * float(np.sum(inverse * side.slope))
+    return gradient
+
+
+def _hessian(problem: Problem, x: Vector, mu: float) -> Matrix:
+    pull, curvature = _pull(problem, x, mu)
+    outer = 2.0 * problem.weights * x
+    hessian = np.diag(2.0 * pull * problem.weights)
+    if curvature:
+        hessian += curvature * np.outer(outer, outer)
+    for side, left in zip(problem.sides, _sides(problem, x), strict=True):
+        inverse = np.linalg.inv(left)
+        inverse = (inverse + inverse.T) / 2.0
+        for first_of_two, one in enumerate(side.terms):
+            rows = problem.places[one.name]
+            for other in side.terms[first_of_two:]:
+                columns = problem.places[other.name]
+                mixed = mu * _mixed(problem, inverse, one, other)
+                hessian[rows, columns] += mixed
+                if other is not one:
+                    hessian[columns, rows] += mixed.T
+        if side.slope is not None:
+            turned = inverse @ side.slope @ inverse
+            for term in side.terms:
+                full = 2.0 * mu * term.left.T @ turned @ term.right.T
+                hessian[problem.places[term.name], -1] += problem.fold(term.name, full)
+            hessian[-1, -1] += mu * float(np.sum(turned * side.slope))
+    if problem.radius is not None:
+        hessian[-1, :-1] = hessian[:-1, -1]
+    return hessian
+
+
+def _mixed(problem: Problem, inverse: Matrix, one: Term, other: Term) -> Matrix:
+    """Of -log det S, by the entries of two matrices: tr(S^-1 dS S^-1 dS')."""
+    left, right = one.left.T @ inverse, one.right @ inverse
+    alike = np.multiply.outer(left @ other.left, right @ other.right.T)  # i k j l
+    crossed = np.multiply.outer(left @ other.right.T, right @ other.left)  # i l j k
+    full = 2.0 * (alike.transpose(0, 2, 1, 3) + crossed.transpose(0, 2, 3, 1))
+    rows = problem.fold(one.name, full)
+    columns = problem.fold(other.name, np.moveaxis(rows, 0, -1))
+    return np.asarray(columns.T)

@@ -1,0 +1,77 @@
+"""The inequalities of `inequality` with each unknown matrix between its two factors.
+
+Let the columns of J1, J2, J3, J4 be the unit vectors of its four blocks. Then (19) asks for S > 0,
+
+    S = gamma (J3 J3^T + J4 J4^T) - J2 J3^T - J3 J2^T + H + H^T,
+    H = -J1 P1 (A~ J2^T + Bo J4^T + alpha J1^T) + (J2 - J1) (P2 J1^T + P3 J2^T)
+        + J2 C~^T (Y1 J1^T + Y2 J2^T).
+
+The other inequalities follow suit. Certificates do not use this form.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+
+import numpy as np
+
+from reobserve.synthesis.extended_state.central_path import Side, Term
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+
+def pd_pi_sides(
+    system: AugmentedSystem,
+    gamma: float | None,
+    decay: float = 0.0,
+    bound: float = inf,
+    derivative: bool = True,
+) -> list[Side]:
+    """(19), and the bound of the poles if there is one; gamma is unknown if it is none.
+
+    ``decay`` and ``bound`` [1/s] are alpha and beta. Without ``derivative`` there is no Y2.
+    """
+    size, inputs = system.Bo.shape
+    A, C = system.A_tilde, system.C_tilde
+    rows = np.eye(3 * size + inputs)
+    J1, J2, J3, J4 = np.split(rows, [size, 2 * size, 3 * size], axis=1)
+    slope = J3 @ J3.T + J4 @ J4.T
+    constant = -J2 @ J3.T - J3 @ J2.T
+    terms = [
+        Term("P1", -J1, A @ J2.T + system.Bo @ J4.T + decay * J1.T),
+        Term("P2", J2 - J1, J1.T),
+        Term("P3", J2 - J1, J2.T),
+        Term("Y1", J2 @ C.T, J1.T),
+        *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
+    ]
+    if gamma is None:
+        found = [Side(constant, tuple(terms), slope)]
+    else:
+        found = [Side(constant + gamma * slope, tuple(terms))]
+    if isfinite(bound):
+        J1, J2 = np.split(np.eye(2 * size), [size], axis=1)
+        terms = [
+            Term("P1", J1, A @ J2.T + bound * J1.T),
+            Term("P2", J1 - J2, J1.T),
+            Term("P3", J2 - J1, J2.T),
+            Term("Y1", -J2 @ C.T, J1.T),
+            *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
+        ]
+        found.append(Side(np.zeros((2 * size, 2 * size)), tuple(terms)))
+    return found
+
+
+def pi_sides(system: AugmentedSystem, decay: float) -> list[Side]:
+    """-P1 Ao - Ao^T P1 - 2 alpha P1, with Y = L^T P1 for L."""
+    one = np.eye(system.size)
+    terms = (
+        Term("P1", -one, system.A_tilde),
+        Term("P1", -decay * one, one),
+        Term("Y", system.C_tilde.T, one),
+    )
+    return [Side(np.zeros(one.shape), terms)]
+
+
+def above(name: str, size: int, least: float) -> Side:
+    """X + X^T >= 2 ``least`` I of the square matrix ``name``."""
+    one = np.eye(size)
+    return Side(-2.0 * least * one, (Term(name, one, one),))

@@ -1,0 +1,73 @@
+"""Matrices that meet the inequalities strictly, from a solver: where Newton's method begins."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
+
+SOLVERS: dict[str, dict[str, Any]] = {
+    "CLARABEL": {},
+    "SCS": {"eps": 1e-6, "max_iters": 200_000},
+}
+
+# Eigenvalues of all sides stay above this, well above what SCS misses inequalities by: 1e-6 times
+# the size of its matrices, which is a few units for the smallest ones.
+_STRICT = 1e-4
+
+
+def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
+    """The smallest matrices, and gamma if it is unknown, as to the sum of all squares.
+
+    With them comes the status of the solver.
+
+    Raises
+    ------
+    InputError
+        If the solver is unknown, fails or ends with another status than "optimal", or the smallest
+        matrices are outside the radius.
+    """
+    import cvxpy
+    from cvxpy.atoms.sum_squares import sum_squares
+
+    if solver not in SOLVERS:
+        raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
+    unknowns = {
+        name: cvxpy.Variable(shape, symmetric=name in problem.symmetric)
+        for name, shape in problem.shapes.items()
+    }
+    gamma: Any = cvxpy.Variable()
+    squared = [*unknowns.values(), *([] if problem.radius is None else [gamma])]
+    sides = [_expression(side, unknowns, gamma) for side in problem.sides]
+    constraints = [side >> _STRICT * np.eye(side.shape[0]) for side in sides]
+    stated: Any = cvxpy.Problem(
+        cvxpy.Minimize(sum(sum_squares(each) for each in squared)), constraints
+    )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
+            stated.solve(solver=solver, **SOLVERS[solver])
+    except cvxpy.SolverError as error:
+        raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
+    if stated.status != "optimal":
+        raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
+    found = {name: np.array(each.value) for name, each in unknowns.items()}
+    start = problem.vector(found, None if problem.radius is None else gamma.value.item())
+    size = float(np.sqrt(problem.weights @ start**2))
+    if problem.radius is not None and size >= problem.radius:
+        raise InputError("radius", f"{problem.radius:g} must be above {size:.6g}: no matrices fit")
+    return start, stated.status
+
+
+def _expression(side: Side, unknowns: dict[str, Any], gamma: Any) -> Any:
+    from scipy.sparse import csr_array
+
+    half = sum(
+        csr_array(term.left) @ unknowns[term.name] @ csr_array(term.right) for term in side.terms
+    )
+    found = side.constant + half + half.T
+    return found if side.slope is None else found + side.slope * gamma
