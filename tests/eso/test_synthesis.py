@@ -191,11 +191,15 @@ def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:
 
 
 def test_the_least_gamma_comes_close_to_the_floor_with_large_gains() -> None:
-    found = pd_pi.design_least_gamma(dc_motor())
-    assert found.gamma is not None
-    assert FLOOR < found.certificate.norm_upper < found.gamma < FLOOR + 5e-4
-    assert found.objective == found.gamma
-    assert np.abs(found.gains.L).max() > 1e4
+    """And the closer, the larger the matrices may be: it has no least value that they reach."""
+    found = [pd_pi.design_least_gamma(dc_motor(), radius=radius) for radius in (300, 1000, 3000)]
+    gammas = [design.gamma for design in found]
+    assert np.all(np.diff(gammas) < -5e-4)
+    assert FLOOR < found[-1].certificate.norm_upper < found[-1].gamma < FLOOR + 5e-4
+    assert found[-1].objective == found[-1].gamma
+    largest = [np.abs(design.gains.L).max() for design in found]
+    assert np.all(np.diff(largest) > 1e3)
+    assert largest[-1] > 1e4
 
 
 @pytest.mark.parametrize(

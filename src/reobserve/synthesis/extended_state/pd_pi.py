@@ -9,9 +9,10 @@ the recovered gains often belong to an unstable observer.
 
 So both designs proposed here keep P1 and the symmetric part of P3 away from singular. One fixes
 gamma above the floor and takes the matrices of least Frobenius norm; the other takes the least
-gamma of matrices inside a radius. Both are points of the central path, close to the optimum by a
-stated gap: unique, well conditioned, and the same to the last digit or nearly so whatever solver
-and processor found where to begin. How close is proved, by the dual.
+gamma of matrices inside a radius. Both are points of the central path, off the optimum by a stated
+gap, which the dual proves. So they are unique and well conditioned: a change of the paper's data
+moves gains, relatively, by some hundred times as much at most, and they are the same to ten digits
+and more whatever solver and processor found where to begin.
 
 The floor is from constant disturbances only. Where others are harder on the observer a factor of
 1.05 is infeasible, as the solver then tells, and a larger one will do.
@@ -44,7 +45,8 @@ def design(
 ) -> Design:
     """The smallest P1, P2, P3, Y1, Y2, as to the sum of all squares, that solve (19).
 
-    Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I.
+    Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and to 1e-5 of the sum: none is below the
+    design's ``lower``.
 
     Parameters
     ----------
