@@ -66,16 +66,16 @@ PARTS = [(paper, part) for paper in PAPERS for part in part_names(LEDGERS[paper]
 EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 
 
-def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> list[str]:
+def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> Iterator[str]:
     """What is off of a figure, a table or the theory."""
     paper = evaluator.ledger.paper
     found = compare(kept_part(evaluator, part), paper, part, kept or folder(ROOT, paper))
-    return list(map(str, found))
+    return map(str, found)
 
 
 @pytest.mark.parametrize(("paper", "part"), PARTS)
 def test_the_numbers_are_golden(paper: str, part: str) -> None:
-    assert deviations(EVALUATORS[paper], part) == []
+    assert list(deviations(EVALUATORS[paper], part)) == []
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -255,27 +255,12 @@ def test_renewing_is_guarded(checkout: Project) -> None:
     assert (checkout.folder / "tests/golden/ilo/fig1.metrics.csv").read_bytes() == before
 
 
-def test_renewing_prints_old_and_new_and_keeps_the_reason(checkout: Project) -> None:
-    config = checkout.folder / "config/papers/ilo.yaml"
-    config.write_text(
-        config.read_text().replace("size: 0.5}\n      unit", "size: 0.6}\n      unit")
-    )
-    git(checkout, "commit", "--quiet", "--all", "--message", "another stuck value")
-    checked = checkout.run("reobserve", "golden", "check", check=False)
-    assert checked.returncode == 1
-    assert "golden numbers moved" in checked.stderr
-    said = update(checkout, "ilo", "--reason", "the stuck value is another")
-    assert said.returncode == 0, said.stderr
-    assert "ilo fig1, plant.fault_1 at 5 s: golden 0.5, found 0.6" in said.stdout
-    assert "ilo fig2" not in said.stdout
-    log = (checkout.folder / "tests/golden/REASONS.md").read_text()
-    assert "the stuck value is another" in log.splitlines()[-1]
-    checkout.run("reobserve", "golden", "check")
-    git(checkout, "commit", "--quiet", "--all", "--message", "its numbers")
-    # On another processor, where nothing has changed, no byte does.
+def test_renewing_where_nothing_has_changed_changes_no_byte(checkout: Project) -> None:
+    """On another processor, whose last places are other than those that are kept."""
     kept = {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()}
     said = update(checkout, "ilo", "--reason", "nothing has changed", kernel="Haswell")
-    assert said.stdout.splitlines()[-1] == "nothing moved beyond its tolerance", said.stderr
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.splitlines()[-1] == "nothing moved beyond its tolerance"
     assert {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()} == kept
 
 
@@ -287,7 +272,7 @@ def test_renewing_prints_old_and_new_and_keeps_the_reason(checkout: Project) -> 
             lambda text: text.replace("sampled,rms", "smpled,rms"),
             "does not fit",
         ),
-        ("fig1.metrics.csv", lambda text: text[: len(text) // 2], "line"),
+        ("fig1.metrics.csv", lambda text: text[: text.rindex(",")], "line"),
         ("fig1.series.csv", lambda text: text.replace("0.5", "half", 1), "must be"),
         ("fig1.tolerances.csv", lambda text: "", "has the columns"),
     ],
@@ -297,8 +282,8 @@ def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, 
     path = tmp_path / name
     path.write_text(damage(path.read_text()))
     with pytest.raises(InputError, match=said) as caught:
-        deviations(EVALUATORS["ilo"], "fig1", tmp_path)
+        list(deviations(EVALUATORS["ilo"], "fig1", tmp_path))
     assert str(path) in str(caught.value)
     os.remove(path)
     with pytest.raises(InputError, match="cannot be read"):
-        deviations(EVALUATORS["ilo"], "fig1", tmp_path)
+        list(deviations(EVALUATORS["ilo"], "fig1", tmp_path))

@@ -273,7 +273,7 @@ def _add_golden(commands: Any) -> None:
     )  # fmt: skip
     update.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (elsewhere, update):
-        command.add_argument("--cores", type=int, default=2, help="processes (default: 2)")
+        command.add_argument("--cores", type=_cores, default=2, help="processes (default: 2)")
         _project(command)
 
 
@@ -344,6 +344,12 @@ def _figure_inputs(command: argparse.ArgumentParser) -> None:
         help="by `reobserve observe`, in the order of the figure's observers",
     )  # fmt: skip
     command.add_argument("--study-file", type=Path, help="by `reobserve study`, if it has one")
+
+
+def _cores(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text[:20]!r} is no number of 1 or more")
+    return int(text)
 
 
 def _tree(text: str) -> dict[str, Any]:

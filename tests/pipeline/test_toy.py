@@ -365,7 +365,7 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
 
 
 def test_golden_numbers_hold_the_table(toy: Project) -> None:
-    """Kept, found again, and noticed when the design moves one gain by a billionth and more."""
+    """Kept, found again, noticed when they move, and renewed with old, new and the reason."""
     update = ("env", "CI=", "reobserve", "golden", "update", "toy")
     said = toy.run(*update, "--reason", "a paper is added").stdout
     assert "toy fig1: written anew" in said
@@ -374,8 +374,18 @@ def test_golden_numbers_hold_the_table(toy: Project) -> None:
     assert kept.read_text() == (toy.folder / "results/toy/table1.csv").read_text()
     said = toy.run("reobserve", "golden", "check").stdout
     assert re.fullmatch(r"toy: \d+ numbers compared, 0 off\n", said), said
-    kept.write_text(kept.read_text().replace("16.0", "16.1"))
+    before = kept.read_text()
+    kept.write_text(before.replace("16.0", "16.1"))
     done = toy.run("reobserve", "golden", "check", check=False)
+    moved = "toy table1, computed in row 2: golden 16.1, found 16, off by 0.1"
     assert done.returncode == 1
-    assert "toy table1, computed in row 2: golden 16.1, found 16, off by 0.1" in done.stdout
+    assert moved in done.stdout
     assert done.stderr == "reobserve: 1 golden numbers moved beyond their tolerances\n"
+    toy.run("git", "add", "--all")
+    git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
+    toy.run(*git, "commit", "--quiet", "--message", "a wrong cell")
+    said = toy.run(*update, "--reason", "the cell was wrong").stdout
+    assert [line for line in said.splitlines() if "golden" in line] == [f"{moved}, allowed 2e-11"]
+    assert kept.read_text() == before
+    log = (toy.folder / "tests/golden/REASONS.md").read_text()
+    assert log.splitlines()[-1].endswith(": the cell was wrong (1 moved)")

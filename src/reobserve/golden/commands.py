@@ -45,11 +45,7 @@ def check_command(project: Path) -> None:
 
 def elsewhere_command(project: Path, papers: Sequence[str], part: str, cores: int) -> None:
     """Compare all numbers with the golden ones under emulated processors; fail on deviations."""
-    chosen = list(papers) or _built(project)
-    known = known_papers(project)
-    for paper in chosen:
-        if paper not in known:
-            raise InputError("--papers", f"there is no {paper!r}{nearest(paper, known)}")
+    chosen = _known(project, papers) or _built(project)
     compare_elsewhere(project, chosen, part == "gate", cores)
 
 
@@ -58,7 +54,8 @@ def update_command(
 ) -> None:
     """Renew golden numbers: refuses without a reason, in CI and on a dirty tree."""
     check_may_renew(project, reason)
-    moved = renew(project, paper or known_papers(project), cores, anew=anew)
+    chosen = _known(project, paper) or known_papers(project)
+    moved = renew(project, chosen, cores, anew=anew)
     print("\n".join(moved) if moved else "nothing moved beyond its tolerance")
     keep_reason(project, reason, f"{len(moved)} moved")
 
@@ -91,6 +88,15 @@ def renew(project: Path, papers: Sequence[str], cores: int, *, anew: bool = Fals
     for renewal in renewals:
         renewal.write()
     return [line for renewal in renewals for line in renewal.moved]
+
+
+def _known(project: Path, papers: Sequence[str]) -> list[str]:
+    """The papers that are named; `InputError` if there is no such one."""
+    known = known_papers(project)
+    for paper in papers:
+        if paper not in known:
+            raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
+    return list(dict.fromkeys(papers))
 
 
 def _built(project: Path) -> list[str]:
