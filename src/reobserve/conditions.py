@@ -40,7 +40,7 @@ def within(low: float, high: float) -> Condition:
 
     def check(place: str, value: float) -> None:
         if not low <= value <= high:
-            raise InputError(place, f"{value:g} must be from {low:g} to {high:g}")
+            raise InputError(place, f"{value:g} must be from {low} to {high}")
 
     return check
 

@@ -81,8 +81,15 @@ def _word(inner: Any, tree: Any, place: str) -> Any:
 
 def _list(inner: Any, tree: Any, place: str) -> Any:
     if not isinstance(tree, list):
-        raise InputError(place, f"{shown(tree)} must be a list")
+        raise InputError(place, f"{shown(tree)} must be a list of {_several(inner[0])}")
     return [parse(inner[0], one, join(place, index)) for index, one in enumerate(tree)]
+
+
+def _several(kind: Any) -> str:
+    """What the items of a list are called."""
+    while get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    return {float: "numbers", int: "whole numbers", str: "words"}.get(kind, "terms")
 
 
 def _mapping(inner: Any, tree: Any, place: str) -> Any:

@@ -579,7 +579,7 @@ BAD = {
     "bounds the wrong way round": (
         disturbed(disturbance_low=[0.3, -0.1]), f"{D}.disturbance_low", "must not be above",
     ),
-    "one bound": (disturbed(disturbance_high=0.2), f"{D}.disturbance_high", "list of 2 numbers"),
+    "one bound": (disturbed(disturbance_high=0.2), f"{D}.disturbance_high", "list of numbers"),
     "negative power": (disturbed(noise_power=-1e-4), f"{D}.noise_power", "must not be negative"),
     "a design of unknown kind": (
         {"designs": {"pd_pi": {"kind": "pid"}}}, "designs.pd_pi.kind", "must be one of pi_feas",
@@ -589,7 +589,7 @@ BAD = {
         "greater than zero",
     ),
     "a window that falls": (
-        rules(actuator_varying=[15, 3]), f"{M}.actuator_varying", "must rise from 0 or more",
+        rules(actuator_varying=[15, 3]), f"{M}.actuator_varying", "must be 0 or more, rising",
     ),
     "a window after the end": (
         rules(sensor_constant=[21, 22]), f"{M}.sensor_constant", "within the horizon",
@@ -605,12 +605,12 @@ BAD = {
     ),
     "an observer without a design": (
         {"observers": {"own": {"algorithm": "extended_state", "label": "own"}}},
-        "observers.own.design", "is missing, must be one of pi_feasible, pd_pi, pi_optimal",
+        "observers.own.design", "is missing; the observer needs it",
     ),
-    "negative decay of a study": (studies(decays=[-1]), f"{S}.decays", "none below zero"),
+    "negative decay of a study": (studies(decays=[-1]), f"{S}.decays.0", "-1 must not be negative"),
     "a bound that is no list": (studies(pole_bounds=50), f"{S}.pole_bounds", "a list of numbers"),
     "no radius": (studies(radius=0), f"{S}.radius", "greater than zero"),
-    "words of a study": (studies(factors=["much"]), f"{S}.factors", "not a number or an array"),
+    "words of a study": (studies(factors=["much"]), f"{S}.factors.0", "'much' is not a number"),
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from reobserve.linear_model import LinearModel
 from reobserve.observers.imm import InteractingMultipleModel, Run
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.papers.imm import observe, plant
+from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.scoring import probabilities, quoted_distance, window
 from reobserve.papers.imm.setup import MODES
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
@@ -212,6 +213,7 @@ def observer(algorithm: str, realisation: str) -> Tree:
         "process_noise": [1e-6] * (5 if realisation == "motion" else 4),
         "measurement_noise": [OUTPUT_NOISE[name] for name in names],
         "stay": 0.97, "initial_covariance": 0.5, "mixing": True,
+        "quoted": [0.5, 0.5], "quoted_high": False,
     }  # fmt: skip
     if algorithm == "kalman":
         return body
@@ -293,8 +295,9 @@ def test_mixing_can_be_left_out() -> None:
 
 # --- Scores -------------------------------------------------------------------------------------
 
-RULES = {"before": [3.0, 5.0], "after": [7.0, 10.0], "overshoot": [5.5, 6.5], "alarm": 0.9,
-         "band": 0.1}  # fmt: skip
+RULES = keys.Metrics(
+    before=[3.0, 5.0], after=[7.0, 10.0], overshoot=[5.5, 6.5], alarm=0.9, band=0.1
+)
 TIME = np.arange(1001) * 0.01
 
 
@@ -437,7 +440,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         plants(friction_denominator=[1, 2, 3, -4]), "plant.friction_denominator", "be stable",
     ),
     "a word in a model": (
-        plants(leakage_numerator="x"), "plant.leakage_numerator", "'x' is not a number",
+        plants(leakage_numerator="x"), "plant.leakage_numerator", "'x' must be a list of numbers",
     ),
     "no horizon": (plants(horizon=0), "plant.horizon", "0 must be greater than zero"),
     "horizon between samples": (
@@ -463,10 +466,10 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         "must jump at a multiple of 0.001 s",
     ),
     "unknown fault": (
-        plain(fault="leak"), "scenarios.plain.fault", "'leak' must be friction or leakage",
+        plain(fault="leak"), "scenarios.plain.fault", "'leak' must be one of friction, leakage",
     ),
     "the normal mode for a fault": (
-        plain(fault="normal"), "scenarios.plain.fault", "must be friction or leakage",
+        plain(fault="normal"), "scenarios.plain.fault", "must be one of friction, leakage",
     ),
     "more than the whole leak": (
         plain(share=1.5), "scenarios.plain.share", "1.5 must be from 0 to 1",
@@ -501,8 +504,8 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "no measurement noise": (
         svsf(measurement_noise=0), "observers.svsf.measurement_noise", "must be positive definite",
     ),
-    "never stays": (svsf(stay=0), "observers.svsf.stay", "0 must be above 0 and not above 1"),
-    "more than stays": (svsf(stay=1.1), "observers.svsf.stay", "1.1 must be above 0"),
+    "never stays": (svsf(stay=0), "observers.svsf.stay", "0 must be greater than zero"),
+    "more than stays": (svsf(stay=1.1), "observers.svsf.stay", "1.1 must be from 0 to 1"),
     "negative covariance": (
         svsf(initial_covariance=-1), "observers.svsf.initial_covariance", "positive semidefinite",
     ),
@@ -541,10 +544,10 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         study("changes", method="change"), "studies.changes.method", "must be one of neighbourhood",
     ),
     "kept in a number": (
-        study("neighbourhood", kept=3), "studies.neighbourhood.kept", "must be the path of a file",
+        study("neighbourhood", kept=3), "studies.neighbourhood.kept", "3 must be a word",
     ),
-    "factors": (study("neighbourhood", factors=[0]), "studies.neighbourhood.factors", "[0] must"),
-    "one factor": (study("neighbourhood", factors=2), "studies.neighbourhood.factors", "in a list"),
+    "factors": (study("neighbourhood", factors=[0]), "studies.neighbourhood.factors", "0 must"),
+    "one factor": (study("neighbourhood", factors=2), "studies.neighbourhood.factors", "a list of"),
     "another input that is none": (
         study("changes", prbs=[{"kind": "prbs", "axis": 1}]), "studies.changes.prbs[0].amplitude",
         "is missing",
@@ -581,7 +584,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "noise of pairs": (
         study("closeness", noise_levels=[-1]), "studies.closeness.noise_levels", "than zero",
     ),
-    "no runs": (study("closeness", runs=0), "studies.closeness.runs", "a whole number, 1 or more"),
+    "no runs": (study("closeness", runs=0), "studies.closeness.runs", "0 must be from 1 to 100000"),
     "more than all diagnoses": (
         study("closeness", enough=1.5), "studies.closeness.enough", "1.5 must be between 0 and 1",
     ),
@@ -591,12 +594,12 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         for name in ("process_noise", "position_noise", "velocity_noise", "acceleration_noise",
                      "leave")
     },
-    "one bound": (search(leave=0.1), "searches.calibrated.leave", "must be a list of 2 numbers"),
+    "one bound": (search(leave=0.1), "searches.calibrated.leave", "must be a list of numbers"),
     "surely leaves": (search(leave=[0.1, 0.95]), "searches.calibrated.leave", "must stay below 1"),
-    "no population": (search(population=0), "searches.calibrated.population", "1 or more"),
-    "half a generation": (search(generations=1.5), "searches.calibrated.generations", "1 or more"),
-    "negative pairs": (search(neighbour_pairs=-1), "searches.calibrated.neighbour_pairs", "0 or"),
-    "a spread of all": (search(spread=1), "searches.calibrated.spread", "from 0 to below 1"),
+    "no population": (search(population=0), "searches.calibrated.population", "from 1 to"),
+    "half a generation": (search(generations=1.5), "searches.calibrated.generations", "a whole"),
+    "negative pairs": (search(neighbour_pairs=-1), "searches.calibrated.neighbour_pairs", "from 0"),
+    "a spread of all": (search(spread=1), "searches.calibrated.spread", "from 0 to 0.99"),
     "unknown scenario": (search(scenario="stpe"), "searches.calibrated", "did you mean 'step'"),
 }  # fmt: skip
 
@@ -606,7 +609,8 @@ def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
         check_ledger(ledger(changes))
-    assert caught.value.parameter == f"imm.{key}"
+    # One of a list is named with its place.
+    assert re.sub(r"\.\d+$", "", caught.value.parameter) == f"imm.{key}"
     assert said in caught.value.problem
     assert "\n" not in str(caught.value)
 

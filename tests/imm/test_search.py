@@ -185,7 +185,7 @@ def test_each_choice_is_judged_by_the_worst_of_itself_and_opposite_corners(
         ({"position_noise": [0.0, 1.0]}, "position_noise", r"\[0, 1\] must be above 0 and rise"),
         ({"velocity_noise": [1.0, 1.0]}, "velocity_noise", r"\[1, 1\] must be above 0 and rise"),
         ({"acceleration_noise": [1, 2, 3]}, "acceleration_noise", "must be a list of 2 numbers"),
-        ({"leave": "seldom"}, "leave", "'seldom' is not a number"),
+        ({"leave": "seldom"}, "leave", "'seldom' must be a list of numbers"),
     ],
 )
 def test_bad_bounds_are_refused_before_any_trial(

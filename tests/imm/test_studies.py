@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.ledger_types import read_job
+from reobserve.ledger_types import Job, read_job
 from reobserve.papers.imm import keys, study, study_changes, study_closeness, study_neighbourhood
 from reobserve.papers.imm.metrics import diagnoses, enough_gap, reach
 from reobserve.papers.imm.plot_closeness import wilson
@@ -35,20 +36,21 @@ def values(rows: Sequence[Row]) -> dict[tuple[str, str, float, str], float]:
 
 # --- How far each number may move ---------------------------------------------------------------
 
-RULES: Tree = {
-    "observers": {
-        "loud": {"quoted": [0.4, 0.6], "quoted_high": True},
-        "quiet": {"quoted": [0.2, 0.8], "quoted_high": False},
+RULES = Job(
+    plant=None,
+    observers={
+        "loud": SimpleNamespace(quoted=[0.4, 0.6], quoted_high=True),
+        "quiet": SimpleNamespace(quoted=[0.2, 0.8], quoted_high=False),
     },
-    "metrics": {"band": 0.1},
-}
+    metrics=SimpleNamespace(band=0.1),
+)
 
 
 def rows_of(sweep: str, level: float, **off: float) -> list[Row]:
     """What a trial tells: each mean as far ``off`` as is said, as text like in a table."""
     found = [("all", "distance", off.get("distance", 0.0))]
-    for name, body in RULES["observers"].items():
-        normal, leakage = body["quoted"]
+    for name, body in RULES.observers.items():
+        normal, leakage = body.quoted
         found += [
             (name, "normal_after", normal + off.get(f"{name}_normal", 0.0)),
             (name, "leakage_after", leakage - off.get(f"{name}_leakage", 0.0)),
@@ -120,7 +122,7 @@ def test_numbers_that_are_outside_as_stated_may_not_move() -> None:
 
 def test_within_is_what_reach_asks_for() -> None:
     means = {"loud": (0.45, 0.52, 0.95), "quiet": (0.2, 0.8, 0.3)}
-    observers = RULES["observers"]
+    observers = RULES.observers
     assert within(Trial(means, 0.0), observers, 0.081)
     assert not within(Trial(means, 0.0), observers, 0.079)
     assert not within(Trial({**means, "loud": (0.4, 0.6, 0.88)}, 0.0), observers, 0.1)

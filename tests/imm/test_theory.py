@@ -186,9 +186,13 @@ def test_the_same_numbers_whatever_the_seed_of_the_run() -> None:
 @pytest.mark.parametrize(
     ("rules", "key", "said"),
     [
-        ({"observers": ["kalman", "svfs"]}, "observers", "must be a list of some of kalman"),
-        ({"observers": []}, "observers", "must be a list"),
-        ({"gains": 0}, "gains", "0 must be a whole number, 1 or more"),
+        (
+            {"observers": ["kalman", "svfs"]},
+            "observers",
+            "there is no 'svfs'; did you mean 'svsf'?",
+        ),
+        ({"observers": []}, "observers", "has 0 items, must have 1"),
+        ({"gains": 0}, "gains", "0 must be from 1 to 100000"),
         ({"spread": 0}, "spread", "must be greater than zero"),
         ({"period": -1}, "period", "must be greater than zero"),
         ({"period": 3e-3}, "horizon", "must be a whole multiple of theory.period"),

@@ -230,9 +230,10 @@ BAD_CONFIG: dict[str, tuple[dict[str, Any], str, str]] = {
         "output:", "is not detectable",
     ),
     "degree too high": (
-        {"designs": {"linear": {"degree": 5000}}}, "lie.designs.linear.degree:", "GiB",
+        {"designs": {"linear": {"degree": 5000}}}, "lie.designs.linear.degree:",
+        "5000 must be from 1 to 61",
     ),
-    "degree zero": ({"designs": {"linear": {"degree": 0}}}, "lie.designs.linear.degree:", "1 or"),
+    "degree zero": ({"designs": {"linear": {"degree": 0}}}, "lie.designs.linear.degree:", "from 1"),
     "step of an observer": (
         {"observers": {"order4": {"step_size": 3e-3}}}, "lie.observers.order4.step_size:",
         "must be a whole multiple of plant.step",

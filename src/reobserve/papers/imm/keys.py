@@ -14,6 +14,7 @@ from reobserve.conditions import (
     Share,
     Terms,
     Window,
+    above,
     items,
     signal,
     vector,
@@ -81,7 +82,7 @@ class _Bank:
     state_frequency: Positive
     process_noise: Variances
     measurement_noise: Variances
-    stay: Annotated[float, within(1e-12, 1)]
+    stay: Annotated[float, above(0.0), within(0, 1)]
     initial_covariance: Variances
     mixing: bool
     quoted: Annotated[list[Probability], vector(2)]
@@ -136,7 +137,7 @@ class Neighbourhood:
     scenario: str
     observers: Names
     kept: str
-    factors: Levels
+    factors: Changed
     title: str = ""
 
 

@@ -1,0 +1,103 @@
+"""What a user's names and a failing step must not do: run, leave the project, or pass for done."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from .conftest import Project
+
+
+def with_config(project: Project, **paper: object) -> tuple[str, str]:
+    """The option that hands these overrides over, as a file."""
+    (project.folder / "mine.yaml").write_text(yaml.safe_dump(paper), encoding="utf-8")
+    return "--configfile", "mine.yaml"
+
+
+def files(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if ".snakemake" not in path.parts}
+
+
+@pytest.mark.parametrize("name", ["`touch ran`", "$(touch ran)", "a; touch ran", "../../escaped"])
+def test_a_name_from_a_file_neither_runs_nor_leaves(fresh: Project, name: str) -> None:
+    option = with_config(
+        fresh,
+        ilo={
+            "scenarios": {name: {"like": "constant"}},
+            "figures": {"fig9": {"like": "fig1", "scenario": name}},
+        },
+    )
+    around = files(fresh.folder), {path.name for path in fresh.folder.parent.iterdir()}
+    done = fresh.snakemake("results/ilo/fig9.metrics.csv", *option, check=False)
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve: ilo.scenarios")
+    assert "Traceback" not in done.stderr
+    assert (files(fresh.folder), {path.name for path in fresh.folder.parent.iterdir()}) == around
+
+
+def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
+    record = fresh.folder / "it's `touch ran` & $HOME.csv"
+    record.write_text("time,torque\n0,0.1\n10,0.2\n", encoding="utf-8")
+    term = {"kind": "samples", "axis": 1, "file": record.name, "column": "torque"}
+    option = with_config(fresh, ilo={"scenarios": {"mine": {"like": "constant", "fault": [term]}}})
+    fresh.snakemake("results/ilo/mine/plant.parquet", *option)
+    assert not (fresh.folder / "ran").exists()
+    stored = json.loads((fresh.folder / "results/ilo/ledger.json").read_text())
+    assert stored["ledger"]["scenarios"]["mine"]["fault"]["value"] == [term]
+
+
+def test_a_file_whose_name_is_a_pattern(fresh: Project) -> None:
+    term = {"kind": "samples", "axis": 1, "file": "{x}.csv", "column": "torque"}
+    (fresh.folder / "{x}.csv").write_text("time,torque\n0,0.1\n10,0.2\n", encoding="utf-8")
+    option = with_config(fresh, ilo={"scenarios": {"mine": {"like": "constant", "fault": [term]}}})
+    done = fresh.snakemake("results/ilo/mine/plant.parquet", *option, check=False)
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: ilo.scenarios.mine.fault: '{x}.csv' has braces in its name, which stand for "
+        "wildcards"
+    )
+
+
+def test_a_step_that_fails_before_a_pipe_fails_the_job(fresh: Project) -> None:
+    """A search tells its progress through `tee`, which never fails."""
+    option = with_config(
+        fresh, imm={"searches": {"calibrated": {"observers": ["kalman", "svsf_tuned"]}}}
+    )
+    done = fresh.snakemake("results/imm/calibrated.search.json", *option, check=False)
+    said = "reobserve: imm.observers.svsf_tuned: must have the noise of the others tuned"
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert said in (fresh.folder / "logs/imm/calibrated.search.log").read_text(encoding="utf-8")
+    assert "returned non-zero exit status" in done.stdout + done.stderr
+    assert "latency" not in done.stdout + done.stderr
+
+
+def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
+    """Without overrides, too."""
+    ledger = fresh.folder / "config/papers/eso.yaml"
+    text = ledger.read_text(encoding="utf-8")
+    ledger.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
+    done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
+    )
+    assert not (fresh.folder / "results/ilo").exists()
+
+
+def test_what_only_building_shows_is_remembered(fresh: Project) -> None:
+    """The first build checks all ledgers, later ones those that changed since."""
+    target = "results/ilo/constant/plant.parquet"
+    fresh.snakemake(target)
+    stamp = fresh.folder / ".snakemake/checked_ledgers.json"
+    before = stamp.stat().st_mtime_ns
+    fresh.snakemake("--forcerun", "plant", "--", target)
+    assert stamp.stat().st_mtime_ns == before
+    option = with_config(fresh, ilo={"observers": {"sampled": {"K2": 90_000}}})
+    done = fresh.snakemake(target, "--forcerun", "plant", *option, check=False)
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve: ilo.observers.sampled.K1, K2: must give stable")
+    assert stamp.stat().st_mtime_ns == before
