@@ -32,6 +32,7 @@ INNER = {
     "observers.rigid_body_observer.whole_steps",
     "synthesis.extended_state.design.accepted",
     "synthesis.extended_state.design.solved",
+    "synthesis.normal_form.gain.gain_at",
     "synthesis.normal_form.problem.check_stable",
     "synthesis.normal_form.problem.refuse_undetectable",
     "synthesis.normal_form.resonance.check_nonresonant",

@@ -51,6 +51,6 @@ def _normal_forms() -> Iterator[Subject]:
     linear = PolynomialMap.linear(np.array([[-2.0], [-1.0]]))
     yield subject(NormalFormProblem, system, linear, 3)
     yield subject(injection_for, system, [-1.7, -2.3])
-    series: Any = normal_form(system, 12, poles=[-1.7, -2.3])
+    series: Any = normal_form(system, 15, poles=[-1.7, -2.3])
     yield subject(convergence, series.S)
     yield subject(part_norms, series.S)
