@@ -146,4 +146,3 @@ def check_printed(project: Project, lines: tuple[str, ...]) -> None:
     assert finished == "Finished jobid: 0 (Rule: all)"
     total = int(re.findall(r"^total +(\d+)$", told, re.MULTILINE)[0])
     assert steps == f"{total} of {total} steps (100%) done"
-

@@ -46,7 +46,9 @@ def case(content: bytes, told: str) -> Case:
         told = Path("claims.csv").read_text(encoding="utf-8")
         Path("claims.csv").unlink()
         if "robustness.json: " in told:
-            raise InputError("claims.csv", next(line for line in told.splitlines() if "json: " in line))
+            raise InputError(
+                "claims.csv", next(line for line in told.splitlines() if "json: " in line)
+            )
 
     results = {"ledger.json": material.ledger_file("eso").read_bytes(), "robustness.json": content}
     for figure in (*material.ledger("eso").tree["figures"], "theory"):

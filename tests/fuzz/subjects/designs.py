@@ -50,7 +50,7 @@ def _normal_forms() -> Iterator[Subject]:
     system = van_der_pol()
     linear = PolynomialMap.linear(np.array([[-2.0], [-1.0]]))
     yield subject(NormalFormProblem, system, linear, 3)
-    yield subject(injection_for, system, [-1.7, -2.3])
+    yield subject(injection_for, system, [-1.7, -2.3], takes=("complex",))
     # Its series converge up to 1, and that can be seen.
     known = PolynomialSystem.from_expressions(["x + x**2"], ["x"], ["x"], 2)
     series = normal_form(known, 13, poles=[-0.5])
