@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located, shown
 from reobserve.files import read_bytes, write_whole
 from reobserve.plain_data import parse_json
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 from reobserve.units import is_unit
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
     if told is None:
         raise InputError(place, "has no reobserve metadata; it was written elsewhere")
     try:
-        about = typed(_Stored, parse_json(told.decode("utf-8"), place), place)
+        about = parse(_Stored, parse_json(told.decode("utf-8"), place), place)
     except UnicodeDecodeError:
         raise InputError(place, "has metadata that are not UTF-8") from None
     if names != about.columns():

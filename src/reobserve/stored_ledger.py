@@ -10,7 +10,7 @@ from typing import Any
 from reobserve.errors import InputError, shown
 from reobserve.overrides import is_entry
 from reobserve.plain_data import read_json
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 # What every ledger has; which sections hold bodies, by name; and what these must name.
 _REQUIRED = ("about", "plant", "scenarios", "observers", "metrics", "figures")
@@ -40,7 +40,7 @@ def read_stored(path: str | Path) -> StoredLedger:
         If the file is missing or damaged, or a section, a body or an entry is not what it must be.
     """
     place = str(path)
-    stored = typed(StoredLedger, read_json(path), place)
+    stored = parse(StoredLedger, read_json(path), place)
     if not stored.paper.isidentifier():
         raise InputError(f"{place}.paper", f"{shown(stored.paper)} must be the name of a paper")
     for section in _REQUIRED:

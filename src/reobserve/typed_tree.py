@@ -13,22 +13,48 @@ default may be left out. Where a branch has several forms, they are a union of d
 word tells apart, a `Literal` in each (``algorithm: Literal["kalman"]``). A mapping holds branches
 under names of the user's. `Annotated` adds conditions to a type: functions of place and value that
 raise `InputError`; see `reobserve.conditions`. Values are kept as they stand, so that what is
-hashed is what is used.
+hashed is what is used, but for lists that a type wants as tuples or as arrays of floats.
+
+Files that stages write are read in the same way.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    overload,
+)
+
+import numpy as np
 
 from reobserve.config import nearest
-from reobserve.errors import InputError, shown
+from reobserve.errors import InputError, located, shown
+from reobserve.matrices import as_floats
+
+Type = TypeVar("Type")
 
 _LARGEST = 2**63  # beyond it a whole number is no number of numpy's
+
+
+@overload
+def parse(kind: type[Type], tree: object, place: str = "") -> Type: ...
+
+
+@overload
+def parse(kind: Any, tree: object, place: str = "") -> Any: ...
 
 
 def parse(kind: Any, tree: object, place: str = "") -> Any:
@@ -92,6 +118,20 @@ def _several(kind: Any) -> str:
     return {float: "numbers", int: "whole numbers", str: "words"}.get(kind, "terms")
 
 
+def _tuple(inner: Any, tree: Any, place: str) -> Any:
+    if inner[-1] is Ellipsis:
+        return tuple(_list(inner, tree, place))
+    if not isinstance(tree, list) or len(tree) != len(inner):
+        raise InputError(place, f"{shown(tree)} must be a list of {len(inner)}")
+    parts = enumerate(zip(inner, tree, strict=True))
+    return tuple(parse(kind, one, join(place, index)) for index, (kind, one) in parts)
+
+
+def _array(inner: Any, tree: Any, place: str) -> Any:
+    """An array of finite floats, of any number of axes."""
+    return as_floats(place, tree)
+
+
 def _mapping(inner: Any, tree: Any, place: str) -> Any:
     _check_mapping(tree, place)
     return {name: parse(inner[1], one, join(place, name)) for name, one in tree.items()}
@@ -101,6 +141,8 @@ _READERS = {
     Annotated: _annotated,
     Literal: _word,
     list: _list,
+    tuple: _tuple,
+    np.ndarray: _array,
     dict: _mapping,
     Mapping: _mapping,
 }
@@ -118,7 +160,9 @@ def _branch(kind: Any, tree: Any, place: str, form: str = "") -> Any:
         if name not in tree:
             needing = form or "the " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
             raise InputError(join(place, name), f"is missing; {needing} needs it")
-    return kind(**{name: parse(hints[name], one, join(place, name)) for name, one in tree.items()})
+    parts = {name: parse(hints[name], one, join(place, name)) for name, one in tree.items()}
+    with located(place) if place else nullcontext():
+        return kind(**parts)
 
 
 def _union(kinds: tuple[Any, ...], tree: Any, place: str) -> Any:
@@ -152,8 +196,9 @@ def _forms(kinds: tuple[Any, ...]) -> tuple[str, dict[str, Any]]:
 def _keys(kind: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The types of all keys of a dataclass, and which keys it needs."""
     hints = get_type_hints(kind, include_extras=True)
-    optional = [f.default is not MISSING or f.default_factory is not MISSING for f in fields(kind)]
-    names = [field.name for field in fields(kind)]
+    given = [field for field in fields(kind) if field.init]
+    optional = [f.default is not MISSING or f.default_factory is not MISSING for f in given]
+    names = [field.name for field in given]
     return {name: hints[name] for name in names}, tuple(
         name for name, may_lack in zip(names, optional, strict=True) if not may_lack
     )

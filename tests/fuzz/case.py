@@ -37,11 +37,11 @@ class Maker(Protocol):
     def __call__(self, random: Random | None) -> Case: ...
 
 
-class Refused(Exception):
+class Refused(Exception):  # noqa: N818  (no error: what should happen)
     """The command line refused, as it should: in one sentence, with an exit code."""
 
 
-class Improper(Exception):
+class ImproperError(Exception):
     """The command line refused in another way than it should."""
 
 
@@ -52,7 +52,7 @@ def command(*arguments: object) -> None:
     ------
     Refused
         If it says in one bounded line why it does not do it.
-    Improper
+    ImproperError
         If it fails in any other way.
     """
     from reobserve.cli import main
@@ -69,11 +69,11 @@ def command(*arguments: object) -> None:
     told = err.getvalue()
     usage, _, last = told.rstrip("\n").rpartition("\n")
     if not isinstance(code, int) or not last.startswith("reobserve") or ": " not in last:
-        raise Improper(f"exit {code!r}: {shown(told)}")
+        raise ImproperError(f"exit {code!r}: {shown(told)}")
     if "Traceback" in told or (usage and not usage.startswith("usage: ")):
-        raise Improper(f"more than one line: {shown(told)}")
+        raise ImproperError(f"more than one line: {shown(told)}")
     if len(last) > LONGEST:
-        raise Improper(f"a line of {len(last)} characters: {shown(last)}")
+        raise ImproperError(f"a line of {len(last)} characters: {shown(last)}")
     raise Refused(last)
 
 

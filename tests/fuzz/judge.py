@@ -17,7 +17,7 @@ from typing import Any
 
 from reobserve.errors import ReobserveError
 
-from .case import LONGEST, Case, Improper, Refused, inside, shown
+from .case import LONGEST, Case, ImproperError, Refused, inside, shown
 
 ACCEPTED, REFUSED = "accepted", "refused"
 SECONDS = 10  # of processor time for one case; the processor may be busy with others
@@ -52,7 +52,8 @@ _WRITES = {
     **{"os.system": (), "subprocess.Popen": (), "os.exec": (), "os.posix_spawn": ()},
     **{"os.fork": (), "socket.connect": ()},
 }
-_watched: Path | None = None
+# The folder of the case that runs, if one does.
+_watched: list[Path] = []
 
 
 def watch() -> None:
@@ -61,7 +62,7 @@ def watch() -> None:
 
 
 def _audit(event: str, arguments: tuple[Any, ...]) -> None:
-    if _watched is None:
+    if not _watched:
         return
     if event == "open":
         path, mode, flags = arguments
@@ -82,7 +83,7 @@ def _stay(event: str, path: Any) -> None:
     where = os.path.realpath(os.fsdecode(path))
     if event == "os.mkdir" and os.path.isdir(where):
         return  # it only looks whether there is one
-    if _watched is not None and not inside(Path(where), _watched) and not _of_a_cache(where):
+    if not any(inside(Path(where), folder) for folder in _watched) and not _of_a_cache(where):
         raise _Escape(f"{event} {where}")
 
 
@@ -102,7 +103,6 @@ def _too_long(number: int, frame: FrameType | None) -> None:
 
 def judge(case: Case, seconds: float = SECONDS) -> Verdict:
     """Run a case in a new folder and say what became of it."""
-    global _watched
     top = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
     folder = top / "project" / "here"
     folder.mkdir(parents=True)
@@ -113,17 +113,17 @@ def judge(case: Case, seconds: float = SECONDS) -> Verdict:
             (folder / name).write_bytes(content)
         had = _contents(top)
         os.chdir(folder)
-        _watched = folder
+        _watched[:] = [folder]
         signal.setitimer(signal.ITIMER_PROF, seconds)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             verdict = _outcome(case)
         signal.setitimer(signal.ITIMER_PROF, 0)
-        _watched = None
+        _watched.clear()
         return _with_files(verdict, had, _contents(top), folder)
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
-        _watched = None
+        _watched.clear()
         os.chdir(before)
         signal.signal(signal.SIGPROF, previous)
         shutil.rmtree(top, ignore_errors=True)
@@ -132,23 +132,25 @@ def judge(case: Case, seconds: float = SECONDS) -> Verdict:
 def _outcome(case: Case) -> Verdict:
     try:
         case.run()
-    except Refused as refused:
-        return Verdict(REFUSED, str(refused))
-    except ReobserveError as error:
-        return _sentence(str(error))
-    except Improper as error:
-        return Verdict("improper", str(error))
-    except _TooLong:
-        return Verdict("hang", f"more than {SECONDS} s of processor time; {_place()}")
-    except _Escape as error:
-        return Verdict("escape", f"{error}; {_place()}")
-    except MemoryError as error:
-        return Verdict("memory", f"{shown(str(error))}; {_place()}")
     except BaseException as error:
-        return Verdict("traceback", f"{type(error).__name__}: {shown(str(error))}; {_place()}")
-    if case.never:
-        return Verdict("wrongly accepted", case.never)
-    return Verdict(ACCEPTED)
+        return _raised(error)
+    return Verdict("wrongly accepted", case.never) if case.never else Verdict(ACCEPTED)
+
+
+def _raised(error: BaseException) -> Verdict:
+    match error:
+        case Refused():
+            return Verdict(REFUSED, str(error))
+        case ReobserveError():
+            return _sentence(str(error))
+        case ImproperError():
+            return Verdict("improper", str(error))
+        case _TooLong():
+            return Verdict("hang", f"more than {SECONDS} s of processor time; {_place()}")
+        case _Escape():
+            return Verdict("escape", f"{error}; {_place()}")
+    word = "memory" if isinstance(error, MemoryError) else "traceback"
+    return Verdict(word, f"{type(error).__name__}: {shown(str(error))}; {_place()}")
 
 
 def _sentence(text: str) -> Verdict:

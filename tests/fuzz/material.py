@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import csv
 import io
+import json
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -110,7 +111,8 @@ def claims_table() -> Path:
     path, results = _folder() / "claims.csv", _folder() / "results"
     (results / "eso").mkdir(parents=True)
     (results / "eso" / "ledger.json").write_bytes(ledger_file("eso").read_bytes())
-    (results / "eso" / "robustness.json").write_text('{"claims": {}}')
+    nothing = {"paper": "eso", "seed": 0, "draws": 1, "claims": {}}
+    (results / "eso" / "robustness.json").write_text(json.dumps(nothing))
     for figure in (*ledger("eso").tree["figures"], "theory"):
         (results / "eso" / f"{figure}.metrics.csv").write_bytes(metrics("eso", figure))
     command("claims", "eso", "--results", results, "--project", ROOT, "--output", path)

@@ -32,6 +32,7 @@ INNER = {
     "observers.rigid_body_observer.whole_steps",
     "synthesis.extended_state.design.accepted",
     "synthesis.extended_state.design.solved",
+    "synthesis.normal_form.gain.gain_at",
     "synthesis.normal_form.problem.check_stable",
     "synthesis.normal_form.problem.refuse_undetectable",
     "synthesis.normal_form.resonance.check_nonresonant",
@@ -74,9 +75,9 @@ def promised() -> Iterator[str]:
         for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             module = importlib.import_module(found.name)
             for name, thing in vars(module).items():
-                if not name.startswith("_") and getattr(thing, "__module__", "") == found.name:
-                    if promises(thing):
-                        yield f"{found.name.removeprefix('reobserve.')}.{name}"
+                own = not name.startswith("_") and getattr(thing, "__module__", "") == found.name
+                if own and promises(thing):
+                    yield f"{found.name.removeprefix('reobserve.')}.{name}"
 
 
 def promises(thing: Any) -> bool:

@@ -10,7 +10,7 @@ from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Flip, Robustness
 from reobserve.errors import InputError
 from reobserve.plain_data import read_json
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 
 def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
     InputError
         If the file is missing or damaged, or of another paper.
     """
-    stored = typed(_Stored, read_json(path), str(path))
+    stored = parse(_Stored, read_json(path), str(path))
     if stored.paper != paper:
         raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
     return {

@@ -11,7 +11,7 @@ from reobserve.files import write_text
 from reobserve.plain_data import read_json
 from reobserve.provenance import versions
 from reobserve.replication_report.environment import environment
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 FILE = "versions.json"
 
@@ -30,7 +30,7 @@ def origin_here(project: Path) -> Origin:
 def read_origin(reference: Path) -> Origin:
     """The origin of the reference figures; `InputError` if its file is missing or damaged."""
     path = reference / FILE
-    return typed(Origin, {"values": read_json(path)}, str(path))
+    return parse(Origin, {"values": read_json(path)}, str(path))
 
 
 def write_origin(reference: Path, origin: Origin) -> None:

@@ -16,7 +16,7 @@ from reobserve.ledger import Ledger, digest
 from reobserve.plain_data import read_json
 from reobserve.provenance import code_digest, versions
 from reobserve.series import Series
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 
 def paper_module(paper: str, stage: str) -> Any:
@@ -90,7 +90,7 @@ def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, 
     InputError
         If the file is missing or damaged, no design, or another than ``wanted``.
     """
-    stored = typed(_StoredDesign, read_json(path), str(path))
+    stored = parse(_StoredDesign, read_json(path), str(path))
     made = stored.provenance
     found = (made.paper, made.job)
     if made.stage != "design" or (wanted is not None and wanted != found):

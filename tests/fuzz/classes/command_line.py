@@ -11,9 +11,12 @@ from .. import material, mutations
 from ..case import Case, command
 
 _PATHS = [
-    *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "/dev/zero", "/dev/tty", "/proc"),
-    *("/proc/self/mem", "folder", "folder/", "missing", "missing/x", "file", "file/x", "~", "-", "x" * 300),
-    *("a b", "a\nb", "$HOME", "ünï", "\udcff", "fifo-that-is-none", "out.json", "folder/out", "*", "a\x00b"),
+    *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "/dev/zero", "/dev/tty"),
+    *("/proc"),
+    *("/proc/self/mem", "folder", "folder/", "missing", "missing/x", "file", "file/x", "~", "-"),
+    *("x" * 300),
+    *("a b", "a\nb", "$HOME", "ünï", "\udcff", "fifo-that-is-none", "out.json", "folder/out", "*"),
+    *("a\x00b"),
 ]  # fmt: skip
 _OPTIONS = [
     *(
@@ -85,7 +88,8 @@ def _lines() -> list[list[str]]:
         ["list", "ilo", "eso", *root],
         ["params", "ilo", "sampled", "--why", *root],
         ["ledger", "imm", "--seed", "3", "--output", "out.json", *root],
-        ["ledger", "eso", "--overrides", '{"plant": {"inertia": 0.02}}', "--output", "o.json", *root],
+        ["ledger", "eso", "--overrides", '{"plant": {"inertia": 0.02}}', "--output", "o.json",
+        *root],
         ["plant", ledger, "plain", "--output", "out.parquet"],
         ["observe", ledger, record, "kalman", "--output", "out.parquet"],
         ["design", lie, "linear", "--output", "out.json"],

@@ -18,9 +18,12 @@ from ..case import Case
 
 _CSV = b"time,torque\n0,0\n0.5,0.1\n1.0,-0.2\n2.5,1e-3\n"
 _TOKENS = [
-    *(b",", b",,", b"\n", b"\r", b"\r\n", b'"', b'"a"', b"nan", b"inf", b"-inf", b"1e999", b"x", b" "),
-    *(b"\x00", b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"time", b"torque", b"time,time", b";", b"\t"),
-    *(b"2020-01-01", b"true", b"1,2,3", b"#", b"=1+1", b"0x1", b"1_000", b"9" * 400, b"-1", b"1e-400"),
+    *(b",", b",,", b"\n", b"\r", b"\r\n", b'"', b'"a"', b"nan", b"inf", b"-inf", b"1e999", b"x"),
+    *(b" "),
+    *(b"\x00", b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"time", b"torque", b"time,time", b";"),
+    *(b"\t"),
+    *(b"2020-01-01", b"true", b"1,2,3", b"#", b"=1+1", b"0x1", b"1_000", b"9" * 400, b"-1"),
+    *(b"1e-400"),
 ]  # fmt: skip
 
 
@@ -72,11 +75,13 @@ def _parquet(other: dict[str, Any]) -> bytes:
 def _column(random: Random) -> Any:
     return random.choice([
         pa.array(["a", "b", "c", "d"]), pa.array(["0", "1", "2", "3"]), pa.nulls(4),
-        pa.array([0.0, None, 1.0, 2.0]), pa.array([0, 1, 2, 3]), pa.array([True, False, True, True]),
+        pa.array([0.0, None, 1.0, 2.0]), pa.array([0, 1, 2, 3]),
+        pa.array([True, False, True, True]),
         pa.array([[0.0], [1.0], [2.0], [3.0]]), pa.array([b"a", b"b", b"c", b"d"]),
         pa.array([0.0, 1.0, 1.0, 2.0]), pa.array([3.0, 2.0, 1.0, 0.0]),
         pa.array([0.0, 1.0, float("nan"), 2.0]), pa.array([0.0, 1.0, 2.0, float("inf")]),
-        pa.array([2**62, 2**62 + 1, 2**62 + 2, 2**63 - 1]), pa.array([0, 1, 2, 3], pa.timestamp("s")),
+        pa.array([2**62, 2**62 + 1, 2**62 + 2, 2**63 - 1]), pa.array([0, 1, 2, 3],
+        pa.timestamp("s")),
         pa.array([{"a": 1.0}] * 4), pa.array([-1.0, 0.0, 1.0, 2.0]), pa.array([1e308] * 4),
         pa.array([0, 1, 2, 3], pa.decimal128(38, 3)), pa.array([0, 1, 2, 3], pa.float16()),
     ])  # fmt: skip

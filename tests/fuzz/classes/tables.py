@@ -1,4 +1,4 @@
-"""Tables, CSV: metrics before claims and captions, a study before metrics, claims before verdicts."""
+"""Tables, CSV: numbers before claims, a study before numbers, claims before verdicts."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from .. import material, mutations
 from ..case import Case, command
 
 _TOKENS = [
-    *(b",", b",,", b"\n", b"\n\n", b"\r", b'"', b'""', b"nan", b"-inf", b"1e999", b"x", b"\x00", b" "),
-    *(b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"observer,metric,value,unit\n", b"1_000", b"\xd9\xa3"),
+    *(b",", b",,", b"\n", b"\n\n", b"\r", b'"', b'""', b"nan", b"-inf", b"1e999", b"x", b"\x00"),
+    *(b" "),
+    *(b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"observer,metric,value,unit\n", b"1_000"),
+    *(b"\xd9\xa3"),
     *(b"$(touch escaped)", b"-1", b"1e308", b"0x1", b"1,2,3,4\n", b"a" * 20_000),
 ]  # fmt: skip
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
+from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 from reobserve.synthesis.extended_state import pd_pi, pi, structured
@@ -50,7 +50,9 @@ def _normal_forms() -> Iterator[Subject]:
     system = van_der_pol()
     linear = PolynomialMap.linear(np.array([[-2.0], [-1.0]]))
     yield subject(NormalFormProblem, system, linear, 3)
-    yield subject(injection_for, system, [-1.7, -2.3])
-    series: Any = normal_form(system, 12, poles=[-1.7, -2.3])
+    yield subject(injection_for, system, [-1.7, -2.3], takes=("complex",))
+    # Its series converge up to 1, and that can be seen.
+    known = PolynomialSystem.from_expressions(["x + x**2"], ["x"], ["x"], 2)
+    series = normal_form(known, 13, poles=[-0.5])
     yield subject(convergence, series.S)
     yield subject(part_norms, series.S)

@@ -119,7 +119,7 @@ def _plants(time: np.ndarray) -> Iterator[Subject]:
     yield subject(DCMotor, 0.01, 0.1, 0.01, 0.01, 1.0, 0.5, False)
     yield subject(SpeedControl, [1.0, 0.1], 2.0)
     plain = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
-    yield subject(SpeedControl.placed, plain, [-5.0, -6.0, -7.0])
+    yield subject(SpeedControl.placed, plain, [-5.0, -6.0, -7.0], takes=("complex",))
     yield subject(poles_for, 1.0, 0.1)
     whole = motor()
     yield subject(

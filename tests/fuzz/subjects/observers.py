@@ -33,6 +33,7 @@ from reobserve.synthesis.normal_form.design import normal_form
 from .models import INERTIA, linear_model, van_der_pol
 from .subject import Subject, subject
 
+MISSING = ("not a number",)  # a sample that was not taken
 HALF = np.linspace(0.0, 0.2, 41)  # two samples a step of 0.01 s
 
 
@@ -139,17 +140,17 @@ def _filters() -> Iterator[Subject]:
         belief = one.init([0.0, 0.0], 1e-2)
         yield subject(one.init, [0.0, 0.0], np.eye(2), of=one)
         yield subject(one.predict, belief, [1.0], of=one)
-        yield subject(one.correct, belief, [0.1], [1.0], of=one)
-        yield subject(one.step, belief, [0.1], [1.0], of=one)
-        yield subject(one.run, measured, belief, controls, of=one)
+        yield subject(one.correct, belief, [0.1], [1.0], of=one, takes=MISSING)
+        yield subject(one.step, belief, [0.1], [1.0], of=one, takes=MISSING)
+        yield subject(one.run, measured, belief, controls, of=one, takes=MISSING)
     yield subject(Belief, np.zeros(2), np.eye(2), np.zeros(1))
     stays = [[0.9, 0.1], [0.1, 0.9]]
     yield subject(InteractingMultipleModel, [kalman, kalman], stays, True)
     bank = InteractingMultipleModel([kalman, smooth], stays)
     state = bank.init([0.0, 0.0], 1e-2)
     yield subject(bank.init, [0.0, 0.0], 1e-2, [0.5, 0.5], of=bank)
-    yield subject(bank.step, state, [0.1], [1.0], of=bank)
-    yield subject(bank.run, measured, state, controls, of=bank)
+    yield subject(bank.step, state, [0.1], [1.0], of=bank, takes=MISSING)
+    yield subject(bank.run, measured, state, controls, of=bank, takes=MISSING)
 
 
 def _normal_forms() -> Iterator[Subject]:
@@ -175,7 +176,7 @@ def _normal_forms() -> Iterator[Subject]:
     yield Subject(
         "synthesis.normal_form.design.normal_form", placed, (van_der_pol(), 3, [-1.7, -2.3])
     )
-    yield Subject(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4))
+    yield Subject(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4), ("complex",))
     yield Subject(f"{name}, injected", injected, ([[-3.0], [-1.7]], ["a", "w"]))
     yield subject(IdentityObserver, series, 2, 0.01, "series")
     yield subject(TransformedObserver, series, 2, 0.01)

@@ -9,18 +9,27 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Subject:
-    """``call(*arguments)`` must be accepted; ``name`` begins with module and function."""
+    """``call(*arguments)`` must be accepted; ``name`` begins with module and function.
+
+    ``takes`` are odd numbers that mean something here, in the words of `classes.arguments`.
+    """
 
     name: str
     call: Callable[..., object]
     arguments: tuple[Any, ...]
+    takes: tuple[str, ...] = ()
 
 
-def subject(function: Callable[..., object], *arguments: Any, of: object = None) -> Subject:
+def subject(
+    function: Callable[..., object],
+    *arguments: Any,
+    of: object = None,
+    takes: tuple[str, ...] = (),
+) -> Subject:
     """A call of a function or class, or of a method of the object ``of``."""
     if of is not None:
-        return Subject(f"{_name(type(of))}.{function.__name__}", function, arguments)
-    return Subject(_name(function), function, arguments)
+        return Subject(f"{_name(type(of))}.{function.__name__}", function, arguments, takes)
+    return Subject(_name(function), function, arguments, takes)
 
 
 def _name(thing: Any) -> str:

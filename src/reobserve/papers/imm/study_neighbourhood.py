@@ -15,7 +15,7 @@ from reobserve.ledger_types import Job
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
 from reobserve.plain_data import read_json
 from reobserve.series import Series
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 Row = tuple[str, str, float, int, str, float, str]
 
@@ -99,7 +99,7 @@ def read_kept(path: Path) -> KeptSearch:
     InputError
         If the file is missing or damaged, or none of a search's.
     """
-    kept = typed(_Stored, read_json(path), str(path)).search
+    kept = parse(_Stored, read_json(path), str(path)).search
     if set(kept.found) != set(TUNED):
         raise InputError(str(path), "holds other numbers than the search tunes; run it anew")
     return kept

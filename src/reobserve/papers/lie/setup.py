@@ -20,7 +20,7 @@ from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any
     InputError
         If they are no series, or not those of this plant and this design.
     """
-    stored, problem = typed(StoredSeries, series, "design"), build_problem(plant, design)
+    stored, problem = parse(StoredSeries, series, "design"), build_problem(plant, design)
     basis = problem.basis
     if not np.array_equal(stored.monomials, basis.exponents):
         raise InputError("design.monomials", f"are not those up to degree {basis.degree}")

@@ -32,7 +32,7 @@ from reobserve.synthesis.extended_state.inequality import (
 )
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 _BITS = 400  # leaves the radii of no account where the blocks are formed
 _SLACK = 1e-12  # of the floor, its rounding
@@ -69,7 +69,7 @@ class Certificate:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], place: str = "certificate") -> Certificate:
         """The certificate that `to_dict` was called on; `InputError` if it is none."""
-        return typed(cls, values, place)
+        return parse(cls, values, place)
 
 
 def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:

@@ -16,7 +16,7 @@ from reobserve.synthesis.extended_state.inequality import Variables
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.start import strictly_feasible
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.typed_data import typed
+from reobserve.typed_tree import parse
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Design:
         """The design that `to_dict` was called on; `InputError` if it is none of that kind."""
         rest = {name: value for name, value in values.items() if name not in {"L", "Ld"}}
         gains = {name: values[name] for name in ("L", "Ld") if name in values}
-        return typed(cls, {**rest, "gains": gains}, place)
+        return parse(cls, {**rest, "gains": gains}, place)
 
 
 def accepted(
