@@ -182,7 +182,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class _ChannelStored:
+class _StoredChannel:
     unit: str
     components: int | None
 
@@ -191,7 +191,7 @@ class _ChannelStored:
 class _Stored:
     """What stands under the key of the metadata."""
 
-    channels: dict[str, _ChannelStored]
+    channels: dict[str, _StoredChannel]
     events: dict[str, tuple[float, ...]]
     provenance: dict[str, Any]
 

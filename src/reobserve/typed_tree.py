@@ -158,7 +158,10 @@ def _branch(kind: Any, tree: Any, place: str, form: str = "") -> Any:
             raise InputError(join(place, name), f"unknown key{nearest(name, hints)}")
     for name in needed:
         if name not in tree:
-            needing = form or "the " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
+            needing = (
+                form
+                or "the " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__.lstrip("_")).lower()
+            )
             raise InputError(join(place, name), f"is missing; {needing} needs it")
     parts = {name: parse(hints[name], one, join(place, name)) for name, one in tree.items()}
     with located(place) if place else nullcontext():

@@ -105,7 +105,7 @@ KINDS = {"run": WHOLE, "level": GAP, "value": SCORE}
         ("a,1,1,1e999\n", r"line 2, value: '1e999' must be"),
         ("a,1,1,1_0\n", r"line 2, value: '1_0' must be"),
         ("a,1,1,٣\n", r"line 2, value: '٣' must be"),
-        ("a,1,1," + "9" * 20_000 + "\n", r"line 2, value: '9+ … 9+' must be"),
+        ("a,1,1," + "9" * 20_000 + "\n", r"line 2, value: '9+...9+' must be"),
         ("a,1,1,1\nb,2,1,1\na,1,2,2\n", r"line 4 repeats 'a, 1'$"),
         ("a,1,1\n", r"line 2 has not 4 cells$"),
         ("a,1,1,1,1\n", r"line 2 has not 4 cells$"),
@@ -130,7 +130,7 @@ def test_a_table_that_is_not_utf8_or_empty_is_refused(tmp_path: Path) -> None:
     for content, said in (
         (b"name\nn\xe9e\n", r"cannot be read \(byte 7 is not UTF-8\)$"),
         (b"", r"has the columns \[\], must have \['name'\]$"),
-        (b"x" * 30_000, r"has the columns \['x+ … x+'\], must have"),
+        (b"x" * 30_000, r"has the columns \['x+...x+'\], must have"),
     ):
         path.write_bytes(content)
         with pytest.raises(InputError, match=said):
@@ -168,7 +168,7 @@ def test_metrics_are_numbers_with_units_each_once(tmp_path: Path, row: str, said
         (b"time,a\n0,1\n1,NA\n", r"column 'a', row 2 is 'NA', must be a number$"),
         (b"time,a\n0,1+2j\n", r"column 'a', row 1 is '1\+2j', must be a number$"),
         (b"time,a\n0,true\n", r"column 'a', row 1 is True, must be a number$"),
-        (b"time,a\n0,2007-05-01\n", r"column 'a', row 1 is datetime.date\(2007, 5, 1\), must"),
+        (b"time,a\n0,2007-05-01\n", r"column 'a', row 1 is an object of type date, must"),
         (b"time,time\n0,1\n", r"has the column 'time' twice$"),
         (b"\0\0\0", r"cannot be read|must be"),
     ],

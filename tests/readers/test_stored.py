@@ -17,12 +17,16 @@ from reobserve.claims.robustness_file import read_robustness
 from reobserve.cli import main
 from reobserve.errors import InputError
 from reobserve.ledger import Ledger
+from reobserve.ledger_types import read_job
+from reobserve.papers.eso import keys as eso_keys
 from reobserve.papers.eso.stored_design import stored_design
+from reobserve.papers.lie import keys as lie_keys
 from reobserve.papers.lie.setup import stored_form
 from reobserve.papers.lie.table import rows as table_rows
 from reobserve.series import Channel, Series
 from reobserve.stages.common import compute_design, read_design, rows_from
 from reobserve.stages.records import read_estimates, read_record
+from reobserve.typed_tree import parse
 
 from ..pipeline.conftest import ROOT
 
@@ -122,7 +126,7 @@ RECORDS: dict[str, tuple[Change, str]] = {
     "an estimate": (lambda s: of(s, stage="observe"), r"of stage observe of ilo, must be a record"),
     "of an unknown scenario": (lambda s: of(s, job="mine"), r"is 'mine' of stage plant of ilo"),
     "of an unknown maker": (
-        lambda s: replace(s, provenance={}), r"provenance: has no key 'paper'"),
+        lambda s: replace(s, provenance={}), r"provenance.paper: is missing; the provenance needs it"),
 }  # fmt: skip
 
 
@@ -215,14 +219,14 @@ COLUMNS = {"time": [0.0, 1.0], "x": [1.0, 2.0]}
         ("{", COLUMNS, "is not JSON"),
         ("[]", COLUMNS, "must be a mapping of keys to values"),
         ("null", COLUMNS, "must be a mapping of keys to values"),
-        ({**ABOUT, "more": 1}, COLUMNS, "has the unknown key 'more'"),
+        ({**ABOUT, "more": 1}, COLUMNS, r"run.parquet.more: unknown key"),
         ({**ABOUT, "events": None}, COLUMNS, "events: None must be a mapping"),
-        ({**ABOUT, "events": {"a": ["x"]}}, COLUMNS, r"events.a\[0\]: 'x' must be a number"),
+        ({**ABOUT, "events": {"a": ["x"]}}, COLUMNS, r"events.a.0: 'x' is not a number"),
         ({**ABOUT, "channels": []}, COLUMNS, r"channels: \[\] must be a mapping"),
         ({**ABOUT, "channels": {"x": 1}}, COLUMNS, "channels.x: 1 must be a mapping"),
         (
             {**ABOUT, "channels": {"x": {"unit": "V"}}},
-            COLUMNS, "channels.x: has no key 'components'",
+            COLUMNS, "channels.x.components: is missing; the stored channel needs it",
         ),
         (
             {**ABOUT, "channels": {"x": {"unit": "V", "components": 10**9}}},
@@ -265,12 +269,13 @@ BALL = {"poles": [[-1.0, 0.0]], "norm_lower": 0.1, "norm_upper": 0.2, "floor": 0
         "inequality_margin": 0.1, "p1_margin": 0.1, "reason": ""}  # fmt: skip
 ESO = {
     "filter_rate": 1.0, "method": "pi", "L": [[1.0, 0.0]] * 6, "Ld": [[0.0, 0.0]] * 6,
-    "gamma": None, "solver": "SCS", "status": "optimal", "objective": 1.0, "certificate": BALL,
+    "gamma": None, "solver": "SCS", "status": "optimal", "objective": 1.0, "lower": None,
+    "radius": None, "certificate": BALL,
 }  # fmt: skip
 
 
-def eso_plant() -> dict[str, Any]:
-    return Ledger.load(ROOT, "eso").section("plant")
+def eso_plant() -> eso_keys.Plant:
+    return parse(eso_keys.Plant, Ledger.load(ROOT, "eso").section("plant"))
 
 
 def test_a_design_of_eso_is_read_into_its_type() -> None:
@@ -284,45 +289,55 @@ def test_a_design_of_eso_is_read_into_its_type() -> None:
     ("change", "said"),
     [
         ({"L": [[1.0, 0.0]] * 5}, r"^design.L: has shape \(5, 2\), must be \(6, 2\)$"),
-        ({"Ld": [[1.0, 0.0]] * 5 + [[1.0]]}, "^design.gains.Ld: must be a list of numbers, or of"),
-        ({"L": [["x", 0.0]] * 6}, "^design.gains.L: 'x' must be a number$"),
-        ({"L": None}, "^design.gains.L: None must be a number$"),
-        ({"L": [[float("inf"), 0.0]] * 6}, "^design.gains.L: inf must be finite$"),
-        ({"gamma": "1"}, "^design.gamma: '1' must be a number$"),
-        ({"status": 1}, "^design.status: 1 must be text$"),
+        (
+            {"Ld": [[1.0, 0.0]] * 5 + [[1.0]]},
+            r"^design.gains.Ld: .* is not a number or an array of numbers$",
+        ),
+        (
+            {"L": [["x", 0.0]] * 6},
+            r"^design.gains.L: \[\['x', 0.0\].* is not a number or an array of",
+        ),
+        ({"L": None}, "^design.gains.L: None is not a number or an array of numbers$"),
+        ({"L": [[float("inf"), 0.0]] * 6}, "^design.gains.L: .* has an entry that is not finite$"),
+        ({"gamma": "1"}, "^design.gamma: '1' is not a number"),
+        ({"status": 1}, "^design.status: 1 must be a word$"),
         ({"filter_rate": None}, "^filter_rate: "),
         ({"filter_rate": -1.0}, "^filter_rate: "),
-        ({"certificate": {}}, "^design.certificate: has no key 'poles'$"),
-        ({"certificate": {**BALL, "poles": [[1.0]]}}, r"poles\[0\]: has 1 values, must have 2$"),
-        ({"certificate": {**BALL, "floor": True}}, "^design.certificate.floor: True must be a num"),
-        ({"more": 1}, "^design: has the unknown key 'more'$"),
+        ({"certificate": {}}, "^design.certificate.poles: is missing"),
+        ({"certificate": {**BALL, "poles": [[1.0]]}}, r"poles.0: \[1.0\] must be a list of 2$"),
+        (
+            {"certificate": {**BALL, "floor": True}},
+            "^design.certificate.floor: True is not a number",
+        ),
+        ({"more": 1}, "^design.more: unknown key"),
     ],
 )
 def test_a_design_of_eso_that_is_none_is_refused(change: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         stored_design(eso_plant(), {**ESO, **change})
-    for name in ESO:
+    for name in ESO.keys() - {"lower", "radius"}:
         rest = {key: value for key, value in ESO.items() if key != name}
-        with pytest.raises(InputError, match="has no key"):
+        with pytest.raises(InputError, match="is missing|has no key"):
             stored_design(eso_plant(), rest)
 
 
 def test_a_design_of_lie_that_is_none_is_refused() -> None:
     ledger = Ledger.load(ROOT, "lie")
     settings, design = ledger.settings("design", "linear"), compute_design(ledger, "linear")
-    form = stored_form(settings["plant"], settings["design"], design)
+    job = read_job(lie_keys.Ledger, settings)
+    form = stored_form(job.plant, job.design, design)
     np.testing.assert_array_equal(form.S.coefficients, design["S"])
     for change, said in (
         ({"S": design["S"][:1]}, "^design.S: has 1 rows, must have 2$"),
         ({"T": [row[:-1] for row in design["T"]]}, "^coefficients: has shape"),
         ({"gain": design["gain"][:-1]}, "^design.gain: has 3 rows, must have 4$"),
         ({"monomials": design["monomials"][::-1]}, "^design.monomials: are not those up to degree"),
-        ({"S": "x"}, "^design.S: 'x' must be a number$"),
-        ({"resonance": {}}, "^design.resonance: has no key 'distance'$"),
-        ({"more": 1}, "^design: has the unknown key 'more'$"),
+        ({"S": "x"}, "^design.S: 'x' is not a number"),
+        ({"resonance": {}}, "^design.resonance.distance: is missing"),
+        ({"more": 1}, "^design.more: unknown key"),
     ):
         with pytest.raises(InputError, match=said):
-            stored_form(settings["plant"], settings["design"], {**design, **change})
+            stored_form(job.plant, job.design, {**design, **change})
     table = ledger.settings("table", "table_coefficients")
     table["table"]["degree"] = 30
     with pytest.raises(InputError, match=r"^degree: 30 is beyond that of the design"):
@@ -352,7 +367,7 @@ def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
 FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": "x", "size": 0.5}
 DRAWN = {
     "draws": 8, "held": 4, "diverged": 1, "refused": 0, "share": 0.5, "low": 0.2, "high": 0.8,
-    "flip": FLIP, "choices": ["a.b"],
+    "looked": True, "flip": FLIP, "choices": ["a.b"],
 }  # fmt: skip
 
 
@@ -364,9 +379,9 @@ DRAWN = {
         ({"held": True}, "claims.one.held: True must be a whole number$"),
         ({"held": 9}, "claims.one.held: and diverged are more than the 8 draws$"),
         ({"refused": -1}, "claims.one.refused: -1 must not be negative$"),
-        ({"flip": {}}, "claims.one.flip: has no key 'key'$"),
-        ({"flip": {**FLIP, "size": None}}, "claims.one.flip.size: None must be a number$"),
-        ({"choices": [1]}, r"claims.one.choices\[0\]: 1 must be text$"),
+        ({"flip": {}}, "claims.one.flip.key: is missing; the flip needs it$"),
+        ({"flip": {**FLIP, "size": None}}, "claims.one.flip.size: None is not a number"),
+        ({"choices": [1]}, r"claims.one.choices.0: 1 must be a word$"),
     ],
 )
 def test_robustness_that_is_none_is_refused(
@@ -386,7 +401,7 @@ def test_robustness_that_is_none_is_refused(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda t: t.pop("ledger"), "has no key 'ledger'$"),
+        (lambda t: t.pop("ledger"), "ledger.json.ledger: is missing; the stored ledger needs it$"),
         (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
         (lambda t: t.update(paper="../x"), "'../x' must be the name of a paper$"),
         (lambda t: t["ledger"].pop("plant"), "has no section 'plant'; build the ledger anew$"),

@@ -62,7 +62,7 @@ def compute_design(ledger: Ledger, design: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Made:
+class Provenance:
     """What a stage says of what it made: which paper and job, from which settings, by what."""
 
     paper: str
@@ -77,7 +77,7 @@ class Made:
 @dataclass(frozen=True)
 class _StoredDesign:
     design: dict[str, Any]
-    provenance: Made
+    provenance: Provenance
 
 
 def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:

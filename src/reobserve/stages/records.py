@@ -12,7 +12,7 @@ from reobserve.errors import InputError, located, shown
 from reobserve.ledger import Ledger
 from reobserve.ledger_types import Job, declared_keys, read_job
 from reobserve.series import Series, Shape
-from reobserve.stages.common import Made, paper_module
+from reobserve.stages.common import Provenance, paper_module
 from reobserve.typed_tree import parse
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
@@ -74,7 +74,7 @@ def _stated(ledger: Ledger, settings: dict[str, Any]) -> tuple[Any, Job]:
 
 def _job(path: Path, series: Series, ledger: Ledger, stage: str, name: str | None) -> str:
     """The scenario or observer that a series says it is of; the wanted one, if one is wanted."""
-    made = parse(Made, series.provenance, f"{path}: provenance")
+    made = parse(Provenance, series.provenance, f"{path}: provenance")
     known = ledger.tree["scenarios" if stage == "plant" else "observers"]
     wanted = known if name is None else (name,)
     if (made.paper, made.stage) != (ledger.paper, stage) or made.job not in wanted:
