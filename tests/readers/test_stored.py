@@ -246,11 +246,15 @@ def test_a_file_that_others_made_is_refused(
 ) -> None:
     path = tmp_path / "run.parquet"
     text = about if isinstance(about, str) else json.dumps(about)
-    table = pa.table(columns).replace_schema_metadata({b"reobserve": text.encode()})
-    parquet.write_table(table, path)
+    told = {b"reobserve": text.encode(), b"reobserve.sha256": b"0" * 64}
+    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
     with pytest.raises(InputError, match=said) as caught:
         Series.read(path)
     assert str(caught.value).startswith(str(path))
+    told.pop(b"reobserve.sha256")
+    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
+    with pytest.raises(InputError, match="has no digest of its values"):
+        Series.read(path)
 
 
 def test_the_time_of_a_series_is_finite() -> None:
