@@ -191,6 +191,10 @@ def _add_evidence(commands: Any) -> None:
     robustness.add_argument(
         "--draws", type=_whole(1, 1_000_000), required=True, help="for each claim"
     )
+    robustness.add_argument(
+        "--no-flips", dest="flips", action="store_false",
+        help="do not look for the smallest change that turns a claim over, which takes longest",
+    )  # fmt: skip
     _output(robustness, "shares and smallest changes, JSON")
     _project(robustness)
 

@@ -14,6 +14,7 @@ from reobserve.claims.checks import Check
 from reobserve.claims.choices import find_choice
 from reobserve.claims.registry import Claim
 from reobserve.claims.robustness import Robustness, assess
+from reobserve.claims.robustness_file import from_data, to_data
 from reobserve.errors import DivergenceError, InputError
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
@@ -134,6 +135,14 @@ def test_a_dear_claim_is_drawn_less_and_looked_at_the_ends_only(shown: list[str]
     assert one.flip.end <= 1000
     # As stated, draws, two ends, halvings.
     assert len(shown) == 1 + 4 + 2 + 4
+
+
+def test_where_nobody_looks_there_is_no_flip(shown: list[str]) -> None:
+    one = claim("fig1 a gain", GAIN, above=100)
+    silent = assess(ILO, [one], 4, flips=False)["it"]
+    assert (silent.draws, silent.flip, silent.looked) == (4, None, False)
+    assert len(shown) == 1 + 4
+    assert from_data(to_data(silent, one)) == silent
 
 
 def test_what_hangs_on_nothing_or_is_broken_is_left_out() -> None:

@@ -27,8 +27,9 @@ FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree
 TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]
 
 
-# Draws make verdicts, which are compared every night; a test that builds can do with one.
-FEW_DRAWS = "draws=1"
+# Draws make verdicts, which are compared every night; a test that builds can do with one, and
+# without the search for what flips a claim, which takes longer than all figures.
+FEW_DRAWS = ("draws=1", "flips=false")
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,9 @@ def copy_project(target: Path) -> Project:
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A copy with everything built on two cores. Tests leave it as they find it.
 
-    With a single draw for each claim, see `FEW_DRAWS`. Where several processes test, the first
-    that needs it builds it for all. Tests of one process may then run jobs in it; those of another
-    compare with `as_built`.
+    With a single draw for each claim and no more, see `FEW_DRAWS`. Where several processes test,
+    the first that needs it builds it for all. Tests of one process may then run jobs in it; those
+    of another compare with `as_built`.
     """
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -95,7 +96,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     with (shared / "built.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
-            copy_project(folder).snakemake("--config", FEW_DRAWS)
+            copy_project(folder).snakemake("--config", *FEW_DRAWS)
             shutil.copytree(folder / "results", whole / "results")
     return Project(folder)
 

@@ -71,7 +71,7 @@ def test_a_touch_makes_nothing_stale(built: Project) -> None:
         path.touch()
     for path in (built.folder / "config").rglob("*.yaml"):
         path.touch()
-    assert built.stale(config=[FEW_DRAWS]) == {}
+    assert built.stale(config=FEW_DRAWS) == {}
 
 
 def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
@@ -93,7 +93,7 @@ def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name
 
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
-        assert built.stale(config=[FEW_DRAWS]) == {"plot": 1, **TOLD}
+        assert built.stale(config=FEW_DRAWS) == {"plot": 1, **TOLD}
 
 
 # What a claim's wording makes stale, and what its checks do.
@@ -117,7 +117,7 @@ def test_the_evidence_follows_what_it_is_made_of(
     built: Project, file: str, old: str, new: str, stale: dict[str, int]
 ) -> None:
     with edited(built.folder / file, old, new):
-        assert built.stale(config=[FEW_DRAWS]) == stale
+        assert built.stale(config=FEW_DRAWS) == stale
 
 
 def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:

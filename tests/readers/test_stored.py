@@ -356,6 +356,7 @@ def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
 FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": "x", "size": 0.5}
 DRAWN = {
     "draws": 8, "held": 4, "diverged": 1, "refused": 0, "share": 0.5, "low": 0.2, "high": 0.8,
+    "looked": True,
     "flip": FLIP, "choices": ["a.b"],
 }  # fmt: skip
 

@@ -92,7 +92,7 @@ def make_project(folder: Path) -> Path:
         (folder / name).mkdir(parents=True)
     built.mkdir(parents=True)
     (folder / "config/config.yaml").write_text(
-        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\n"
+        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nflips: true\n"
     )
     shutil.copy(TOY / "toy.yaml", folder / "config/papers")
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
@@ -121,7 +121,7 @@ def make_project(folder: Path) -> Path:
     write_claims(folder, CLAIMS)
     drawn = {
         "draws": 40, "held": 30, "diverged": 2, "refused": 1, "share": 0.75,
-        "low": 0.6, "high": 0.9, "flip": None, "choices": [],
+        "low": 0.6, "high": 0.9, "looked": True, "flip": None, "choices": [],
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
     stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}

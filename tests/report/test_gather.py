@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from reobserve.claims.table import NOT_LOOKED_FOR
 from reobserve.errors import InputError
 from reobserve.replication_report.assumptions import range_lines, value_lines
 from reobserve.replication_report.gather import gather
@@ -126,6 +127,14 @@ def test_claims_come_with_checks_and_robustness(project: Path) -> None:
     assert found.flip == "from 1 to 0.6 1/s^2 (0.1 of its range)"
     assert claims["double_pole"].robustness is None
     assert list(counts(list(claims.values())).values()) == [1, 1, 1, 1, 1, 0]
+
+
+def test_no_flip_found_is_told_from_none_looked_for(project: Path) -> None:
+    for flip, looked in (("", True), (NOT_LOOKED_FOR, False)):
+        write_claims(project, [CLAIMS[0], CLAIMS[1] | {"flip": flip}, *CLAIMS[2:]])
+        claims = {claim.name: claim for claim in gathered(project)[1].known_claims}
+        found = claims["placed_is_better"].robustness
+        assert (found.flip_key, found.flip, found.looked) == ("", "", looked)
 
 
 def test_a_paper_is_replicated_or_not(project: Path) -> None:

@@ -45,6 +45,7 @@ rule robustness:
     params:
         ledger=ledger_file,
         draws=config["draws"],
+        flips="" if config["flips"] else "--no-flips",
         settings=lambda wildcards: digest(drawn_from(wildcards.paper)),
         code=code("robustness"),
         packages=packages,
@@ -52,7 +53,7 @@ rule robustness:
         "{wildcards.paper}: decide the claims over {params.draws} draws of what is left open"
     shell:
         "(set -x; reobserve robustness {params.ledger} --draws {params.draws}"
-        " --output {output}) > {log} 2>&1"
+        " {params.flips} --output {output}) > {log} 2>&1"
 
 
 rule claims:

@@ -47,8 +47,9 @@ class Flip:
 class Robustness:
     """Of one claim: in how many draws it held, and the smallest change that flips it.
 
-    Draws in which something diverges count as not held; those that the code refuses, because no
-    reader could have run them, do not count.
+    ``flip`` is None if none was found; ``looked`` is false where nobody looked. Draws in which
+    something diverges count as not held; those that the code refuses, because no reader could
+    have run them, do not count.
     """
 
     draws: int = 0
@@ -56,6 +57,7 @@ class Robustness:
     diverged: int = 0
     refused: int = 0
     flip: Flip | None = None
+    looked: bool = True
 
     @property
     def share(self) -> float:
@@ -124,7 +126,9 @@ def holds(claim: Claim, numbers: Numbers) -> bool:
     return all(check.holds(numbers) for check in claim.checks)
 
 
-def assess(ledger: Ledger, claims: Sequence[Claim], draws: int) -> dict[str, Robustness]:
+def assess(
+    ledger: Ledger, claims: Sequence[Claim], draws: int, flips: bool = True
+) -> dict[str, Robustness]:
     """The robustness of every claim that hangs on something, by name.
 
     Parameters
@@ -135,6 +139,8 @@ def assess(ledger: Ledger, claims: Sequence[Claim], draws: int) -> dict[str, Rob
         Of the same paper; left out are those that are broken or hang on nothing.
     draws
         How many for each claim; fewer for those on dear figures.
+    flips
+        Whether to look for the smallest change that flips a claim, which takes longest.
 
     Raises
     ------
@@ -146,14 +152,15 @@ def assess(ledger: Ledger, claims: Sequence[Claim], draws: int) -> dict[str, Rob
     asked = [claim for claim in claims if claim.checks and claim.choices]
     outcomes = Outcomes(ledger, asked)
     asked = [claim for claim in asked if outcomes.stated(claim) is not None]
-    found = {claim.name: Robustness() for claim in asked}
+    found = {claim.name: Robustness(looked=flips) for claim in asked}
     groups = defaultdict(list)
     for claim in asked:
         groups[tuple(claim.keys), claim.draws_divided_by].append(claim)
     for (_, divided_by), members in groups.items():
         _draw_group(ledger, outcomes, -(-draws // divided_by), members, found)
-    for name, flip in _smallest_flips(ledger, outcomes, asked).items():
-        found[name].flip = flip
+    if flips:
+        for name, flip in _smallest_flips(ledger, outcomes, asked).items():
+            found[name].flip = flip
     return found
 
 

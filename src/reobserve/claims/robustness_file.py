@@ -25,6 +25,7 @@ def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
         "share": robustness.share if robustness.draws else None,
         "low": low,
         "high": high,
+        "looked": robustness.looked,
         "flip": flip
         and {
             "key": flip.key,
@@ -48,6 +49,7 @@ class StoredRobustness:
     share: float | None
     low: float
     high: float
+    looked: bool
     flip: Flip | None
     choices: tuple[str, ...]
 
@@ -81,6 +83,6 @@ def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
     if stored.paper != paper:
         raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
     return {
-        name: Robustness(one.draws, one.held, one.diverged, one.refused, one.flip)
+        name: Robustness(one.draws, one.held, one.diverged, one.refused, one.flip, one.looked)
         for name, one in stored.claims.items()
     }

@@ -18,6 +18,8 @@ HEADER = (
     "figures", "hangs_on", "draws", "held", "share", "low", "high", "flip", "problem",
 )  # fmt: skip
 
+NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+
 
 # A broken claim has a problem and nothing else; what hangs on nothing was not drawn.
 KINDS = {
@@ -58,7 +60,7 @@ def row(
             "share": f"{robustness.share:.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
-            "flip": tell_flip(robustness.flip),
+            "flip": tell_flip(robustness.flip) if robustness.looked else NOT_LOOKED_FOR,
         }
     return told
 

@@ -124,6 +124,7 @@ class Robustness:
     high: float
     flip_key: str = ""
     flip: str = ""
+    looked: bool = True
     diverged: int = 0
     refused: int = 0
 

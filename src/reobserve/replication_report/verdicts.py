@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from reobserve.claims.robustness import Robustness as Drawn
 from reobserve.claims.robustness_file import read_robustness
-from reobserve.claims.table import HEADER
+from reobserve.claims.table import HEADER, NOT_LOOKED_FOR
 from reobserve.claims.verdicts import BROKEN, VERDICTS
 from reobserve.claims.verdicts import replicated as rows_replicated
 from reobserve.errors import InputError
@@ -86,7 +86,8 @@ def _checks(measured: str) -> tuple[str, ...]:
 def _robustness(row: Mapping[str, str], draws: Drawn) -> Robustness | None:
     if not row["draws"] or int(row["draws"]) == 0:
         return None
-    key, _, moved = row["flip"].partition(" ")
+    looked = row["flip"] != NOT_LOOKED_FOR
+    key, _, moved = row["flip"].partition(" ") if looked else ("", "", "")
     return Robustness(
         draws=int(row["draws"]),
         held=int(row["held"]),
@@ -95,6 +96,7 @@ def _robustness(row: Mapping[str, str], draws: Drawn) -> Robustness | None:
         high=float(row["high"]),
         flip_key=key,
         flip=moved,
+        looked=looked,
         diverged=draws.diverged,
         refused=draws.refused,
     )

@@ -12,11 +12,11 @@ from reobserve.files import write_text
 from reobserve.ledger import Ledger
 
 
-def run(ledger_file: Path, draws: int, output: Path, project: Path) -> None:
+def run(ledger_file: Path, draws: int, flips: bool, output: Path, project: Path) -> None:
     """Draw, move, decide and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
     claims = {claim.name: claim for claim in read_registry(project, ledger).claims}
-    found = assess(ledger, list(claims.values()), draws)
+    found = assess(ledger, list(claims.values()), draws, flips)
     stored = {
         "paper": ledger.paper,
         "seed": ledger.seed,
