@@ -44,6 +44,8 @@ def check_plain(tree: Any, place: str, values: int = VALUES) -> None:
         values -= 1
         if isinstance(value, str):
             letters += len(value)
+            if not _is_text(value):
+                raise InputError(_spelled(here), "holds half a letter, which no file can")
         elif isinstance(value, Mapping | list | tuple):
             if depth >= DEPTH:
                 raise InputError(_spelled(here), f"is nested deeper than {DEPTH} levels")
@@ -71,9 +73,18 @@ def _spelled(place: _Place) -> str:
 def _keys(value: Mapping[Any, Any] | list[Any] | tuple[Any, ...], place: _Place) -> list[str]:
     keys = list(value) if isinstance(value, Mapping) else []
     for key in keys:
-        if not isinstance(key, str):
+        if not isinstance(key, str) or not _is_text(key):
             raise InputError(_spelled(place), f"has the key {shown(key)}, must be text in quotes")
     return keys
+
+
+def _is_text(word: str) -> bool:
+    """Whether UTF-8 can spell it: half of a surrogate pair it cannot."""
+    try:
+        word.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _check_leaf(value: Any, place: _Place) -> None:

@@ -227,6 +227,8 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
         raise InputError(place, f"is damaged or no Parquet file ({reason})") from None
     if told is None:
         raise InputError(place, "has no reobserve metadata; it was written elsewhere")
+    if not digest:
+        raise InputError(place, "has no digest of its values; it was not written by this version")
     try:
         about = parse(_Stored, parse_json(told.decode("utf-8"), place), place)
     except UnicodeDecodeError:

@@ -128,6 +128,8 @@ def test_trees_that_others_parsed_are_checked() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ('{"a": "\\ud800"}', r"^o.a: holds half a letter, which no file can$"),
+        ('{"\\ud800": 1}', r"^o: has the key '.ud800', must be text in quotes$"),
         ('{"a": 1, "a": 2}', r"^o: has the key 'a' twice$"),
         ('{"a": NaN}', r"^o.a: nan must be a finite number$"),
         ('{"a": [-Infinity]}', r"^o.a.0: -inf must be a finite number$"),

@@ -250,11 +250,15 @@ def test_a_file_that_others_made_is_refused(
 ) -> None:
     path = tmp_path / "run.parquet"
     text = about if isinstance(about, str) else json.dumps(about)
-    table = pa.table(columns).replace_schema_metadata({b"reobserve": text.encode()})
-    parquet.write_table(table, path)
+    told = {b"reobserve": text.encode(), b"reobserve.sha256": b"0" * 64}
+    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
     with pytest.raises(InputError, match=said) as caught:
         Series.read(path)
     assert str(caught.value).startswith(str(path))
+    told.pop(b"reobserve.sha256")
+    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
+    with pytest.raises(InputError, match="has no digest of its values"):
+        Series.read(path)
 
 
 def test_the_time_of_a_series_is_finite() -> None:
@@ -341,7 +345,7 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
     table = ledger.settings("table", "table_coefficients")
     table["table"]["degree"] = 30
     with pytest.raises(InputError, match=r"^degree: 30 is beyond that of the design"):
-        table_rows({**table, "table": {**table["table"], "degree": 30, "printed": []}}, design)
+        table_rows(table, design)
 
 
 def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:

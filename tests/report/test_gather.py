@@ -237,7 +237,7 @@ def test_a_missing_file_is_one_gap_in_its_place(
         ("results/toy/table1.csv", "", "is empty"),
         ("results/toy/robustness.json", "{", "is not JSON"),
         ("results/toy/robustness.json", "[]", "must be a mapping"),
-        ("results/toy/ledger.json", "{}", "has no key 'paper'"),
+        ("results/toy/ledger.json", "{}", "paper: is missing; the stored ledger needs it"),
         ("results/claims.csv", "a,b\n", "results/claims.csv: has the columns"),
         ("config/claims/toy.yaml", "claims: {}", "has no key 'in_the_way'"),
         ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "sign: has no key 'printed'"),

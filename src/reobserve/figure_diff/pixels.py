@@ -80,8 +80,10 @@ def read_pixels(path: Path) -> Pixels:
 
     content = io.BytesIO(read_bytes(path))
     try:
-        with warnings.catch_warnings(), Image.open(content, formats=["PNG"]) as image:
-            warnings.simplefilter("ignore")  # of a size that is refused here
+        with (
+            warnings.catch_warnings(action="ignore"),  # of a size that is refused here
+            Image.open(content, formats=["PNG"]) as image,
+        ):
             width, height = image.size
             if width * height > _MOST_PIXELS:
                 raise InputError(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import InputError
+from reobserve.matrices import as_positive
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state.design import Design
@@ -24,7 +25,7 @@ def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[Augment
     found = Design.from_dict(rest)
     if "filter_rate" not in values:
         raise InputError("design", "has no key 'filter_rate'")
-    system = augmented(plant, values["filter_rate"])
+    system = augmented(plant, as_positive("filter_rate", values["filter_rate"]))
     wanted = (system.size, len(system.C))
     for name, gain in (("L", found.gains.L), ("Ld", found.gains.Ld)):
         if gain.shape != wanted:
