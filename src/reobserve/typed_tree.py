@@ -158,14 +158,15 @@ def _branch(kind: Any, tree: Any, place: str, form: str = "") -> Any:
             raise InputError(join(place, name), f"unknown key{nearest(name, hints)}")
     for name in needed:
         if name not in tree:
-            needing = (
-                form
-                or "the " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__.lstrip("_")).lower()
-            )
-            raise InputError(join(place, name), f"is missing; {needing} needs it")
+            raise InputError(join(place, name), f"is missing; {form or _called(kind)} needs it")
     parts = {name: parse(hints[name], one, join(place, name)) for name, one in tree.items()}
     with located(place) if place else nullcontext():
         return kind(**parts)
+
+
+def _called(kind: Any) -> str:
+    """What a sentence calls a dataclass: `StoredLedger` is the stored ledger."""
+    return "the " + re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__.lstrip("_")).lower()
 
 
 def _union(kinds: tuple[Any, ...], tree: Any, place: str) -> Any:

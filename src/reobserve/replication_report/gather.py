@@ -87,7 +87,7 @@ def _ledger(project: Project, paper: str, seed: int) -> tuple[Ledger, tuple[Gap,
         project.bytes(path)
         return Ledger.read(project.folder / path), ()
     except InputError as error:
-        gap = project.gaps.add(paper, f"{path}: {error.problem}")
+        gap = project.gaps.add(paper, str(error))
         return Ledger.load(project.folder, paper, seed=seed), (gap,)
 
 
