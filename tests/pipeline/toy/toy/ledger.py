@@ -2,9 +2,10 @@
 
 from math import isfinite
 
+from reobserve.papers.toy import design, keys
+
 from reobserve.errors import InputError
 from reobserve.ledger_types import Job
-from reobserve.papers.toy import design, keys
 
 
 def check(ledger: keys.Ledger) -> None:
