@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -29,12 +30,15 @@ def check_ledger(ledger: Ledger) -> None:
 
 @contextmanager
 def building(place: str) -> Iterator[None]:
-    """`located`, for what is built to see whether it can be.
+    """`located`, and `computable`, for what is built to see whether it can be."""
+    with computable(place), located(place):
+        yield
 
-    Numbers so large or small that they cannot be computed with are refused at ``place``, whatever
-    numpy makes of them.
-    """
-    with located(place), warnings.catch_warnings():
+
+@contextmanager
+def computable(place: str) -> Iterator[None]:
+    """Refuse at ``place`` what numpy cannot compute with, whatever it makes of it."""
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             yield
@@ -42,7 +46,7 @@ def building(place: str) -> Iterator[None]:
             raise
         except (ArithmeticError, ValueError, MemoryError) as error:  # LinAlgError is the second
             problem = f"its numbers are too large or too small to compute with ({error})"
-            raise InputError("values", problem) from None
+            raise InputError(place, problem) from None
 
 
 def check_scenarios(ledger: Any, build: Callable[[Job], object]) -> None:
@@ -55,9 +59,10 @@ def check_scenarios(ledger: Any, build: Callable[[Job], object]) -> None:
     """
     for name, scenario in ledger.scenarios.items():
         try:
-            build(Job(ledger.plant, scenario=scenario))
+            with computable(f"scenarios.{name}"):
+                build(Job(ledger.plant, scenario=scenario))
         except InputError as error:
-            key = error.parameter.replace("scenario", f"scenarios.{name}", 1)
+            key = re.sub(r"^scenario\b", f"scenarios.{name}", error.parameter)
             raise InputError(key, error.problem) from None
 
 

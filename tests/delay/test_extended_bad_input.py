@@ -217,7 +217,7 @@ BAD_CONFIG: list[Any] = [
     (delay_of(*LATE), "plant.delay: jumps at 20.001 s, must jump at a multiple of 0.0025 s"),
     (
         {"plant": {"delay_bounds": [1.5, 0]}},
-        "plant.delay_bounds: [1.5, 0] s must be 0 or more",
+        "plant.delay_bounds: [1.5, 0] must be 0 or more",
     ),
     ({"plant": {"noise_period": 1e-3}}, "plant.noise_period: 0.001 s must be a multiple of 0.005"),
     ({"plant": {"noise_period": 0}}, "plant.noise_period: 0 must be greater than zero"),
@@ -234,14 +234,14 @@ BAD_CONFIG: list[Any] = [
     (changed("order2", model="penduum"), "observers.order2.model: 'penduum' must be one of pend"),
     (changed("order2", step_size=0.003), "observers.order2.step_size: 0.0015 s must be a whole"),
     (changed("order2", rho=0), "observers.order2.rho: 0 must be greater than zero"),
-    (changed("order2", order=0), "observers.order2.order: 0 must be a whole number, 1 or more"),
+    (changed("order2", order=0), "observers.order2.order: 0 must be from 1 to 2"),
     (
         changed("order2", order=3),
-        "observers.order2.order: 3 asks for derivatives of u above 2",
+        "observers.order2.order: 3 must be from 1 to 2",
     ),
     (
         changed("order2_noise", order=3),
-        "observers.order2_noise.order: 3 asks for derivatives of u above 2",
+        "observers.order2_noise.order: 3 must be from 1 to 2",
     ),
     (
         changed("order2", derivatives="exat"),
@@ -253,7 +253,7 @@ BAD_CONFIG: list[Any] = [
     (changed("order2", initial_matrix=-1.0), "observers.order2.initial_matrix: must be positive"),
     (changed("order2_noise", L=0), "observers.order2_noise.L: 0 must be greater than zero"),
     (changed("order2_noise", lambdas=[3]), "observers.order2_noise.lambdas: has shape (1,), must"),
-    (changed("own", like="order2", derivatives="levant"), "observers.own.lambdas: is missing; der"),
+    (changed("own", like="order2", derivatives="levant"), "observers.own.L: is missing; der"),
     (changed("standard", mean_delay=1.6), "observers.standard.mean_delay: 1.6 s must be above 0"),
 ]
 

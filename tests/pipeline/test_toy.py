@@ -131,6 +131,9 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
         done = toy.snakemake(check=False)
         assert done.returncode != 0
         assert "Traceback" not in done.stderr
+        # What fails stands before a pipe: it is the job that fails, not its missing output.
+        assert "latency" not in done.stderr
+        assert "no_figure" in (toy.folder / "logs/verdicts.log").read_text()
         page = unescape((toy.folder / "results/report.html").read_text())
         found = claims(toy)
         for name, said in (

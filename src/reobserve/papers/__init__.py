@@ -15,10 +15,13 @@ of the others fresh:
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
                                                       (made by `reobserve.layouts.by_layout`)
     search.run(settings, plant, progress) -> dict     (only papers that have searches)
-    ledger.check(ledger) -> None                      (builds everything once, runs nothing)
+    keys.Ledger                                       (the keys of the ledger, as dataclasses)
+    ledger.check(keys.Ledger) -> None                 (builds everything once, runs nothing)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the ledger get it as a third argument.
 
-``settings`` are what `reobserve.ledger.Ledger.settings` returns for the stage.
+``settings`` are what `reobserve.ledger.Ledger.settings` returns for the stage. A stage makes a
+`reobserve.ledger_types.Job` of them before it uses any, by the same types that the whole ledger is
+checked with before a build: ``job = read_job(keys.Ledger, settings)``.
 """
