@@ -13,7 +13,7 @@ from reobserve.golden import digests, files, kept, tables
 from reobserve.golden.comparison import Worst, compare, differences
 from reobserve.golden.kept import Kept, KeptPaper
 from reobserve.golden.renewal import Evidence, prepare
-from reobserve.golden.tolerances import Tolerance, determined, measured, rounded_up
+from reobserve.golden.tolerances import Tolerance, determined, measured, rounded_up, two_digits_up
 from reobserve.series import Channel
 
 TIME = np.arange(21) * 0.1
@@ -41,9 +41,14 @@ def test_rounding_is_up_to_one_two_five() -> None:
     assert list(map(rounded_up, numbers)) == [1e-12, 2e-12, 2e-9, 5e-9, 5.0, 10.0, 1.0, 1e8]
 
 
+def test_steps_are_rounded_up_to_two_digits() -> None:
+    numbers = [3.16e-4, 0.3, 1.0e-7, 1.001e-7, 99.2, 5e22]
+    assert list(map(two_digits_up, numbers)) == [3.2e-4, 0.3, 1.0e-7, 1.1e-7, 100.0, 5e22]
+
+
 def test_a_tolerance_is_ten_times_what_was_seen_and_twice_what_halving_changed() -> None:
-    assert measured(3e-9, 4e-7, 1.0) == Tolerance(5e-8, 1e-6)
-    assert measured(3e-9, 4e-7, 1.0).allowed == 1e-6
+    assert measured(3e-9, 4e-7, 1.0) == Tolerance(5e-8, 8e-7)
+    assert measured(3e-9, 4e-7, 1.0).allowed == 8e-7
     assert measured(3e-9, 2e-8, 1.0) == Tolerance(5e-8)  # halving changes less than rounding
     assert measured(0, 0, 300.0) == Tolerance(5e-10)  # of the largest number of the column
     assert measured(0, 0, 0.0) == Tolerance(1e-15)

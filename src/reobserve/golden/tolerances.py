@@ -1,9 +1,10 @@
 """How far a golden number may be off: what was seen on other processors and on halving steps.
 
 Neither part is a matter of taste. Rounding is ten times the largest deviation that was seen under
-any of `processors`, the step is twice the change on halving every numerical step. Both are rounded
-up to 1, 2 or 5, and kept as they are while what is seen anew leaves them right, so that renewing
-where nothing has changed changes nothing.
+any of `processors`, rounded up to 1, 2 or 5; the step is twice the change on halving every
+numerical step, rounded up to two digits, since it is what decides how small a change is noticed.
+Both are kept as they are while what is seen anew leaves them right, so that renewing where nothing
+has changed changes nothing.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def measured(moved: float, halved: float, size: float, kept: Tolerance | None = 
     elif kept is not None and step / _SPARE <= kept.step <= _GENEROUS * step:
         step = kept.step
     else:
-        step = 0.0 if step <= rounding else rounded_up(step)
+        step = 0.0 if step <= rounding else two_digits_up(step)
     return Tolerance(rounding, step)
 
 
@@ -76,3 +77,12 @@ def rounded_up(value: float) -> float:
     power = math.floor(math.log10(value)) - 1
     steps = (float(f"{digit}e{power + more}") for more in range(3) for digit in (1, 2, 5))
     return next(step for step in steps if step >= value)
+
+
+def two_digits_up(value: float) -> float:
+    """The next number of two digits that is not below a positive ``value``."""
+    if not 0 < value < math.inf:
+        return value
+    power = math.floor(math.log10(value)) - 1
+    digits = math.floor(value / 10.0**power)
+    return next(up for more in range(3) if (up := float(f"{digits + more}e{power}")) >= value)
