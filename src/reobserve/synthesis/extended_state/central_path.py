@@ -171,8 +171,11 @@ def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vecto
 
     hessian = _hessian(problem, x, mu)
     scale = 1.0 / np.sqrt(np.diag(hessian))
-    factor = cho_factor(hessian * scale * scale[:, None], overwrite_a=True)
-    return lambda gradient: -scale * cho_solve(factor, scale * gradient)
+    hessian *= scale
+    hessian *= scale[:, None]
+    # Fortran's order of a symmetric matrix, which is not copied then.
+    factor = cho_factor(hessian.T, overwrite_a=True, check_finite=False)
+    return lambda gradient: -scale * cho_solve(factor, scale * gradient, check_finite=False)
 
 
 def _centred(problem: Problem, x: Vector, mu: float) -> Vector | None:
