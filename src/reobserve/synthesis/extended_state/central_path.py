@@ -156,7 +156,9 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
             found = _centred(problem, found, mu)
         if found is not None:
             return found
-    raise InputError("solver", "found matrices from which Newton's method does not converge")
+    raise InputError(
+        "gap", f"{problem.gap:g} is not reached from there by Newton's method: raise it"
+    )
 
 
 def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
