@@ -252,6 +252,7 @@ def test_a_plant_with_fifty_states_takes_seconds() -> None:
 def test_a_design_survives_json() -> None:
     found = least_norm()
     values = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert (values["lower"], values["radius"]) == (found.lower, None)
     again = Design.from_dict(values)
     assert again.to_dict() == found.to_dict()
     assert again.certificate == found.certificate

@@ -43,6 +43,14 @@ def test_poles_must_have_room() -> None:
         pd_pi.design_least_gamma(dc_motor(), radius=0.0)
 
 
+def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
+    system = random_plant(0, 2)
+    with pytest.raises(InputError, match="gap: 1e-10 is not reached .*: raise it"):
+        pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-10)
+    found = pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-3)
+    assert found.lower == pytest.approx(found.objective - 1e-3, abs=1e-9)
+
+
 def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
     """The mode at -3 is not seen, so that no gain moves it."""
     system = dc_motor(A=[[-3.0, 0.0], [0.0, -2.0]], C=[[0.0, 1.0], [0.0, 2.0]])

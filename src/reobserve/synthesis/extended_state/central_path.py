@@ -156,7 +156,9 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
             found = _centred(problem, found, mu)
         if found is not None:
             return found
-    raise InputError("solver", "found matrices from which Newton's method does not converge")
+    raise InputError(
+        "gap", f"{problem.gap:g} is not reached from there by Newton's method: raise it"
+    )
 
 
 def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
@@ -171,8 +173,11 @@ def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vecto
 
     hessian = _hessian(problem, x, mu)
     scale = 1.0 / np.sqrt(np.diag(hessian))
-    factor = cho_factor(hessian * scale * scale[:, None], overwrite_a=True)
-    return lambda gradient: -scale * cho_solve(factor, scale * gradient)
+    hessian *= scale
+    hessian *= scale[:, None]
+    # Fortran's order of a symmetric matrix, which is not copied then.
+    factor = cho_factor(hessian.T, overwrite_a=True, check_finite=False)
+    return lambda gradient: -scale * cho_solve(factor, scale * gradient, check_finite=False)
 
 
 def _centred(problem: Problem, x: Vector, mu: float) -> Vector | None:

@@ -33,7 +33,6 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _LEAST = 0.01  # eigenvalue of P1 and of the symmetric part of P3
 _GAP = 1e-5  # of the sum of squares to its optimum, relative: none would move gains by 2e-4
-_GAP_OF_GAMMA = 1e-6
 
 
 def design(
@@ -80,22 +79,25 @@ def design_least_gamma(
     bound: float = inf,
     radius: float = 3000.0,
     solver: str = "CLARABEL",
+    gap: float = 1e-6,
 ) -> Design:
     """Theorem 1: min gamma subject to (19), and to -``bound`` < Re s < -``decay`` of all poles.
 
     Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and a sum of the squares of P1, P2, P3, Y1, Y2
-    within that of the ``radius``. The design's ``lower`` is within 1e-6 of its gamma.
+    within that of the ``radius``. The design's ``lower`` is the ``gap`` below its gamma, which has
+    to be larger where floats cannot follow the central path so far: 1e-3 for a gamma of some units.
 
     Raises
     ------
     InputError
-        If ``decay`` and ``bound`` [1/s] are not 0 <= decay < bound, the radius is too small, the
-        solver does not end with "optimal", or the certificate does not hold.
+        If ``decay`` and ``bound`` [1/s] are not 0 <= decay < bound, the radius or the
+        gap is too small, the solver does not end with "optimal", or the certificate does not hold.
     """
     decay, radius = as_scalar("decay", decay), as_positive("radius", radius)
+    gap = as_positive("gap", gap)
     if not 0 <= decay < bound:
         raise InputError("decay", f"{decay:g} must be at least zero and below the bound {bound:g}")
-    problem = _problem(system, pd_pi_sides(system, None, decay, bound), _GAP_OF_GAMMA, radius)
+    problem = _problem(system, pd_pi_sides(system, None, decay, bound), gap, radius)
     method = "PD/PI, least gamma"
     return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)
 

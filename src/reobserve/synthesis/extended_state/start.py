@@ -11,13 +11,14 @@ from reobserve.errors import InputError
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
 
 SOLVERS: dict[str, dict[str, Any]] = {
-    "CLARABEL": {},
+    "CLARABEL": {"tol_gap_abs": 1e-5, "tol_gap_rel": 1e-5},  # nearer would be beyond the minimiser
     "SCS": {"eps": 1e-6, "max_iters": 200_000},
 }
 
-# Eigenvalues of all sides stay above this, well above what SCS misses inequalities by: 1e-6 times
-# the size of its matrices, which is a few units for the smallest ones.
-_STRICT = 1e-4
+# Eigenvalues of all sides stay above these, a hundred times what each misses inequalities by. Where
+# gamma is unknown all of the central path is still to go, and the wider is right.
+_STRICT = {"CLARABEL": 1e-6, "SCS": 1e-4}
+_WIDE = 1e-4
 
 
 def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
@@ -43,7 +44,8 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     gamma: Any = cvxpy.Variable()
     squared = [*unknowns.values(), *([] if problem.radius is None else [gamma])]
     sides = [_expression(side, unknowns, gamma) for side in problem.sides]
-    constraints = [side >> _STRICT * np.eye(side.shape[0]) for side in sides]
+    strict = _STRICT[solver] if problem.radius is None else _WIDE
+    constraints = [side >> strict * np.eye(side.shape[0]) for side in sides]
     stated: Any = cvxpy.Problem(
         cvxpy.Minimize(sum(sum_squares(each) for each in squared)), constraints
     )
