@@ -22,7 +22,7 @@ from reobserve.metrics import (
     settling_time,
     write_metrics,
 )
-from reobserve.random_streams import random_stream
+from reobserve.random_streams import held_normal, random_stream
 from reobserve.series import Channel, Series
 
 # Values that a detour through text or single precision would change.
@@ -285,3 +285,20 @@ def test_a_step_that_is_off_by_a_thousandth_is_uneven(off: float, even: bool) ->
     else:
         with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
             _ = series.step
+
+
+def test_streams_of_names_that_are_cut_elsewhere_differ() -> None:
+    """The slash keeps ("a", "bc") and ("ab", "c") apart, so no name may hold one."""
+    drawn = [random_stream(7, *names).random() for names in (("a", "bc"), ("ab", "c"), ("abc",))]
+    assert len(set(drawn)) == 3
+    with pytest.raises(InputError, match=r"^stream: the name 'a/b' must not hold a slash$"):
+        random_stream(7, "a/b", "c")
+
+
+@pytest.mark.parametrize(("samples", "hold"), [(7, 3), (6, 3), (1, 4), (5, 1)])
+def test_held_noise_changes_every_so_many_samples(samples: int, hold: int) -> None:
+    """And its limit from the left one sample later; drawn in order, no number twice."""
+    drawn = random_stream(7, "noise").standard_normal(samples)
+    values, before = held_normal(random_stream(7, "noise"), samples, hold)
+    assert values.tolist() == [drawn[k // hold] for k in range(samples)]
+    assert before.tolist() == [drawn[max(k - 1, 0) // hold] for k in range(samples)]

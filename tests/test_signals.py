@@ -501,6 +501,30 @@ def test_bad_terms_are_refused_in_a_sentence(term: Any, sentence: str) -> None:
         parse(term)
 
 
+NEEDED = {
+    "constant": ("size",),
+    "sine": ("amplitude", "frequency"),
+    "growing_sine": ("growth", "frequency"),
+    "ramp": ("slope",),
+    "square": ("high", "period"),
+    "prbs": ("amplitude", "clock", "order"),
+    "sweep": ("amplitude", "start", "end", "duration"),
+    "samples": ("file", "column"),
+}
+
+
+@pytest.mark.parametrize(("kind", "key"), [(k, key) for k, keys in NEEDED.items() for key in keys])
+def test_a_term_without_what_it_needs_is_refused(kind: str, key: str) -> None:
+    """Every other key is there, optional ones excepted."""
+    numbers = {"order": 7, "start": 0.5, "end": 2.0}
+    words = {"file": "torque.csv", "column": "torque"}
+    term = {name: words.get(name, numbers.get(name, 1.0)) for name in NEEDED[kind] if name != key}
+    with pytest.raises(
+        InputError, match=rf"^fault\[0\]\.{key}: is missing; a {kind} term needs it$"
+    ):
+        parse({"kind": kind, "axis": 1, "until": 5.0, **term})
+
+
 def test_the_place_of_a_bad_term_is_named() -> None:
     with pytest.raises(InputError, match=r"^fault\[2\].axis: 9 "):
         parse(CONSTANT, SINE, {**RAMP, "axis": 9})

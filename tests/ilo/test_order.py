@@ -19,10 +19,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from reobserve.errors import InputError
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, Run
+from reobserve.papers.ilo.setup import stride
 from reobserve.plants.satellite import Satellite
 from reobserve.rigid_body import RigidBody
 from reobserve.signals import Signal
@@ -389,3 +391,20 @@ def test_axisymmetric_body_precesses_as_in_closed_form() -> None:
         errors.append(float(np.max(np.abs(found - known))))
     assert order(steps, errors) == pytest.approx(4.0, abs=0.1)
     assert errors[-1] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("step_size", "samples"),
+    [(0.002, 1), (0.004, 2), (0.02, 10), (0.001, 0), (0.003, 0), (1e-6, 0)],
+)
+def test_half_a_step_of_an_observer_is_a_whole_number_of_samples(
+    step_size: float, samples: int
+) -> None:
+    observer = SampledIterativeLearningObserver(
+        RigidBody(inertia=np.eye(3)), step_size, K1=1.0, K2=0.1, damping=1.0, interval=step_size
+    )
+    if samples:
+        assert stride({"step": 0.001}, observer) == samples
+    else:
+        with pytest.raises(InputError, match=r"^step_size: .* even multiple of plant.step"):
+            stride({"step": 0.001}, observer)

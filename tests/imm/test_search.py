@@ -279,3 +279,14 @@ def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path
         assert done.stderr.startswith(said)
         assert done.stderr.count("\n") == 1
         assert not output.exists()
+
+
+def test_a_search_over_what_its_banks_do_not_share_is_refused() -> None:
+    """Before the first trial: it would give all of them one noise, whatever was stated."""
+    settings = deepcopy(small_ledger().settings("search", "calibrated"))
+    noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]
+    settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]
+    told: list[str] = []
+    with pytest.raises(InputError, match="must have the noise of the others tuned"):
+        search.run(settings, small_record(), told.append)
+    assert told == []

@@ -14,6 +14,8 @@ from sympy.polys.rings import PolyElement, ring
 from sympy.polys.solvers import solve_lin_sys
 
 from reobserve.power_series.maps import PolynomialMap
+from reobserve.power_series.monomials import monomials
+from reobserve.synthesis.normal_form import homological
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
@@ -321,3 +323,28 @@ def test_fractions_come_out_as_fractions() -> None:
         *lie_transform(problem, solver),
     ):
         assert all(isinstance(value, (int, Fraction)) for value in table.ravel())
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_linear_substitution_is_that_of_the_values(degree: int, compiled: bool) -> None:
+    """p(G w) at points; as plain Python, too, which sees what leaves its arrays."""
+    draw = np.random.default_rng(degree)
+
+    def complex_numbers(*shape: int) -> np.ndarray:
+        return draw.normal(size=(*shape, 2)).view(complex)[..., 0]
+
+    basis = monomials(3, degree)
+    powers = basis.exponents[basis.part(degree)]
+    p, G = complex_numbers(2, len(powers)), complex_numbers(2, 2)
+    found = p.copy()
+    substitute = homological._substitute if compiled else homological._substitute.py_func
+    substitute(basis, found, degree, np.array([0, 2]), G)
+    w = complex_numbers(7, 3)
+    x = w.copy()
+    x[:, [0, 2]] = w[:, [0, 2]] @ G.T
+
+    def values(coefficients: np.ndarray, points: np.ndarray) -> np.ndarray:
+        return np.prod(points[:, None, :] ** powers, axis=2) @ coefficients.T
+
+    np.testing.assert_allclose(values(found, w), values(p, x), rtol=1e-11)

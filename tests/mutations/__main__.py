@@ -33,6 +33,8 @@ def main() -> int:
     mutations = generate(ROOT, options.fresh, options.seed) if options.fresh else kept()
     numbered = dict(enumerate(mutations, 1))
     if options.only:
+        if unknown := set(options.only) - set(numbered):
+            parser.error(f"there is no {min(unknown)}, the numbers are 1 to {len(numbered)}")
         numbered = {number: numbered[number] for number in options.only}
     if options.list:
         for number, mutation in numbered.items():
