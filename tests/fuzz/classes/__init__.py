@@ -40,21 +40,21 @@ class Class:
 
 
 CLASSES = {
-    "ledgers": Class(300, ledgers.make, ledgers.examples),
-    "overrides": Class(250, overrides.make, overrides.examples),
+    "ledgers": Class(200, ledgers.make, ledgers.examples),
+    "overrides": Class(150, overrides.make, overrides.examples),
     "config": Class(200, configs.make, configs.examples),
     "yaml": Class(300, yaml.make, yaml.examples),
-    "claims": Class(200, claims.make, claims.examples),
+    "claims": Class(120, claims.make, claims.examples),
     "errata": Class(100, errata.make, errata.examples),
     "ledger-files": Class(250, ledger_files.make, ledger_files.examples),
-    "records": Class(200, records.make, records.examples),
+    "records": Class(120, records.make, records.examples),
     "samples": Class(250, samples.make, samples.examples),
     "designs": Class(200, designs.make, designs.examples),
-    "robustness": Class(100, robustness.make, robustness.examples),
+    "robustness": Class(50, robustness.make, robustness.examples),
     "tables": Class(250, tables.make, tables.examples),
     "pictures": Class(200, pictures.make, pictures.examples),
     "command-line": Class(250, command_line.make, command_line.examples),
-    "arguments": Class(1200, arguments.make, arguments.examples),
+    "arguments": Class(900, arguments.make, arguments.examples),
     "expressions": Class(150, expressions.make, expressions.examples),
 }
 

@@ -12,11 +12,11 @@ from ..case import Case, command
 
 _PATHS = [
     *("", ".", "..", "/", "/dev/null", "/dev/full", "/dev/stdout", "/dev/zero", "/dev/tty"),
-    *("/proc"),
+    "/proc",
     *("/proc/self/mem", "folder", "folder/", "missing", "missing/x", "file", "file/x", "~", "-"),
-    *("x" * 300),
+    "x" * 300,
     *("a b", "a\nb", "$HOME", "ünï", "\udcff", "fifo-that-is-none", "out.json", "folder/out", "*"),
-    *("a\x00b"),
+    "a\x00b",
 ]  # fmt: skip
 _OPTIONS = [
     *(

@@ -23,6 +23,11 @@ def make(random: Random) -> Case:
     """The record of a paper with a change, and the observer that reads it."""
     paper = random.choice(material.PAPERS)
     act = random.randrange(3)
+    if random.random() < 0.1:
+        kind, rows = random.choice(["none", "snappy", "gzip"]), random.choice([None, 100, 10_000])
+        stream = io.BytesIO()
+        parquet.write_table(_table(paper), stream, compression=kind, row_group_size=rows)
+        return case(paper, stream.getvalue(), f"the same, packed by {kind} in groups of {rows}")
     if act == 0:
         content, told = mutations.damaged(random, _small(paper))
         return case(paper, content, told, cut=True)

@@ -19,11 +19,11 @@ from ..case import Case
 _CSV = b"time,torque\n0,0\n0.5,0.1\n1.0,-0.2\n2.5,1e-3\n"
 _TOKENS = [
     *(b",", b",,", b"\n", b"\r", b"\r\n", b'"', b'"a"', b"nan", b"inf", b"-inf", b"1e999", b"x"),
-    *(b" "),
+    b" ",
     *(b"\x00", b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"time", b"torque", b"time,time", b";"),
-    *(b"\t"),
+    b"\t",
     *(b"2020-01-01", b"true", b"1,2,3", b"#", b"=1+1", b"0x1", b"1_000", b"9" * 400, b"-1"),
-    *(b"1e-400"),
+    b"1e-400",
 ]  # fmt: skip
 
 

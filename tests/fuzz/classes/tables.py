@@ -12,9 +12,9 @@ from ..case import Case, command
 
 _TOKENS = [
     *(b",", b",,", b"\n", b"\n\n", b"\r", b'"', b'""', b"nan", b"-inf", b"1e999", b"x", b"\x00"),
-    *(b" "),
+    b" ",
     *(b"\xff", b"\xc3\xa9", b"\xef\xbb\xbf", b"observer,metric,value,unit\n", b"1_000"),
-    *(b"\xd9\xa3"),
+    b"\xd9\xa3",
     *(b"$(touch escaped)", b"-1", b"1e308", b"0x1", b"1,2,3,4\n", b"a" * 20_000),
 ]  # fmt: skip
 

@@ -17,9 +17,9 @@ _TOKENS = [
     *(b"2020-01-01", b"2020-01-01T00:00:00Z", b"1" * 5000, b"1e999", b".nan", b"-.inf", b"0b12"),
     *(b"12:30:45", b"? ", b"? [a]\n: 1\n", b": ", b"- ", b"\t", b"\r", b"\x00", b"\xff\xfe", b"%"),
     *(b"\xef\xbb\xbf", b"\xc3\x28", b"\xe2\x80\xa8", b"[" * 2000, b"{a: " * 1000, b"---\n"),
-    *(b"...\n"),
+    b"...\n",
     *(b"|\n", b">-\n", b"'", b'"', b'"\\uD800"', b"#", b"@", b"`", b"a: 1\na: 2\n", b"1: 2\n"),
-    *(b"null"),
+    b"null",
     *(b"\xf0\x9f\x98\x80", b"yes", b"!!omap [a: 1]", b"!!int x", b"!!float []", b"!!timestamp x"),
 ]  # fmt: skip
 
