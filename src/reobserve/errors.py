@@ -27,7 +27,7 @@ class InputError(ReobserveError, ValueError):
     """
 
     def __init__(self, parameter: str, problem: str) -> None:
-        parameter, problem = _one_line(parameter), _one_line(problem)
+        parameter, problem = shortened(parameter), shortened(problem)
         super().__init__(f"{parameter}: {problem}")
         self.parameter = parameter
         self.problem = problem
@@ -83,9 +83,9 @@ def shown(value: Any) -> str:
         return f"{type(value).__name__} of shape {shape}"
     if not isinstance(value, _BUILT_IN):
         plain = value is None or shape is not None
-        return _one_line(repr(value), 100) if plain else f"an object of type {type(value).__name__}"
+        return shortened(repr(value), 100) if plain else f"an object of type {type(value).__name__}"
     try:
-        return _one_line(_SHORT.repr(value), 100)
+        return shortened(_SHORT.repr(value), 100)
     except (ValueError, RecursionError):  # a whole number of thousands of digits
         return f"a {type(value).__name__} too long to show"
 
@@ -96,7 +96,7 @@ _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 80
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = 8
 
 
-def _one_line(text: str, longest: int = _LONGEST) -> str:
+def shortened(text: str, longest: int = _LONGEST) -> str:
     """The text in one line, its middle replaced by dots if it is too long."""
     line = " ".join(str(text).splitlines())
     half = longest // 2
