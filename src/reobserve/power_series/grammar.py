@@ -237,14 +237,17 @@ def check_values(place: str, expression: Any, variables: Any) -> Any:
 
     if expression in variables:
         return sympy.Float(0)
-    if expression.is_Number or not expression.args:
-        return expression.evalf(17) if expression.is_number else None
+    if not expression.args:
+        return sympy.Float(expression) if expression.is_number and expression.is_finite else None
     values = [check_values(place, part, variables) for part in expression.args]
-    if any(value is None or not value.is_Float for value in values):
+    if any(value is None for value in values):
         return None
     value = expression.func(*values)
-    if value.is_Float and abs(value) > 1e308:
-        raise InputError(
-            place, f"{shortened(str(expression), 100)} has no coefficient within float numbers"
-        )
-    return value if value.is_Float else None
+    if value.is_Rational:  # exp(0.0) is 1 in sympy
+        value = sympy.Float(value)
+    if not value.is_Float:
+        return None
+    if abs(value) > 1e308:
+        said = shortened(str(expression), 100)
+        raise InputError(place, f"{said} has a coefficient beyond floating-point numbers")
+    return value
