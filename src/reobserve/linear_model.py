@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.arguments import as_flag
+from reobserve.errors import InputError, shown
 from reobserve.matrices import as_floats, as_matrix
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ class LinearModel:
     unusual: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "unusual", as_flag("unusual", self.unusual))
         A = as_floats("A", self.A)
         if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.size:
             raise InputError("A", f"has shape {A.shape}, must be square")
@@ -128,7 +130,7 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
     """
     matrix = as_matrix(name, value, size)
     if not np.array_equal(matrix, matrix.T):
-        raise InputError(name, f"{matrix.tolist()} must be symmetric")
+        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
     eigenvalues = np.linalg.eigvalsh(matrix)
     least = 0.0 if definite else -1e-12 * max(float(eigenvalues[-1]), 0.0)
     if eigenvalues[0] < least or (definite and eigenvalues[0] <= 0):

@@ -41,7 +41,8 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
+from reobserve.arguments import as_whole
+from reobserve.errors import InputError, located, shown
 from reobserve.matrices import as_positive, as_scalar
 from reobserve.signal_shapes import (
     SAME_INSTANT,
@@ -104,8 +105,9 @@ class Signal:
             If a term has an unknown kind or key, a value of the wrong type, or samples that
             cannot be used.
         """
+        as_whole("axes", axes, 1)
         if not isinstance(terms, list | tuple):
-            raise InputError(name, f"{terms!r} must be a list of terms")
+            raise InputError(name, f"{shown(terms)} must be a list of terms")
         return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))
 
     def __call__(self, time: Array, *, before: bool = False) -> Array:
@@ -116,7 +118,7 @@ class Signal:
         Raises
         ------
         InputError
-            If the times decrease somewhere.
+            If the times decrease somewhere, or a value is beyond floating-point numbers.
         """
         if np.any(np.diff(time) < 0):
             raise InputError("time", "must not decrease")
@@ -124,7 +126,11 @@ class Signal:
         edge = SAME_INSTANT if before else -SAME_INSTANT
         for term in self.terms:
             first, last = np.searchsorted(time, (term.onset + edge, term.end + edge))
-            values[first:last, term.axis] += term.shape(time[first:last], before)
+            with np.errstate(over="ignore", invalid="ignore"):  # told below
+                values[first:last, term.axis] += term.shape(time[first:last], before)
+        if not np.isfinite(values).all():
+            place = int(np.argmin(np.isfinite(values).all(axis=1)))
+            raise InputError("signal", f"is not finite at t = {time[place]:g} s")
         return values
 
     def derivative(self, name: str) -> Signal:
@@ -202,7 +208,7 @@ def sample_files(terms: Any) -> list[str]:
 def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
     kind = term.get("kind") if isinstance(term, Mapping) else None
     if not isinstance(kind, str) or kind not in _KEYS:
-        raise InputError(f"{name}.kind", f"{kind!r} must be one of {', '.join(_KEYS)}")
+        raise InputError(f"{name}.kind", f"{shown(kind)} must be one of {', '.join(_KEYS)}")
     allowed = {"kind", "axis", "from", "until", *_KEYS[kind]}
     for key in term:
         if key not in allowed:
@@ -214,7 +220,7 @@ def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
             raise InputError(f"{name}.{key}", f"is missing; a {kind} term needs it")
     axis = term.get("axis")
     if not isinstance(axis, int) or isinstance(axis, bool) or not 1 <= axis <= axes:
-        raise InputError(f"{name}.axis", f"{axis!r} must be a whole number from 1 to {axes}")
+        raise InputError(f"{name}.axis", f"{shown(axis)} must be a whole number from 1 to {axes}")
     onset = as_scalar(f"{name}.from", term.get("from", 0.0))
     end = as_scalar(f"{name}.until", term["until"]) if "until" in term else np.inf
     if end <= onset:
@@ -254,7 +260,7 @@ def _shape(
 def _samples(name: str, term: Mapping[str, Any], axis: int, onset: float, end: float) -> Term:
     interpolation = term.get("interpolation", "linear")
     if interpolation not in ("linear", "hold"):
-        raise InputError(f"{name}.interpolation", f"{interpolation!r} must be linear or hold")
+        raise InputError(f"{name}.interpolation", f"{shown(interpolation)} must be linear or hold")
     instants, values = _read_samples(name, Path(str(term["file"])), str(term["column"]))
     onset = max(onset, float(instants[0]))
     if end <= onset:

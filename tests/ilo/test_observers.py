@@ -474,7 +474,7 @@ BAD_INPUT: list[tuple[Build, str]] = [
     (lambda: RigidBody(INERTIA, 1.0, np.ones(4)), "^fault_matrix: " + SHAPE.format("4,")),
     (lambda: plant(step=0.0), r"^step: 0 must be greater than zero$"),
     (lambda: plant(step=-0.1), r"^step: -0.1 must be greater than zero$"),
-    (lambda: plant(steps=0), r"^steps: 0 must be at least 1$"),
+    (lambda: plant(steps=0), r"^steps: 0 must be a whole number, 1 or more$"),
     (lambda: plant(rate=[1, 2]), r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"),
     (lambda: plant(rate=[1, 2, np.nan]), r"^initial_rate: .*nan.* not finite$"),
     # Steps and intervals

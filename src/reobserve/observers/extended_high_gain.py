@@ -305,5 +305,5 @@ def _shape(values: ArrayLike | None) -> tuple[int, ...]:
     """The shape of an array, or of lists; rows of different lengths count as one column."""
     try:
         return np.shape(values)  # type: ignore[arg-type]
-    except ValueError:
-        return (len(np.asarray(values, dtype=object)),)
+    except Exception:  # rows of different lengths, or an object that fails in a way of its own
+        return (len(values),) if isinstance(values, list | tuple) else ()

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
 from reobserve.kernel import kernel
 from reobserve.matrices import as_positive, as_vector
@@ -54,9 +55,10 @@ class DelayedInputPlant:
             If the state leaves the range of floating-point numbers.
         """
         start = as_vector("initial_state", initial_state, self.model.states)
-        as_positive("step", step)
-        if steps < 1:
-            raise InputError("steps", f"{steps} must be at least 1")
+        step = as_positive("step", step)
+        as_whole("steps", steps, 1)
+        for name, signal in (("control", control), ("delay", delay)):
+            as_kind(name, signal, Signal)
         _check_axes("control", control)
         delays = _delays_of_steps("delay", delay, (0.0, np.inf), step, steps)
         origins = (np.arange(steps) + np.array([[0.0], [0.5], [1.0]])) * step - delays

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.arguments import as_whole
+from reobserve.errors import DivergenceError
 from reobserve.kernel import kernel
 from reobserve.matrices import as_positive, as_vector
 from reobserve.polynomial_system import PolynomialSystem
@@ -33,9 +34,8 @@ class PolynomialPlant:
             If the state leaves the range of floating-point numbers.
         """
         start = as_vector("initial_state", initial_state, self.system.states)
-        as_positive("step", step)
-        if steps < 1:
-            raise InputError("steps", f"{steps} must be at least 1")
+        step = as_positive("step", step)
+        as_whole("steps", steps, 1)
         states = np.empty((steps + 1, len(start)))
         states[0] = start
         finite = _simulate(polynomials(self.system.dynamics), step, states)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
 from reobserve.kernel import kernel
 from reobserve.matrices import Matrix, as_positive, as_vector
@@ -35,9 +36,11 @@ class Satellite(RigidBody):
             If the rate leaves the range of floating-point numbers.
         """
         start = as_vector("initial_rate", initial_rate, 3)
-        as_positive("step", step)
-        if steps < 1:
-            raise InputError("steps", f"{steps} must be at least 1")
+        step = as_positive("step", step)
+        as_whole("steps", steps, 1)
+        for name, signal in (("control", control), ("fault", fault)):
+            if as_kind(name, signal, Signal).axes != 3:
+                raise InputError(name, f"has {signal.axes} axes, must have 3")
         index = np.arange(steps, dtype=np.float64)
 
         def torque(time: Array, *, before: bool = False) -> Array:

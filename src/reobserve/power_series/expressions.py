@@ -1,29 +1,38 @@
-"""Taylor series at the origin of expressions in sympy.
+"""Taylor series at the origin of expressions, as text or of sympy.
 
-The expression is walked through once, with the arithmetic of truncated series. Only functions of
-one argument are expanded by sympy, about the value that their argument has at the origin.
+The expression is walked through once, with the arithmetic of truncated series. Functions of one
+argument are expanded about the value that their argument has at the origin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
+from math import comb
 from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
+from reobserve.arguments import as_whole, package
+from reobserve.errors import InputError, one_line, shown
 from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
+from reobserve.power_series.grammar import (
+    ANALYTIC,
+    NOT_EXPANDED,
+    check_size,
+    check_values,
+    parse,
+)
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import Monomials, monomials
+from reobserve.power_series.univariate import DIGITS, power, taylor
 
-# Functions of one argument that are analytic wherever sympy finds a series for them.
-ANALYTIC = (
-    *("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "asin", "acos", "atan"),
-    *("sinh", "cosh", "tanh", "coth", "sech", "csch", "asinh", "acosh", "atanh"),
-    *("erf", "sinc"),
-)
+# A product of two series takes as many steps as there are products of their monomials, and a system
+# some thousand products: above this they take minutes.
+_MOST_PRODUCTS = 2_000_000
+_HIGHEST_DEGREE = 100
+_LONGEST_WHOLE = 1024  # bits
 
 
 def from_expressions(
@@ -32,36 +41,61 @@ def from_expressions(
 ) -> PolynomialMap:  # fmt: skip
     """The Taylor polynomials of ``expressions`` in the symbols ``variables`` up to a degree.
 
-    Expressions may be of sympy or text that sympy reads. With ``exact`` coefficients are kept
-    as fractions.
+    Expressions may be of sympy or text in the grammar of `reobserve.power_series.grammar`. With
+    ``exact`` coefficients are kept as fractions.
 
     Raises
     ------
     InputError
         That names the component of ``name`` and the part of it that has no Taylor series at the
-        origin, is no known function, holds an unknown symbol or (if exact) is not rational.
+        origin, is no known function, holds an unknown symbol or (if exact) is not rational; or
+        what is too long, too deep, too high or too large to be worked with.
     """
-    import sympy
-
-    symbols = [sympy.Symbol(v) if isinstance(v, str) else v for v in variables]
-    names = {getattr(symbol, "name", str(symbol)): symbol for symbol in symbols}
-    if len(names) < len(symbols) or not all(isinstance(v, sympy.Symbol) for v in symbols):
-        listed = ", ".join(map(str, variables))
+    sympy = package("sympy", "expand expressions")
+    for what, given in ((name, expressions), ("variables", variables)):
+        if not isinstance(given, list | tuple):
+            raise InputError(what, f"{shown(given)} must be a list")
+    symbols = [sympy.Symbol(v) if isinstance(v, str) and v.isidentifier() else v for v in variables]
+    if len({str(v) for v in symbols if isinstance(v, sympy.Symbol)}) < len(symbols) or not symbols:
+        listed = ", ".join(v if isinstance(v, str) else shown(v) for v in variables)
         raise InputError("variables", f"{listed} must be different symbols, or names")
-    if not len(expressions):
+    names = {symbol.name: symbol for symbol in symbols}
+    if not expressions:
         raise InputError(name, "is empty, must hold at least one expression")
+    as_whole("degree", degree, 1, _HIGHEST_DEGREE)
+    if comb(2 * len(symbols) + degree, degree) > _MOST_PRODUCTS:
+        raise InputError("degree", f"{degree} is too high for series in {len(symbols)} variables")
     basis = monomials(len(symbols), degree)
     rows = []
     for k, expression in enumerate(expressions):
         walk = _Walk(f"{name}[{k}]", basis, symbols, exact)
-        try:
-            read = sympy.sympify(expression, locals=names)
-        except Exception:  # sympy evaluates text as Python, which may fail in any way
-            read = None
-        if not isinstance(read, sympy.Expr):
-            raise InputError(walk.place, f"{expression!r} is no expression")
+        read = _read(walk.place, expression, names)
+        check_size(walk.place, read)
+        check_values(walk.place, read, symbols)
         rows.append(walk.series(read))
     return PolynomialMap(basis, np.array(rows, dtype=object if exact else np.float64))
+
+
+def _read(place: str, expression: Any, names: Mapping[str, Any]) -> Any:
+    """Text, a number or an expression of sympy, as the last of these."""
+    import sympy
+
+    if isinstance(expression, str):
+        return parse(place, expression, names)
+    if isinstance(expression, int | np.integer) and not isinstance(expression, bool):
+        if abs(int(expression)).bit_length() <= _LONGEST_WHOLE:
+            return sympy.Integer(int(expression))
+    elif isinstance(expression, float | np.floating):
+        return sympy.Float(float(expression))
+    elif isinstance(expression, Fraction):
+        return sympy.Rational(expression.numerator, expression.denominator)
+    elif isinstance(expression, sympy.Expr):
+        return expression
+    raise InputError(place, f"{shown(expression)} is no expression")
+
+
+def _text(expression: Any) -> str:
+    return one_line(str(expression), 100)
 
 
 class _Walk:
@@ -86,12 +120,8 @@ class _Walk:
             return self._power(expression)
         known = expression.is_Function and expression.func.__name__ in ANALYTIC
         if known and len(expression.args) == 1:
-            return self._composed(expression.func, expression.args[0], expression)
-        raise InputError(
-            self.place,
-            f"{expression} is not expanded; what can be are sums, products, powers and "
-            + ", ".join(ANALYTIC),
-        )
+            return self._composed(expression.args[0], expression)
+        raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
 
     def _power(self, expression: Any) -> Coefficients:
         import sympy
@@ -103,18 +133,57 @@ class _Walk:
         if exponent.is_Integer and exponent >= 0:
             return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1))
         if not exponent.free_symbols & set(self.symbols):
-            return self._composed(lambda t: t**exponent, base, expression)
+            if exponent.free_symbols:
+                self._number(exponent, expression)
+            return self._composed(base, expression)
         return self.series(sympy.exp(exponent * sympy.log(base), evaluate=False))
 
-    def _composed(self, function: Any, argument: Any, expression: Any) -> Coefficients:
+    def _composed(self, argument: Any, expression: Any) -> Coefficients:
         """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
+        centre = argument.subs(dict.fromkeys(self.symbols, 0))
+        if centre.free_symbols:
+            self._number(centre, expression)
+        numbers = (self._exact if self.exact else self._rounded)(centre, expression)
+        inner = self.series(argument)
+        inner[0] = 0 * inner[0]
+        total = self._constant(numbers[-1])
+        for number in numbers[-2::-1]:
+            total = self._times(total, inner)
+            total[0] += number
+        return total
+
+    def _rounded(self, centre: Any, expression: Any) -> list[float]:
+        """The coefficients of g as floats."""
+        degree = len(self.basis.first) - 2
+        value = centre.evalf(degree + DIGITS)
+        try:
+            if not value.is_Float and not value.is_Rational:
+                raise ValueError
+            if expression.is_Pow:
+                found = power(str(expression.exp.evalf(degree + DIGITS)), str(value), degree)
+            else:
+                found = taylor(expression.func.__name__, str(value), degree)
+        except (ValueError, ZeroDivisionError):
+            raise self._no_series(expression) from None
+        numbers = [float(number) for number in found]
+        if not np.isfinite(numbers).all():
+            raise InputError(
+                self.place, f"{_text(expression)} has a coefficient beyond float numbers"
+            )
+        return numbers
+
+    def _exact(self, centre: Any, expression: Any) -> list[Any]:
+        """The coefficients of g as fractions, by sympy."""
         import sympy
 
         t = sympy.Dummy("t")  # no symbol of the user's
-        centre = argument.subs(dict.fromkeys(self.symbols, 0))
         degree = len(self.basis.first) - 2
+        whole = expression.func(centre + t, *expression.args[1:])
+        start = whole.subs(t, 0)
+        if start.is_number and start.is_finite and not start.is_Rational:
+            self._number(start, expression)
         try:
-            taylor = sympy.series(function(centre + t), t, 0, degree + 1).removeO()
+            taylor = sympy.series(whole, t, 0, degree + 1).removeO()
             found = sympy.Poly(taylor, t).all_coeffs()[::-1]
         except (
             sympy.PolynomialError,
@@ -124,14 +193,7 @@ class _Walk:
             ZeroDivisionError,
         ):
             raise self._no_series(expression) from None
-        numbers = [self._number(value, expression) for value in found[: degree + 1]]
-        inner = self.series(argument)
-        inner[0] = 0 * inner[0]
-        total = self._constant(numbers[-1])
-        for number in numbers[-2::-1]:
-            total = self._times(total, inner)
-            total[0] += number
-        return total
+        return [self._number(value, expression) for value in found[: degree + 1]]
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
         out = zeros((1, len(a)), a)
@@ -156,20 +218,24 @@ class _Walk:
         unknown = sorted(map(str, value.free_symbols))
         if unknown:
             raise InputError(
-                self.place, f"{expression} holds {', '.join(unknown)}, which has no value"
+                self.place,
+                f"{_text(expression)} holds {', '.join(unknown)}, which has no value",
             )
         if not value.is_finite or not value.is_real:
             raise self._no_series(expression)
         if not self.exact:
             number = float(value)
             if not np.isfinite(number):
-                raise InputError(self.place, f"{expression} has a coefficient of {number:g}")
+                raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
             return number
         if value.is_Float:
             return Fraction(str(value))
         if not value.is_Rational:
-            raise InputError(self.place, f"{expression} has the coefficient {value}, not rational")
+            raise InputError(
+                self.place,
+                f"{_text(expression)} has the coefficient {_text(value)}, not rational",
+            )
         return Fraction(int(value.p), int(value.q))
 
     def _no_series(self, expression: Any) -> InputError:
-        return InputError(self.place, f"{expression} has no Taylor series at the origin")
+        return InputError(self.place, f"{_text(expression)} has no Taylor series at the origin")

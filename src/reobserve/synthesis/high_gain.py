@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.matrices import as_floats, as_positive, as_positive_definite
 
 Array = NDArray[np.float64]
@@ -157,7 +157,7 @@ def _at_one(size: int) -> Array:
 
 def _as_size(size: int) -> int:
     if not isinstance(size, int | np.integer) or isinstance(size, bool) or size < 1:
-        raise InputError("size", f"{size!r} must be a whole number, 1 or more")
+        raise InputError("size", f"{shown(size)} must be a whole number, 1 or more")
     return int(size)
 
 

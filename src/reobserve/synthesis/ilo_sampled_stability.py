@@ -126,6 +126,8 @@ def sampled_limit_gain(
     linear = np.kron(fixed, learned) + np.kron(learned, fixed)
     left = np.block([[np.zeros_like(one), one], [-constant, -linear]])
     right = np.block([[one, np.zeros_like(one)], [np.zeros_like(one), np.kron(learned, learned)]])
+    if not (np.isfinite(left).all() and np.isfinite(right).all()):
+        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     factors = np.asarray(eigvals(left, right), dtype=np.complex128)
     factors = factors[np.isfinite(factors) & (np.abs(factors.imag) < 1e-4 * np.abs(factors))]
     borders = np.unique(factors.real[(factors.real > 1e-9) & (factors.real < 1e9)])

@@ -150,7 +150,10 @@ def _worst_round_gain(system: ErrorSystem) -> float:
     angles = np.tan(np.linspace(-1.5, 1.5, 61))
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * angles
     frequency = np.concatenate([[0.0], wide, np.abs(near).ravel()])
-    eigenvalues = np.linalg.eigvals(_round_trip(system, 1j * frequency))
+    trips = _round_trip(system, 1j * frequency)
+    if not np.isfinite(trips).all():
+        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
+    eigenvalues = np.linalg.eigvals(trips)
     return max(float(np.max(np.abs(eigenvalues))), spectral_radius(system.K1))
 
 

@@ -1,0 +1,143 @@
+"""What a call takes for numbers, and that arrays of other kinds compile nothing anew."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from reobserve.errors import InputError, shown
+from reobserve.linear_model import LinearModel
+from reobserve.matrices import as_floats, as_numbers, as_samples
+from reobserve.observers import linear_filter_loop
+from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.rigid_body import RigidBody
+from reobserve.signals import Signal
+from reobserve.triangular_model import TriangularModel
+from reobserve.vector_field import vector_field
+
+ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+READ_ONLY = ROWS.copy()
+READ_ONLY.flags.writeable = False
+
+
+class Odd:
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuntimeError
+
+
+NUMBERS = {
+    "lists": ROWS.tolist(),
+    "tuples": tuple(map(tuple, ROWS.tolist())),
+    "read-only": READ_ONLY,
+    "32 bits": ROWS.astype(np.float32),
+    "whole numbers": ROWS.astype(np.int16),
+    "other bytes": ROWS.astype(">f8"),
+    "Fortran": np.asfortranarray(ROWS),
+    "a part": np.repeat(ROWS, 2, axis=0)[::2],
+    "a frame": pd.DataFrame(ROWS),
+    "unmasked": np.ma.masked_array(ROWS, False),
+}
+
+
+@pytest.mark.parametrize("kind", NUMBERS)
+def test_whatever_holds_numbers_becomes_what_loops_take(kind: str) -> None:
+    found = as_numbers("x", NUMBERS[kind])
+    assert np.array_equal(found, ROWS)
+    assert type(found) is np.ndarray
+    assert found.dtype == np.float64
+    assert found.dtype.isnative
+    assert found.flags.c_contiguous
+    assert found.flags.writeable
+
+
+def test_an_array_that_is_right_is_not_copied_and_a_parameter_is() -> None:
+    assert as_numbers("x", ROWS) is ROWS
+    assert not np.shares_memory(as_floats("x", ROWS), ROWS)
+
+
+OTHERS = {
+    "masked": np.ma.masked_array(ROWS, ROWS > 5),
+    "text": [["1", "2"]],
+    "text among numbers": [[1.0, "2"]],
+    "bytes": b"12",
+    "booleans": np.array([[True, False]]),
+    "a boolean among numbers": [[1.0, True]],
+    "complex": ROWS * 1j,
+    "objects": ROWS.astype(object),
+    "none": [[1.0, None]],
+    "masked in a list": [np.ma.masked_array([1.0, 2.0], [True, False]), [1.0, 2.0]],
+    "dates": np.array([["2020", "2021"]], dtype="datetime64"),
+    "ragged": [[1.0, 2.0], [3.0]],
+    "a long whole number": [[10**400, 1]],
+    "a dictionary": {"x": 1.0},
+    "a function": abs,
+    "what fails": Odd(),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_what_is_no_array_of_numbers_is_refused(kind: str) -> None:
+    with pytest.raises(InputError, match=r"^x: .+ is not a number or an array of numbers$") as told:
+        as_floats("x", OTHERS[kind])
+    assert len(str(told.value)) < 200
+    with pytest.raises(InputError, match=r"^x: is no array of numbers"):
+        as_samples("x", OTHERS[kind], 2)
+
+
+def test_messages_are_short_whatever_was_given() -> None:
+    for value in (
+        np.zeros(10**6),
+        "x" * 10**6,
+        list(range(10**5)),
+        10**5000,
+        {i: i for i in range(999)},
+    ):
+        assert len(shown(value)) <= 120
+    assert len(str(InputError("x", "y" * 10**6 + "\nz"))) < 900
+    assert "\n" not in str(InputError("x", "y\nz"))
+
+
+def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None:
+    model = LinearModel([[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0]], 0.1, 0.2)
+    kalman = KalmanFilter(model)
+    start = kalman.init([0, 0], 1)
+    z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
+    wanted = kalman.run(z, start, u).estimate
+    compiled = len(linear_filter_loop.run_filter.signatures)  # type: ignore[attr-defined]
+    frozen = z.copy()
+    frozen.flags.writeable = False
+    for other in (frozen, z.tolist(), z.astype(np.float32), z.astype(int), pd.DataFrame(z)):
+        assert np.array_equal(kalman.run(other, start, u.tolist()).estimate, wanted)
+    assert len(linear_filter_loop.run_filter.signatures) == compiled  # type: ignore[attr-defined]
+
+
+def test_objects_in_the_wrong_place_are_refused() -> None:
+    body = RigidBody(np.eye(3))
+    observer = SampledIterativeLearningObserver(body, 0.01, 0.5, 10.0, 30.0, 0.1)
+    start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
+    calls: list[tuple[Any, str]] = [
+        (lambda: observer.run(record, start, start), "control"),
+        (lambda: observer.run(record, record, record), "state"),
+        (lambda: observer.run(record, record, KalmanFilter), "state"),
+        (lambda: observer.step(None, record, record), "state"),
+        (lambda: SampledIterativeLearningObserver(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
+        (lambda: SampledIterativeLearningObserver(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
+        (lambda: KalmanFilter(body), "model"),
+        (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
+        (lambda: vector_field(3), "function"),
+        (lambda: vector_field(lambda x, p, f: open("y")), "function"),  # noqa: SIM115
+    ]
+    for call, name in calls:
+        with pytest.raises(InputError, match=rf"^{name}: ") as told:
+            call()
+        assert len(str(told.value)) < 300
+
+
+def test_a_signal_beyond_numbers_is_refused() -> None:
+    terms = [{"kind": "ramp", "axis": 1, "slope": 1e308}]
+    with pytest.raises(InputError, match=r"^signal: is not finite at t = 2 s$"):
+        Signal.parse("fault", terms, 1)(np.array([0.0, 1.0, 2.0]))
