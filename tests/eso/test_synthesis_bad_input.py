@@ -45,7 +45,7 @@ def test_poles_must_have_room() -> None:
 
 def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
     system = random_plant(0, 2)
-    with pytest.raises(InputError, match="gap: 1e-10 is not reached .*: raise it"):
+    with pytest.raises(InputError, match=r"gap: 1e-10 is not reached .*: raise it"):
         pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-10)
     found = pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-3)
     assert found.lower == pytest.approx(found.objective - 1e-3, abs=1e-9)
