@@ -156,9 +156,9 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
             found = _centred(problem, found, mu)
         if found is not None:
             return found
-    raise InputError(
-        "gap", f"{problem.gap:g} is not reached from there by Newton's method: raise it"
-    )
+    if problem.radius is not None:
+        raise InputError("gap", f"{problem.gap:g} is not reached by Newton's method: raise it")
+    raise InputError("solver", "found matrices from which Newton's method does not converge")
 
 
 def newton_step(problem: Problem, x: Vector, mu: float = 1.0) -> Callable[[Vector], Vector]:
