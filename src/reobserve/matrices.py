@@ -28,6 +28,8 @@ def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
         If it is no number and no array of numbers: text, booleans, complex numbers, objects, rows
         of different lengths, masked entries.
     """
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.carray:
+        return value
     if _has_other(value):
         raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
     try:
@@ -42,7 +44,7 @@ def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
 def _has_other(value: Any) -> bool:
     """Whether numpy would take what is no number for one: masked entries, booleans in a list."""
     if isinstance(value, np.ndarray):
-        return bool(np.ma.is_masked(value))
+        return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
     if isinstance(value, list | tuple):
         return any(not isinstance(entry, float) and _has_other(entry) for entry in value)
     return isinstance(value, bool | np.bool_)
