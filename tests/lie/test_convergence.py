@@ -194,3 +194,16 @@ def test_the_error_is_four_times_what_fewer_degrees_differ_by() -> None:
     assert found.radius == pytest.approx(whole, rel=1e-6)
     assert found.error == pytest.approx(4 * abs(later - earlier) / whole, rel=1e-4)
     assert found.error > 0.1, "more than the least"
+
+
+@pytest.mark.parametrize(
+    ("text", "degree", "without"),
+    [("1/(1 - x1) + 3/(1 + x1)**2", 13, "0.964"), ("log(1 + x1) + 1/(2 - x1)", 9, "1.21")],
+)
+def test_estimates_that_differ_by_more_than_a_twentieth_are_none(
+    text: str, degree: int, without: str
+) -> None:
+    """Two singularities at one distance: the parts of even and odd degree follow two laws."""
+    sentence = rf"^degree: {degree} is too low .*: {without} without the lowest part and"
+    with pytest.raises(InputError, match=sentence):
+        convergence(expanded(text, 1, degree))
