@@ -13,7 +13,7 @@ from reobserve.synthesis.extended_state import pd_pi, pi, structured
 from reobserve.synthesis.extended_state.certificate import certify, error_system
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.floor import as_gamma, gamma_floor
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve.synthesis.normal_form.convergence import convergence, part_norms
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.placement import injection_for
@@ -29,7 +29,6 @@ def subjects() -> Iterator[Subject]:
     system, found = augmented(), gains()
     names = ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az")
     yield subject(AugmentedSystem, *(getattr(system, name) for name in names))
-    yield subject(Gains, found.L, found.Ld)
     yield subject(gamma_floor, system)
     yield subject(as_gamma, system, 1.05)
     yield subject(error_system, system, found)
