@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
+from reobserve.kinds import as_whole
 from reobserve.matrices import as_floats, as_positive, as_samples
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ class InputHistory:
 
         At that instant the limit from the left is the old one, that from the right the new one.
         """
+        right, left = samples_with_limits("right", right, left, "left")
         return InputHistory(
             self.step_size,
             np.concatenate([self.right[:-1], right]),
@@ -78,9 +80,7 @@ class InputHistory:
         InputError
             If there are not so many.
         """
-        if not 1 <= steps <= self.steps:
-            raise InputError("steps", f"{steps} must be from 1 to the {self.steps} that there are")
-        rows = 2 * steps + 1
+        rows = 2 * as_whole("steps", steps, 1, self.steps) + 1
         return InputHistory(self.step_size, self.right[-rows:].copy(), self.left[-rows:].copy())
 
     def at(self, ago: ArrayLike) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.kinds import as_kind
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.expressions import from_expressions
 from reobserve.power_series.maps import PolynomialMap
@@ -35,6 +36,8 @@ class PolynomialSystem:
     output: PolynomialMap
 
     def __post_init__(self) -> None:
+        as_kind("dynamics", self.dynamics, PolynomialMap)
+        as_kind("output", self.output, PolynomialMap)
         n = self.dynamics.variables
         if self.dynamics.components != n:
             raise InputError(

@@ -41,8 +41,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.errors import InputError, located, shown
+from reobserve.kinds import as_whole
+from reobserve.matrices import as_floats, as_positive, as_scalar
 from reobserve.signal_shapes import (
     SAME_INSTANT,
     Array,
@@ -104,8 +105,9 @@ class Signal:
             If a term has an unknown kind or key, a value of the wrong type, or samples that
             cannot be used.
         """
+        as_whole("axes", axes, 1)
         if not isinstance(terms, list | tuple):
-            raise InputError(name, f"{terms!r} must be a list of terms")
+            raise InputError(name, f"{shown(terms)} must be a list of terms")
         return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))
 
     def __call__(self, time: Array, *, before: bool = False) -> Array:
@@ -118,8 +120,9 @@ class Signal:
         InputError
             If the times decrease somewhere.
         """
-        if np.any(np.diff(time) < 0):
-            raise InputError("time", "must not decrease")
+        time = as_floats("time", time)
+        if time.ndim != 1 or np.any(np.diff(time) < 0):
+            raise InputError("time", "must be a list of numbers that do not decrease")
         values = np.zeros((len(time), self.axes))
         edge = SAME_INSTANT if before else -SAME_INSTANT
         for term in self.terms:
@@ -202,7 +205,7 @@ def sample_files(terms: Any) -> list[str]:
 def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
     kind = term.get("kind") if isinstance(term, Mapping) else None
     if not isinstance(kind, str) or kind not in _KEYS:
-        raise InputError(f"{name}.kind", f"{kind!r} must be one of {', '.join(_KEYS)}")
+        raise InputError(f"{name}.kind", f"{shown(kind)} must be one of {', '.join(_KEYS)}")
     allowed = {"kind", "axis", "from", "until", *_KEYS[kind]}
     for key in term:
         if key not in allowed:
@@ -214,7 +217,7 @@ def _parse(name: str, term: Mapping[str, Any], axes: int) -> Term:
             raise InputError(f"{name}.{key}", f"is missing; a {kind} term needs it")
     axis = term.get("axis")
     if not isinstance(axis, int) or isinstance(axis, bool) or not 1 <= axis <= axes:
-        raise InputError(f"{name}.axis", f"{axis!r} must be a whole number from 1 to {axes}")
+        raise InputError(f"{name}.axis", f"{shown(axis)} must be a whole number from 1 to {axes}")
     onset = as_scalar(f"{name}.from", term.get("from", 0.0))
     end = as_scalar(f"{name}.until", term["until"]) if "until" in term else np.inf
     if end <= onset:

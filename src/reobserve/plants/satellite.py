@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import DivergenceError
 from reobserve.kernel import kernel
+from reobserve.kinds import as_function, as_whole
 from reobserve.matrices import Matrix, as_positive, as_vector
 from reobserve.rigid_body import RigidBody, acceleration, ahead, rk4_sum, row
 from reobserve.signals import Array, Signal
@@ -36,8 +37,9 @@ class Satellite(RigidBody):
         """
         start = as_vector("initial_rate", initial_rate, 3)
         as_positive("step", step)
-        if steps < 1:
-            raise InputError("steps", f"{steps} must be at least 1")
+        as_function("control", control)
+        as_function("fault", fault)
+        steps = as_whole("steps", steps, 1)
         index = np.arange(steps, dtype=np.float64)
 
         def torque(time: Array, *, before: bool = False) -> Array:

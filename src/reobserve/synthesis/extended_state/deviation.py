@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from reobserve.discretisation import zero_order_hold
 from reobserve.errors import InputError
+from reobserve.kinds import as_kind
 from reobserve.matrices import Matrix, as_floats
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
@@ -40,7 +41,7 @@ def held_deviation(
     from scipy.linalg import solve_discrete_lyapunov
 
     size = np.asarray(as_floats("deviations", deviations))
-    entering = system.Da.shape[1]
+    entering = as_kind("system", system, AugmentedSystem).Da.shape[1]
     if size.shape != (entering,):
         raise InputError("deviations", f"has shape {size.shape}, must be ({entering},)")
     Ao, Eo = error_system(system, gains)
