@@ -80,7 +80,9 @@ class InputHistory:
         InputError
             If there are not so many.
         """
-        rows = 2 * as_whole("steps", steps, 1, self.steps) + 1
+        if not 1 <= (steps := as_whole("steps", steps, 0)) <= self.steps:
+            raise InputError("steps", f"{steps} must be from 1 to the {self.steps} that there are")
+        rows = 2 * steps + 1
         return InputHistory(self.step_size, self.right[-rows:].copy(), self.left[-rows:].copy())
 
     def at(self, ago: ArrayLike) -> Array:

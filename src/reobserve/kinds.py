@@ -41,13 +41,11 @@ def as_function(name: str, value: Kind) -> Kind:
 
 
 def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
-    """``value`` as a list of finite complex numbers; `InputError` names ``name`` otherwise."""
+    """``value`` as a list of complex numbers; `InputError` names ``name`` otherwise."""
     try:
         array = np.asarray(value)
     except Exception:  # rows of different lengths, or an object that only seems to be an array
         array = np.array(None)
     if array.dtype.kind not in "iufc" or array.ndim != 1 or np.ma.is_masked(value):
         raise InputError(name, f"{shown(value)} must be a list of numbers")
-    if not np.isfinite(array).all():
-        raise InputError(name, f"{shown(array.tolist())} has an entry that is not finite")
     return array.astype(np.complex128)

@@ -61,8 +61,10 @@ def nu_gap(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLik
 
 
 def _plant(name: str, pair: tuple[ArrayLike, ArrayLike]) -> Plant:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
+    if not isinstance(pair, list | tuple):
         raise InputError(name, f"{shown(pair)} must be a pair of numerator and denominator")
+    if len(pair) != 2:
+        raise InputError(name, f"has {len(pair)} entries, must be a numerator and a denominator")
     numerator = _polynomial(f"{name}.numerator", pair[0])
     denominator = _polynomial(f"{name}.denominator", pair[1])
     padding = len(denominator) - len(numerator)
