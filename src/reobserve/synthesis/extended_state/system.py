@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_floats, as_matrix, as_numbers
+from reobserve.matrices import Matrix, as_floats, as_matrix
 
 _RANK = 1e-10  # of the largest singular value: a smaller one counts as zero
 _SCALINGS = 20  # each takes the square root of how far the units are apart
@@ -164,19 +164,10 @@ class Gains:
         Of the output's error, [Lx; Lf] (14), shape (N, p).
     Ld
         Of the error's derivative, [LXd; Lfd] (16), shape (N, p); zero in the PI observer (6).
-
-    Raises
-    ------
-    InputError
-        If one is no array of numbers.
     """
 
     L: Matrix
     Ld: Matrix
-
-    def __post_init__(self) -> None:
-        for name in ("L", "Ld"):
-            object.__setattr__(self, name, as_numbers(name, getattr(self, name)))
 
 
 def _diagonal(upper: Matrix, lower: Matrix) -> Matrix:
