@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
 
@@ -41,6 +42,24 @@ def as_flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise InputError(name, f"{shown(value)} must be True or False")
     return bool(value)
+
+
+def as_function(name: str, value: Kind) -> Kind:
+    """``value``, which must be a function or a signal; `InputError` names ``name`` otherwise."""
+    if not callable(value) or isinstance(value, type):
+        raise InputError(name, f"{shown(value)} must be a signal, or a function of time")
+    return value
+
+
+def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
+    """``value`` as a list of complex numbers; `InputError` names ``name`` otherwise."""
+    try:
+        array = np.asarray(value)
+    except Exception:  # rows of different lengths, or an object that only seems to be an array
+        array = np.array(None)
+    if array.dtype.kind not in "iufc" or array.ndim != 1 or np.ma.is_masked(value):
+        raise InputError(name, f"{shown(value)} must be a list of numbers")
+    return array.astype(np.complex128)
 
 
 def package(name: str, purpose: str) -> Any:

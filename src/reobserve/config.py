@@ -64,7 +64,7 @@ def read_yaml(path: Path) -> Tree:
 
 
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:
-    """Check what `config/config.yaml` and the command line say is to be built.
+    """Check what `config/config.yaml` and the command line say is to be built, ``config`` itself.
 
     Raises
     ------
@@ -72,6 +72,9 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
         If a key is neither of the schema nor a paper, or a value is not allowed.
     """
     check_plain(config, "config")
+    # What stands after `--config` reaches us as a word where it is no Python.
+    if config.get("flips") in ("true", "false"):
+        config["flips"] = config["flips"] == "true"
     schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
     known = [*schema["properties"], *papers]
     for key in config:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.arguments import as_whole
+from reobserve.errors import InputError, shown
 from reobserve.matrices import as_floats, as_positive
 
 Array = NDArray[np.float64]
@@ -59,8 +60,11 @@ def interpolating_hold(
     InputError
         If the shapes do not fit or the period is not positive.
     """
-    transition, effects = polynomial_hold(A, B, period, len(nodes) - 1)
-    coefficients = np.linalg.inv(np.vander(nodes, increasing=True))
+    places = as_floats("nodes", nodes)
+    if places.ndim != 1 or len(np.unique(places)) != len(places) or not len(places):
+        raise InputError("nodes", f"{shown(places.tolist())} must be different numbers")
+    transition, effects = polynomial_hold(A, B, period, len(places) - 1)
+    coefficients = np.linalg.inv(np.vander(places, increasing=True))
     return transition, np.einsum("ij,inp->jnp", coefficients, effects)
 
 
@@ -89,7 +93,7 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     """
     from scipy.linalg import expm
 
-    state, control = as_floats("A", A), as_floats("B", B)
+    state, control, degree = as_floats("A", A), as_floats("B", B), as_whole("degree", degree, 0, 50)
     if state.ndim != 2 or state.shape[0] != state.shape[1]:
         raise InputError("A", f"has shape {state.shape}, must be square")
     if control.ndim != 2 or len(control) != len(state):

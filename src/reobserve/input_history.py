@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_whole
 from reobserve.errors import InputError
 from reobserve.kernel import kernel
 from reobserve.matrices import as_floats, as_positive, as_samples
@@ -64,6 +65,7 @@ class InputHistory:
 
         At that instant the limit from the left is the old one, that from the right the new one.
         """
+        right, left = samples_with_limits("right", right, left, "left")
         return InputHistory(
             self.step_size,
             np.concatenate([self.right[:-1], right]),
@@ -78,7 +80,7 @@ class InputHistory:
         InputError
             If there are not so many.
         """
-        if not 1 <= steps <= self.steps:
+        if not 1 <= (steps := as_whole("steps", steps, 0)) <= self.steps:
             raise InputError("steps", f"{steps} must be from 1 to the {self.steps} that there are")
         rows = 2 * steps + 1
         return InputHistory(self.step_size, self.right[-rows:].copy(), self.left[-rows:].copy())

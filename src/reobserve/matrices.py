@@ -37,7 +37,7 @@ def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
         if array.dtype.kind not in "iuf":
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
-    except Exception:  # an object's own way to be an array may fail in any way
+    except Exception:  # rows of different lengths, too many of them, or an object's own error
         raise InputError(name, f"{shown(value)} is not a number or an array of numbers") from None
 
 
@@ -110,6 +110,8 @@ def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
 def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     """`as_matrix`, and symmetric positive definite; `InputError` gives the eigenvalues if not."""
     matrix = as_matrix(name, value, size)
+    if not size:
+        raise InputError(name, "is empty, must have one row or more")
     if not np.array_equal(matrix, matrix.T):
         raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
     eigenvalues = np.linalg.eigvalsh(matrix)

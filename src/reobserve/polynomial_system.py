@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.expressions import from_expressions
@@ -35,6 +36,8 @@ class PolynomialSystem:
     output: PolynomialMap
 
     def __post_init__(self) -> None:
+        as_kind("dynamics", self.dynamics, PolynomialMap)
+        as_kind("output", self.output, PolynomialMap)
         n = self.dynamics.variables
         if self.dynamics.components != n:
             raise InputError(

@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import InputError
 
 
@@ -16,10 +17,12 @@ def random_stream(seed: int, *names: str) -> np.random.Generator:
     Raises
     ------
     InputError
-        If a name holds a slash, which keeps the names apart.
+        If the seed is not a whole number, 0 or more, or a name is no text or holds a slash, which
+        keeps the names apart.
     """
+    seed = as_whole("seed", seed, 0, 2**128)
     for name in names:
-        if "/" in name:
+        if "/" in as_kind("stream", name, str):
             raise InputError("stream", f"the name {name!r} must not hold a slash")
     spelled = hashlib.sha256("/".join(names).encode()).digest()
     words = np.frombuffer(spelled[:16], dtype="<u4")
@@ -32,7 +35,16 @@ def held_normal(
     """Unit normal noise, drawn anew every ``hold`` samples: values and their limits from the left.
 
     Both have shape (samples,), or (samples, columns).
+
+    Raises
+    ------
+    InputError
+        If ``samples``, ``hold`` or ``columns`` is not a whole number, or the first is below 0 or
+        another below 1.
     """
+    samples, hold = as_whole("samples", samples, 0), as_whole("hold", hold, 1)
+    if columns is not None:
+        columns = as_whole("columns", columns, 1)
     count = samples // hold + 1
     drawn = stream.standard_normal(count if columns is None else (count, columns))
     index = np.arange(samples)

@@ -43,7 +43,7 @@ import numpy as np
 
 from reobserve.arguments import as_whole
 from reobserve.errors import InputError, located, shown
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.matrices import as_floats, as_positive, as_scalar
 from reobserve.signal_shapes import (
     SAME_INSTANT,
     Array,
@@ -120,8 +120,9 @@ class Signal:
         InputError
             If the times decrease somewhere, or a value is beyond floating-point numbers.
         """
-        if np.any(np.diff(time) < 0):
-            raise InputError("time", "must not decrease")
+        time = as_floats("time", time)
+        if time.ndim != 1 or np.any(np.diff(time) < 0):
+            raise InputError("time", "must be a list of numbers that do not decrease")
         values = np.zeros((len(time), self.axes))
         edge = SAME_INSTANT if before else -SAME_INSTANT
         for term in self.terms:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_function, as_kind, as_poles
 from reobserve.discretisation import interpolating_hold
 from reobserve.errors import DivergenceError, InputError
 from reobserve.kernel import kernel
@@ -109,7 +110,8 @@ class SpeedControl:
         InputError
             If they are not three, in the left half plane, the complex ones in conjugate pairs.
         """
-        chosen = np.asarray(poles, dtype=np.complex128)
+        as_kind("motor", motor, DCMotor)
+        chosen = as_poles("poles", poles)
         if chosen.shape != (3,) or not chosen.real.max() < 0 or np.any(np.poly(chosen).imag):
             raise InputError("poles", f"{chosen.tolist()} must be 3, stable, complex ones in pairs")
         A, B = np.zeros((3, 3)), np.vstack([motor.B, [[0.0]]])
@@ -194,6 +196,8 @@ class ControlledMotor:
     Fs: Array
 
     def __post_init__(self) -> None:
+        as_kind("motor", self.motor, DCMotor)
+        as_kind("control", self.control, SpeedControl)
         for name in ("Dd", "Dw", "Fs"):
             matrix = as_floats(name, getattr(self, name))
             if matrix.ndim != 2 or len(matrix) != 2:
@@ -233,6 +237,9 @@ class ControlledMotor:
         DivergenceError
             If the state leaves the range of floating-point numbers.
         """
+        as_function("reference", reference)
+        as_function("actuator_fault", actuator_fault)
+        as_function("sensor_fault", sensor_fault)
         d, w = as_rows("disturbance", disturbance), as_rows("noise", noise)
         steps = len(d)
         for name, rows, matrix in (("disturbance", d, self.Dd), ("noise", w, self.Dw)):

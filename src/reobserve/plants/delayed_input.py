@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
 from reobserve.kernel import kernel
-from reobserve.matrices import as_positive, as_vector
+from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
 from reobserve.signals import SAME_INSTANT, Array, Signal
 from reobserve.triangular_model import TriangularModel
+
+_MOST_STEPS = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,9 @@ class DelayedInputPlant:
     """The plant x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1."""
 
     model: TriangularModel
+
+    def __post_init__(self) -> None:
+        as_kind("model", self.model, TriangularModel)
 
     def simulate(
         self, initial_state: ArrayLike, control: Signal, delay: Signal, step: float, steps: int
@@ -56,7 +61,7 @@ class DelayedInputPlant:
         """
         start = as_vector("initial_state", initial_state, self.model.states)
         step = as_positive("step", step)
-        as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1)
         for name, signal in (("control", control), ("delay", delay)):
             as_kind(name, signal, Signal)
         _check_axes("control", control)
@@ -80,7 +85,9 @@ def delayed(control: Signal, delay: Signal, time: Array, *, before: bool = False
     the left. The delay is taken to grow more slowly than time, so that what is sent later
     arrives later.
     """
-    return _values(control, time - delay(time, before=before)[:, 0], before)
+    _check_axes("control", control)
+    _check_axes("delay", delay)
+    return _values(control, as_floats("time", time) - delay(time, before=before)[:, 0], before)
 
 
 def check_delay(
@@ -96,8 +103,13 @@ def check_delay(
     InputError
         If the delay has more than one axis, leaves its bounds or jumps off the grid.
     """
-    as_positive("step", step)
-    _delays_of_steps(name, delay, bounds, step, max(1, int(np.ceil(horizon / step - 1e-6))))
+    steps = as_scalar("horizon", horizon) / as_positive("step", step)
+    if not steps < _MOST_STEPS:
+        raise InputError(
+            "horizon", f"{horizon:g} s is {steps:.3g} steps, must be {_MOST_STEPS:g} at most"
+        )
+    least, greatest = as_vector("bounds", bounds, 2)
+    _delays_of_steps(name, delay, (least, greatest), step, max(1, int(np.ceil(steps - 1e-6))))
 
 
 def _delays_of_steps(
@@ -122,7 +134,7 @@ def _delays_of_steps(
 
 
 def _check_axes(name: str, signal: Signal) -> None:
-    if signal.axes != 1:
+    if as_kind(name, signal, Signal).axes != 1:
         raise InputError(name, f"has {signal.axes} axes, must have 1")
 
 

@@ -20,10 +20,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.discretisation import zero_order_hold
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_vector
+from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
 
 Array = NDArray[np.float64]
 
@@ -109,7 +110,8 @@ class ActuatorModel:
         InputError
             If the share is not from 0 to 1, or the model in between is not stable.
         """
-        if not 0 <= share <= 1:
+        as_kind("other", other, ActuatorModel)
+        if not 0 <= (share := as_scalar("share", share)) <= 1:
             raise InputError("share", f"{share:g} must be from 0 to 1")
         mine, theirs = self.coefficients, other.coefficients
         return ActuatorModel(
@@ -135,9 +137,9 @@ class ActuatorModel:
         InputError
             If there is no such realisation, or a number is not positive.
         """
-        if realisation not in tuple(REALISATIONS):
+        if not isinstance(realisation, str) or realisation not in REALISATIONS:
             raise InputError(
-                "realisation", f"{realisation!r} must be one of {', '.join(REALISATIONS)}"
+                "realisation", f"{shown(realisation)} must be one of {', '.join(REALISATIONS)}"
             )
         chosen = realisation, as_positive("period", period), as_positive("frequency", frequency)
         # Banks that differ in their noise alone share the models, thousands of times in a search.
@@ -192,12 +194,16 @@ def simulate(
         indices of models as there are controls.
     """
     frequency = 1.0 / as_positive("period", period)
-    held, chosen = as_floats("control", control), np.asarray(mode)
+    if not isinstance(models, list | tuple):
+        raise InputError("models", f"{shown(models)} must be a list of models")
+    models = [as_kind(f"models[{k}]", model, ActuatorModel) for k, model in enumerate(models)]
+    held, chosen = as_floats("control", control), as_floats("mode", mode)
+    whole = np.asarray(mode).dtype.kind in "iu"
     if held.ndim != 1:
         raise InputError("control", f"has shape {held.shape}, must be (k,)")
     if chosen.shape != held.shape:
         raise InputError("mode", f"has shape {chosen.shape}, must be {held.shape} like control")
-    if chosen.dtype.kind not in "iu" or not np.isin(chosen, range(len(models))).all():
+    if not models or not whole or not np.isin(chosen, np.arange(len(models))).all():
         raise InputError("mode", f"must be whole numbers from 0 to {len(models) - 1}")
     sampled = [model.sampled("motion", period, frequency) for model in models]
     markov = np.array([model.markov for model in models])

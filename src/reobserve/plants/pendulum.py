@@ -42,8 +42,11 @@ def pendulum(gravity: float, length: float, mass: float, friction: float) -> Tri
     mass, friction = as_positive("mass", mass), as_scalar("friction", friction)
     if friction < 0:
         raise InputError("friction", f"{friction:g} kg/s must not be negative")
-    factors = (gravity / length, friction / mass, 1.0 / (mass * length**2))
-    return TriangularModel(2, _drift, _input_gain, np.array(factors))
+    with np.errstate(over="ignore", divide="ignore"):
+        factors = np.array([gravity, friction, 1.0]) / [length, mass, mass * length**2]
+    if not np.isfinite(factors).all():
+        raise InputError("mass", f"{mass:g} kg at {length:g} m is so small that rates overflow")
+    return TriangularModel(2, _drift, _input_gain, factors)
 
 
 @vector_field

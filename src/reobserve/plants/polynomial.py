@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_whole
-from reobserve.errors import DivergenceError
+from reobserve.arguments import as_kind, as_whole
+from reobserve.errors import DivergenceError, InputError
 from reobserve.kernel import kernel
-from reobserve.matrices import as_positive, as_vector
+from reobserve.matrices import as_floats, as_positive, as_vector
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 
@@ -22,6 +22,9 @@ class PolynomialPlant:
     """The plant x' = f(x), y = h(x)."""
 
     system: PolynomialSystem
+
+    def __post_init__(self) -> None:
+        as_kind("system", self.system, PolynomialSystem)
 
     def simulate(self, initial_state: ArrayLike, step: float, steps: int) -> Array:
         """States at multiples of ``step`` [s], shape (steps + 1, n), by classical Runge-Kutta.
@@ -35,7 +38,7 @@ class PolynomialPlant:
         """
         start = as_vector("initial_state", initial_state, self.system.states)
         step = as_positive("step", step)
-        as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1)
         states = np.empty((steps + 1, len(start)))
         states[0] = start
         finite = _simulate(polynomials(self.system.dynamics), step, states)
@@ -44,8 +47,19 @@ class PolynomialPlant:
         return states
 
     def output(self, states: Array) -> Array:
-        """The output y at states of shape (..., n); the result has shape (..., p)."""
-        values: Array = self.system.output(states)
+        """The output y at states of shape (..., n); the result has shape (..., p).
+
+        Raises
+        ------
+        InputError
+            If the states are no numbers, or not n of them.
+        """
+        points = as_floats("states", states)
+        if points.ndim == 0 or points.shape[-1] != self.system.states:
+            raise InputError(
+                "states", f"has shape {points.shape}, must end in {self.system.states}"
+            )
+        values: Array = self.system.output(points)
         return values
 
 

@@ -37,7 +37,7 @@ class Satellite(RigidBody):
         """
         start = as_vector("initial_rate", initial_rate, 3)
         step = as_positive("step", step)
-        as_whole("steps", steps, 1)
+        steps = as_whole("steps", steps, 1)
         for name, signal in (("control", control), ("fault", fault)):
             if as_kind(name, signal, Signal).axes != 3:
                 raise InputError(name, f"has {signal.axes} axes, must have 3")

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from itertools import count
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.matrices import as_vector
+from reobserve.matrices import as_floats, as_positive, as_vector
 from reobserve.polynomial_system import PolynomialSystem
 
 Array = NDArray[np.float64]
 
+_MOST_CALLS = 500_000
 _SOLVER = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 
 
@@ -49,7 +52,8 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
     """
     from scipy.integrate import solve_ivp
 
-    slope = _slope(system)
+    slope = _slope(as_kind("system", system, PolynomialSystem))
+    settle = as_positive("settle", settle)
     first = as_vector("initial_state", initial_state, system.states)
     there = solve_ivp(slope, (0, settle), first, **_SOLVER)
     start: Array = there.y[:, -1]
@@ -83,8 +87,18 @@ def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
         integrated by the classical Runge-Kutta method in m steps.
 
     The largest exponent comes first; an error shrinks by e^(exponent * period) in each turn.
+
+    Raises
+    ------
+    InputError
+        If the jacobians are not an even number of square matrices, or so large that the
+        fundamental matrix is not finite.
     """
-    n = jacobians.shape[1]
+    as_kind("cycle", cycle, LimitCycle)
+    jacobians = as_floats("jacobians", jacobians)
+    n = jacobians.shape[-1] if jacobians.ndim else 0
+    if jacobians.shape[1:] != (n, n) or jacobians.size == 0 or len(jacobians) % 2:
+        raise InputError("jacobians", f"has shape {jacobians.shape}, must be (2 m, n, n)")
     h = 2.0 * cycle.period / len(jacobians)
     start, middle = jacobians[0::2], jacobians[1::2]
     end = np.roll(start, -1, axis=0)
@@ -94,13 +108,19 @@ def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     k4 = end @ (np.eye(n) + h * k3)
     steps = np.eye(n) + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     fundamental = reduce(lambda before, step: step @ before, steps)
+    if not np.isfinite(fundamental).all():
+        raise InputError("jacobians", "are so large that the fundamental matrix is not finite")
     multipliers = np.linalg.eigvals(fundamental)
     found: Array = np.sort(np.log(np.abs(multipliers)))[::-1] / cycle.period
     return found
 
 
 def _slope(system: PolynomialSystem) -> Callable[[float, Array], Array]:
+    calls = count()
+
     def slope(_: float, x: Array) -> Array:
+        if next(calls) > _MOST_CALLS:
+            raise InputError("settle", f"takes more than {_MOST_CALLS} slopes; make it shorter")
         found: Array = system.dynamics(x)
         return found
 

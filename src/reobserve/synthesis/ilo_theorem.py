@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.matrices import (
     Matrix,
@@ -344,7 +345,7 @@ def bound18(
     InputError
         If the conditions of the theorem do not hold, a shape is wrong or ``k_d`` is below zero.
     """
-    if not theorem.holds:
+    if not as_kind("theorem", theorem, Theorem1).holds:
         raise InputError("theorem", f"its conditions do not hold: {theorem.reason}")
     if as_scalar("k_d", k_d) < 0:
         raise InputError("k_d", f"{k_d:g} must not be below zero")

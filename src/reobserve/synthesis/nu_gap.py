@@ -29,7 +29,7 @@ from itertools import pairwise, zip_longest
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.matrices import as_floats
 
 Array = NDArray[np.float64]
@@ -61,6 +61,8 @@ def nu_gap(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLik
 
 
 def _plant(name: str, pair: tuple[ArrayLike, ArrayLike]) -> Plant:
+    if not isinstance(pair, list | tuple):
+        raise InputError(name, f"{shown(pair)} must be a pair of numerator and denominator")
     if len(pair) != 2:
         raise InputError(name, f"has {len(pair)} entries, must be a numerator and a denominator")
     numerator = _polynomial(f"{name}.numerator", pair[0])

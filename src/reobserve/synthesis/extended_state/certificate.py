@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix
+from reobserve.matrices import Matrix, as_floats, as_positive, as_scalar
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import (
@@ -73,7 +74,19 @@ class Certificate:
 
 
 def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:
-    """Ao = A~ - L C~ (11) and Eo = I + Ld C~ (15)."""
+    """Ao = A~ - L C~ (11) and Eo = I + Ld C~ (15).
+
+    Raises
+    ------
+    InputError
+        If these are no system and its gains.
+    """
+    as_kind("system", system, AugmentedSystem)
+    as_kind("gains", gains, Gains)
+    shape = (system.size, system.outputs)
+    for name in ("L", "Ld"):
+        if (found := as_floats(name, getattr(gains, name)).shape) != shape:
+            raise InputError(name, f"has shape {found}, must be {shape}")
     Ao = system.A_tilde - gains.L @ system.C_tilde
     return Ao, np.eye(system.size) + gains.Ld @ system.C_tilde
 
@@ -109,6 +122,8 @@ def certify(
     InputError
         If there is no ``gamma`` for the inequality (19).
     """
+    gamma = gamma if gamma is None else as_positive("gamma", gamma)
+    decay, bound = as_strip(decay, bound)
     if gamma is None and isinstance(variables, PdPiVariables):
         raise InputError("gamma", "must be given: (19) has one")
     floor = gamma_floor(system)
@@ -135,6 +150,21 @@ def certify(
     pairs = tuple((float(pole.real), float(pole.imag)) for pole in poles)
     reason = next(filter(None, reasons), "")
     return Certificate(pairs, lower, upper, floor, inequality, p1, reason)
+
+
+def as_strip(decay: Any, bound: Any) -> tuple[float, float]:
+    """Where poles are to be, -``bound`` < Re s < -``decay`` [1/s]: 0 or more, and inf for any.
+
+    Raises
+    ------
+    InputError
+        If they are no such numbers.
+    """
+    least = as_scalar("decay", decay)
+    most = inf if isinstance(bound, float) and bound == inf else as_scalar("bound", bound)
+    if not 0 <= least < most:
+        raise InputError("decay", f"{least:g} must be at least zero and below the bound {most:g}")
+    return least, most
 
 
 def _poles(system: AugmentedSystem, gains: Gains) -> NDArray[np.complex128]:

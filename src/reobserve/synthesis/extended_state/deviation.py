@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reobserve.arguments import as_kind
 from reobserve.discretisation import zero_order_hold
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_floats
@@ -40,7 +41,7 @@ def held_deviation(
     from scipy.linalg import solve_discrete_lyapunov
 
     size = np.asarray(as_floats("deviations", deviations))
-    entering = system.Da.shape[1]
+    entering = as_kind("system", system, AugmentedSystem).Da.shape[1]
     if size.shape != (entering,):
         raise InputError("deviations", f"has shape {size.shape}, must be ({entering},)")
     Ao, Eo = error_system(system, gains)

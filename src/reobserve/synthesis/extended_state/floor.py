@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_positive
 from reobserve.synthesis.extended_state.system import AugmentedSystem
@@ -33,8 +34,13 @@ def gamma_floor(system: AugmentedSystem) -> float:
     """A lower bound of the H-infinity norm from dD to e, for all gains that make (10) stable.
 
     It is zero if there are so many outputs that gains might tell all disturbances from faults.
+
+    Raises
+    ------
+    InputError
+        If ``system`` is none.
     """
-    inputs = system.Da.shape[1]
+    inputs = as_kind("system", system, AugmentedSystem).Da.shape[1]
     unseen = inputs - (system.outputs - system.faults)
     if unseen <= 0:
         return 0.0

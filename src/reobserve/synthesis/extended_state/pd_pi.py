@@ -22,9 +22,10 @@ from __future__ import annotations
 
 from math import inf
 
-from reobserve.errors import InputError
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.arguments import as_kind
+from reobserve.matrices import as_positive
 from reobserve.synthesis.extended_state.central_path import Problem, Side
+from reobserve.synthesis.extended_state.certificate import as_strip
 from reobserve.synthesis.extended_state.design import Design, optimised
 from reobserve.synthesis.extended_state.factored import above, pd_pi_sides
 from reobserve.synthesis.extended_state.floor import as_gamma
@@ -93,10 +94,9 @@ def design_least_gamma(
         If ``decay`` and ``bound`` [1/s] are not 0 <= decay < bound, the radius or the
         gap is too small, the solver does not end with "optimal", or the certificate does not hold.
     """
-    decay, radius = as_scalar("decay", decay), as_positive("radius", radius)
-    gap = as_positive("gap", gap)
-    if not 0 <= decay < bound:
-        raise InputError("decay", f"{decay:g} must be at least zero and below the bound {bound:g}")
+    as_kind("system", system, AugmentedSystem)
+    decay, bound = as_strip(decay, bound)
+    radius, gap = as_positive("radius", radius), as_positive("gap", gap)
     problem = _problem(system, pd_pi_sides(system, None, decay, bound), gap, radius)
     method = "PD/PI, least gamma"
     return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)

@@ -8,6 +8,7 @@ gap that makes it a point of the central path: unique, and well conditioned.
 
 from __future__ import annotations
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
@@ -44,7 +45,7 @@ def design_feasible(system: AugmentedSystem, decay: float, solver: str = "CLARAB
     decay = as_scalar("decay", decay)
     if decay < 0:
         raise InputError("decay", f"{decay:g} must be at least zero")
-    size = system.size
+    size = as_kind("system", system, AugmentedSystem).size
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
     sides = (*pi_sides(system, decay), above("P1", size, 1.0))
     problem = Problem(shapes, frozenset({"P1"}), sides, _GAP)

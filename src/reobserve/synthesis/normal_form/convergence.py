@@ -20,6 +20,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.power_series.maps import PolynomialMap
 
@@ -121,8 +122,14 @@ def _fit(degrees: list[int], sizes: Array) -> tuple[float, float, float]:
 
 
 def part_norms(series: PolynomialMap) -> Array:
-    """Bombieri's norm of each homogeneous part, shape (degree + 1,)."""
-    basis = series.basis
+    """Bombieri's norm of each homogeneous part, shape (degree + 1,).
+
+    Raises
+    ------
+    InputError
+        If it is no series.
+    """
+    basis = as_kind("series", series, PolynomialMap).basis
     table = np.abs(series.coefficients.astype(np.float64)) ** 2
     norms = []
     for d in range(series.degree + 1):

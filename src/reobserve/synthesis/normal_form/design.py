@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
@@ -65,7 +66,7 @@ def normal_form(
         raise InputError("injection, poles", "one of them must be given, and not both")
     if injection is None:
         assert poles is not None
-        if system.dynamics.exact:
+        if as_kind("system", system, PolynomialSystem).dynamics.exact:
             raise InputError("poles", "give no exact injection; give the injection itself")
         injection = PolynomialMap.linear(np.asarray(injection_for(system, poles)))
     problem = NormalFormProblem(system, injection, degree)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.arguments import as_kind, as_poles
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.synthesis.normal_form.problem import hidden_modes, refuse_undetectable
@@ -25,11 +26,9 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
     """
     from scipy.signal import place_poles
 
+    as_kind("system", system, PolynomialSystem)
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
-    try:
-        wanted = np.sort_complex(np.asarray(poles, dtype=np.complex128).ravel())
-    except (TypeError, ValueError):
-        raise InputError("poles", f"{poles!r} must be numbers") from None
+    wanted = np.sort_complex(as_poles("poles", poles))
     shown = ", ".join(f"{pole:g}" for pole in wanted)
     if len(wanted) != len(F):
         raise InputError("poles", f"{shown}: {len(wanted)} given, must be {len(F)}")

@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import InputError
 from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.arithmetic import Coefficients
@@ -54,6 +55,9 @@ class NormalFormProblem:
     degree: int
 
     def __post_init__(self) -> None:
+        as_kind("system", self.system, PolynomialSystem)
+        as_kind("injection", self.injection, PolynomialMap)
+        object.__setattr__(self, "degree", as_whole("degree", self.degree, 1))
         n, p = self.system.states, self.system.outputs
         if (self.injection.components, self.injection.variables) != (n, p):
             raise InputError(
