@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.files import NAME, NUMBER, UNIT, read_table, write_table, write_text
+from reobserve.files import NAME, NUMBER, UNIT, Kind, read_table, write_table, write_text
 from reobserve.golden.kept import PERIOD, Array
 from reobserve.golden.tolerances import Tolerance
 from reobserve.metrics import KEY, KINDS
@@ -24,6 +24,7 @@ Undetermined = dict[str, dict[str, float]]
 
 TOLERANCE_HEADER = ("column", "unit", "rounding", "step")
 _METRIC_HEADER = ("observer", "metric", "value", "unit", "rounding", "step")
+_UNIT_OR_NONE = Kind(lambda cell: not cell or UNIT.allows(cell), "a unit or empty")
 _ALLOWED = dict.fromkeys(("rounding", "step"), NUMBER)
 
 
@@ -115,7 +116,8 @@ def write_metrics(golden: Path, part: str, metrics: Mapping[str, Golden]) -> Non
 def read_tolerances(golden: Path, part: str) -> dict[str, tuple[str, Tolerance]]:
     """Unit and tolerance of each column of a figure or a table; raises as `read_series`."""
     path = golden / f"{part}.tolerances.csv"
-    kinds = {"column": NAME, "unit": UNIT, **_ALLOWED}
+    # A column of a table has no unit of its own.
+    kinds = {"column": NAME, "unit": _UNIT_OR_NONE, **_ALLOWED}
     rows = read_table(path, TOLERANCE_HEADER, kinds, ["column"])
     return {row["column"]: (row["unit"], _tolerance(path, row)) for row in rows}
 
