@@ -120,7 +120,7 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
     "a word of 20 000 letters": (
         "ilo", {"observers": {"sampled": {"algorithm": "x" * 20_000}}},
-        "ilo.observers.sampled.algorithm: has 20000 letters",
+        "ilo.observers.sampled.algorithm: 'xxx",
     ),
 }  # fmt: skip
 
@@ -128,7 +128,9 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
 @pytest.mark.parametrize("case", OVERRIDES)
 def test_an_override_is_told_what_is_wrong(case: str) -> None:
     paper, overrides, said = OVERRIDES[case]
-    assert refused(paper, overrides).startswith(said)
+    message = refused(paper, overrides)
+    assert message.startswith(said)
+    assert len(message) < 400
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))

@@ -81,7 +81,10 @@ def test_the_kept_changes_are_changes() -> None:
     assert len({(one.file, one.old, one.new) for one in mutations}) == len(mutations)
     for one in mutations:
         assert one.old != one.new
-        assert (ROOT / one.file).is_file(), one.file
+        assert one.applied((ROOT / one.file).read_text(encoding="utf-8")), one
+        for word in one.tests.split():
+            file = ROOT / word.partition("::")[0]
+            assert file.exists() or not word.startswith("tests/"), one.tests
 
 
 def test_outcomes_are_told_apart(tmp_path: Path) -> None:
