@@ -14,7 +14,14 @@ from typing import Any
 import pytest
 import yaml
 
-from reobserve.config import check_config, check_name, check_plain, known_papers, read_yaml
+from reobserve.config import (
+    check_config,
+    check_name,
+    check_plain,
+    known_papers,
+    read_yaml,
+    take_truths,
+)
 from reobserve.errors import InputError
 from reobserve.ledger import Ledger
 from reobserve.ledger_check import check_ledger
@@ -120,7 +127,7 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
     "a word of 20 000 letters": (
         "ilo", {"observers": {"sampled": {"algorithm": "x" * 20_000}}},
-        "ilo.observers.sampled.algorithm: has 20000 letters",
+        "ilo.observers.sampled.algorithm: 'xxx",
     ),
 }  # fmt: skip
 
@@ -128,7 +135,9 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
 @pytest.mark.parametrize("case", OVERRIDES)
 def test_an_override_is_told_what_is_wrong(case: str) -> None:
     paper, overrides, said = OVERRIDES[case]
-    assert refused(paper, overrides).startswith(said)
+    message = refused(paper, overrides)
+    assert message.startswith(said)
+    assert len(message) < 400
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
@@ -241,6 +250,21 @@ def test_what_a_call_hands_over(case: str) -> None:
     with pytest.raises(InputError) as caught:
         check_config(ROOT, {**CONFIG, **changes}, known_papers(ROOT))
     assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize(("word", "taken"), [("true", True), ("false", False)])
+def test_truths_of_the_command_line(word: str, taken: bool) -> None:
+    config = {**CONFIG, "flips": word}
+    take_truths(config)
+    assert config["flips"] is taken
+    check_config(ROOT, config, known_papers(ROOT))
+
+
+def test_other_words_are_no_truths() -> None:
+    config = {**CONFIG, "flips": "no"}
+    take_truths(config)
+    with pytest.raises(InputError, match=r"^config.flips: 'no' is not of type 'boolean'$"):
+        check_config(ROOT, config, known_papers(ROOT))
 
 
 def test_a_tree_without_end() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import subprocess
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,9 @@ def test_a_seed_draws_the_same_changes_of_different_lines_each_time() -> None:
 def test_every_module_has_a_room_and_every_room_its_tests() -> None:
     files = [path.relative_to(ROOT).as_posix() for path in (ROOT / "src").rglob("*.py")]
     rooms = {fresh.room(file) for file in files}
+    for pattern in fresh.rooms():
+        fits = [file for file in [*files, "workflow/rules/common.smk"] if fnmatch(file, pattern)]
+        assert fits, f"{pattern}: fits nothing"
     named = {word for room in rooms for word in room.split() if word.startswith("tests/")}
     assert [name for name in sorted(named) if not (ROOT / name).exists()] == []
     with pytest.raises(LookupError, match="has no room"):
@@ -81,7 +85,10 @@ def test_the_kept_changes_are_changes() -> None:
     assert len({(one.file, one.old, one.new) for one in mutations}) == len(mutations)
     for one in mutations:
         assert one.old != one.new
-        assert (ROOT / one.file).is_file(), one.file
+        assert one.applied((ROOT / one.file).read_text(encoding="utf-8")), one
+        for word in one.tests.split():
+            file = ROOT / word.partition("::")[0]
+            assert file.exists() or not word.startswith("tests/"), one.tests
 
 
 def test_outcomes_are_told_apart(tmp_path: Path) -> None:

@@ -63,8 +63,15 @@ def read_yaml(path: Path) -> Tree:
     return tree
 
 
+def take_truths(config: Tree) -> None:
+    """Take the words true and false as YAML does: Snakemake's ``--config`` knows Python's only."""
+    for key, value in config.items():
+        if isinstance(value, str) and value in ("true", "false"):
+            config[key] = value == "true"
+
+
 def check_config(project: Path, config: Tree, papers: list[str]) -> None:
-    """Check what `config/config.yaml` and the command line say is to be built, ``config`` itself.
+    """Check what `config/config.yaml` and the command line say is to be built.
 
     Raises
     ------
@@ -72,9 +79,6 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
         If a key is neither of the schema nor a paper, or a value is not allowed.
     """
     check_plain(config, "config")
-    # What stands after `--config` reaches us as a word where it is no Python.
-    if config.get("flips") in ("true", "false"):
-        config["flips"] = config["flips"] == "true"
     schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
     known = [*schema["properties"], *papers]
     for key in config:

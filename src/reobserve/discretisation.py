@@ -105,6 +105,8 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     block *= as_positive("period", period)
     block[n : n + degree * p, n + p :] = np.eye(degree * p)
     held: Array = expm(block)
+    if not np.isfinite(held).all():
+        raise InputError("period", f"{period:g} s take the states beyond floating-point numbers")
     factorials = np.cumprod([1.0, *range(1, degree + 1)])
     effects = held[:n, n:].reshape(n, degree + 1, p).transpose(1, 0, 2)
     return np.ascontiguousarray(held[:n, :n]), effects * factorials[:, None, None]

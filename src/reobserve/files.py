@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
@@ -93,8 +94,11 @@ def check_replaceable(path: Path) -> None:
     Raises
     ------
     InputError
-        If there is something that is no regular file, or is read-only, also for root.
+        If there is something that is no regular file, or is read-only, also for root; or if the
+        folder is one in which the kernel shows itself as if in files.
     """
+    if _of_the_kernel(path):
+        raise InputError(str(path), "is of the kernel, which keeps no files")
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:
@@ -105,6 +109,15 @@ def check_replaceable(path: Path) -> None:
         raise InputError(str(path), f"is {_kind(mode)}, only regular files are replaced")
     if not mode & 0o222 or not os.access(path, os.W_OK):
         raise InputError(str(path), "is read-only, and so it is not replaced")
+
+
+def _of_the_kernel(path: Path) -> bool:
+    """Whether the folder, or the nearest one that there is, belongs to one of the kernel's."""
+    kernel = {os.stat(top).st_dev for top in ("/proc", "/sys") if os.path.ismount(top)}
+    for folder in path.parents:
+        with contextlib.suppress(OSError, ValueError):
+            return os.stat(folder).st_dev in kernel
+    return False
 
 
 def _kind(mode: int) -> str:

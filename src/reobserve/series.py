@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.arguments import as_kind
 from reobserve.errors import InputError, located, shown
 from reobserve.files import read_bytes, write_whole
+from reobserve.matrices import as_numbers
 from reobserve.plain_data import parse_json
 from reobserve.typed_tree import parse
 from reobserve.units import is_unit
@@ -76,10 +78,14 @@ class Series:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "time", as_numbers("time", self.time))
         increasing = self.time.ndim == 1 and np.all(np.diff(self.time) > 0)
         if not increasing or not np.all(np.isfinite(self.time)):
             raise InputError("time", "must be one column of increasing numbers")
+        for part in ("channels", "events", "provenance"):
+            as_kind(part, getattr(self, part), Mapping)  # type: ignore[type-abstract]
         for name, channel in self.channels.items():
+            as_kind(str(name), as_kind(str(name), channel, Channel).values, np.ndarray)
             if channel.values.ndim not in (1, 2) or len(channel.values) != len(self.time):
                 raise InputError(
                     name, f"has shape {channel.values.shape}, must have {len(self.time)} rows"

@@ -41,7 +41,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.arguments import as_whole
+from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import InputError, located, shown
 from reobserve.matrices import as_floats, as_positive, as_scalar
 from reobserve.signal_shapes import (
@@ -105,7 +105,7 @@ class Signal:
             If a term has an unknown kind or key, a value of the wrong type, or samples that
             cannot be used.
         """
-        as_whole("axes", axes, 1)
+        name, axes = as_kind("name", name, str), as_whole("axes", axes, 1)
         if not isinstance(terms, list | tuple):
             raise InputError(name, f"{shown(terms)} must be a list of terms")
         return cls(axes, tuple(_parse(f"{name}[{i}]", t, axes) for i, t in enumerate(terms)))
@@ -180,6 +180,7 @@ class Signal:
 
     def check_grid(self, name: str, step: float, horizon: float) -> None:
         """Refuse a term that starts after ``horizon`` or jumps between multiples of ``step``."""
+        horizon = as_scalar("horizon", horizon)
         for onset in self.onsets:
             if onset > horizon - SAME_INSTANT:
                 raise InputError(
@@ -189,6 +190,7 @@ class Signal:
 
     def check_jumps(self, name: str, step: float, horizon: float) -> None:
         """Refuse a term that jumps between multiples of ``step`` before ``horizon``."""
+        step, horizon = as_positive("step", step), as_scalar("horizon", horizon)
         for jump in self.jumps:
             lower = np.floor(jump / step + 1e-6) * step
             if jump < horizon and abs(jump - round(jump / step) * step) > SAME_INSTANT:

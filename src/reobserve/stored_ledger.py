@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from reobserve.config import check_name
 from reobserve.errors import InputError, shown
 from reobserve.overrides import is_entry
 from reobserve.plain_data import read_json
@@ -41,8 +42,7 @@ def read_stored(path: str | Path) -> StoredLedger:
     """
     place = str(path)
     stored = parse(StoredLedger, read_json(path), place)
-    if not stored.paper.isidentifier():
-        raise InputError(f"{place}.paper", f"{shown(stored.paper)} must be the name of a paper")
+    check_name(f"{place}.paper", stored.paper)
     for section in _REQUIRED:
         if section not in stored.ledger:
             raise InputError(place, f"has no section {section!r}; build the ledger anew")

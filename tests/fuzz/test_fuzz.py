@@ -23,19 +23,27 @@ SEED = 13
 
 # What the library's own parts hand to each other, checked where users hand it in.
 INNER = {
+    # Checks of one argument, tried by what takes it.
+    "observers.contract.check_state",
+    "observers.contract.raises",
     "observers.delay_estimator.check_rate",
-    "observers.extended_state_loop.as_samples",
-    "observers.linear_filter.LinearFilter",
+    "observers.extended_state_loop.read_pair",
     "observers.linear_filter.as_controls",
-    "observers.linear_filter.as_measurements",
     "observers.linear_filter.check_belief",
     "observers.rigid_body_observer.whole_steps",
-    "synthesis.extended_state.design.accepted",
-    "synthesis.extended_state.design.solved",
-    "synthesis.normal_form.gain.gain_at",
+    "synthesis.extended_state.certificate.as_strip",
     "synthesis.normal_form.problem.check_stable",
     "synthesis.normal_form.problem.refuse_undetectable",
     "synthesis.normal_form.resonance.check_nonresonant",
+    # What filters derive from.
+    "observers.linear_filter.LinearFilter",
+    # Steps of a design, on a problem that it states.
+    "synthesis.extended_state.central_path.minimiser",
+    "synthesis.extended_state.design.accepted",
+    "synthesis.extended_state.design.optimised",
+    "synthesis.extended_state.polishing.polished",
+    "synthesis.extended_state.start.strictly_feasible",
+    "synthesis.normal_form.gain.gain_at",
 }
 
 

@@ -10,8 +10,9 @@ values, which are the end values of the stack one interval shorter.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.errors import InputError
+from reobserve.ledger import Ledger
+from reobserve.ledger_types import read_ledger
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
@@ -31,6 +34,8 @@ from reobserve.signals import Signal
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], ...]
+
+ROOT = Path(__file__).parents[2]
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 INPUT = np.array([[1.0, 0.1, 0.0], [0.0, 0.9, -0.2], [0.05, 0.0, 1.1]])
@@ -403,8 +408,9 @@ def test_half_a_step_of_an_observer_is_a_whole_number_of_samples(
     observer = SampledIterativeLearningObserver(
         RigidBody(inertia=np.eye(3)), step_size, K1=1.0, K2=0.1, damping=1.0, interval=step_size
     )
+    plant = replace(read_ledger(Ledger.load(ROOT, "ilo")).plant, step=0.001)
     if samples:
-        assert stride({"step": 0.001}, observer) == samples
+        assert stride(plant, observer) == samples
     else:
         with pytest.raises(InputError, match=r"^step_size: .* even multiple of plant.step"):
-            stride({"step": 0.001}, observer)
+            stride(plant, observer)

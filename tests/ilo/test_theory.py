@@ -247,7 +247,7 @@ def test_rates_under_jumps_are_scored_from_the_first_row_of_the_window_on(
 ) -> None:
     """A second after the first jump at 0.5 s, that instant included."""
     plant = settings["plant"] | {"noise": 0.0}
-    fault = theory_runs._jumps(settings["theory"], plant["horizon"], 1)
+    fault = theory_runs._jumps(keys.Theory(**settings["theory"]), plant["horizon"], 1)
     record = simulate({"plant": plant, "scenario": {"fault": fault}, "seed": 0})
     for name in ("sampled", "continuous", "forgetting"):
         run = estimate({"plant": plant, "observer": settings["observers"][name]}, record)

@@ -20,6 +20,7 @@ from reobserve.ledger_types import read_job
 from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
 from reobserve.series import Series
+from reobserve.stages.common import signed
 from reobserve.typed_tree import parse
 from tests.imm.test_paper import SEED, Tree, ledger, record
 from tests.imm.test_studies import KEPT
@@ -48,6 +49,11 @@ def small_ledger() -> Ledger:
 @cache
 def small_record() -> Series:
     return plant.simulate(small_ledger().settings("plant", "step"))
+
+
+def write_record(path: Path, of: Ledger) -> None:
+    settings = of.settings("plant", "step")
+    signed(plant.simulate(settings), of, "plant", "step", settings).write(path)
 
 
 def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
@@ -251,7 +257,7 @@ def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) -> None:
     (tmp_path / "ledger.json").write_text(small_ledger().text(), encoding="utf-8")
-    small_record().write(tmp_path / "plant.parquet")
+    write_record(tmp_path / "plant.parquet", small_ledger())
     output = tmp_path / "found.search.json"
     files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
     done = reobserve("search", *files, "calibrated", "--output", output)
@@ -267,7 +273,7 @@ def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) 
 def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path) -> None:
     bad = ledger({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
     (tmp_path / "ledger.json").write_text(bad.text(), encoding="utf-8")
-    small_record().write(tmp_path / "plant.parquet")
+    write_record(tmp_path / "plant.parquet", bad)
     files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
     output = tmp_path / "found.search.json"
     for name, said in (

@@ -257,6 +257,6 @@ def test_one_degree_with_a_wrong_spectrum_shows(
         "spectrum_difference",
         lambda A, d: right(A, d) + (0.5 if d == degree else 0.0),
     )
-    found = list(theory_stage._series(evaluator().ledger.settings("theory")))
+    found = list(theory_stage._series(read_job(keys.Ledger, evaluator().ledger.settings("theory"))))
     (worst,) = (m.value for m in found if m.metric == "spectrum_difference")
     assert worst == pytest.approx(0.5, abs=1e-6)

@@ -181,13 +181,14 @@ def _compiles(project: Path, mutation: Mutation) -> bool:
 
 
 @cache
-def _rooms() -> dict[str, str]:
+def rooms() -> dict[str, str]:
+    """The tests of files by their patterns."""
     return dict(yaml.safe_load(ROOMS.read_text(encoding="utf-8")))
 
 
 def room(file: str) -> str:
     """The tests of a file, as arguments of pytest; empty if it has none."""
-    for pattern, tests in _rooms().items():
+    for pattern, tests in rooms().items():
         if fnmatch(file, pattern):
             return tests
     raise LookupError(f"{file} has no room in {ROOMS.name}")

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError, shown
-from reobserve.config import check_config, known_papers, read_yaml
+from reobserve.config import check_config, known_papers, read_yaml, take_truths
 from reobserve.claims.registry import claims_file, decisive
 from reobserve.ledger import Ledger, digest
 from reobserve.ledger_types import read_ledger
@@ -32,6 +32,7 @@ def load_ledgers():
     """
     try:
         papers = known_papers(PROJECT)
+        take_truths(config)
         check_config(PROJECT, config, papers)
         ledgers = {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])

@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from reobserve.arguments import as_whole, as_word
 from reobserve.errors import InputError
 from reobserve.matrices import as_floats
 from reobserve.observers.normal_form_identity import IdentityObserver
@@ -65,13 +66,11 @@ def normal_form_observer(
     InputError
         That says what of the system, the poles or the injection cannot be used, and why.
     """
-    if form not in FORMS:
-        raise InputError("form", f"{form!r} must be one of {', '.join(FORMS)}")
-    for name, value in (("order", order), ("degree", degree), ("expanded", expanded)):
-        if value is not None and (not isinstance(value, int) or value is True or value < 0):
-            raise InputError(name, f"{value!r} must be a whole number, 0 or more")
-    highest = max(order + 1, degree or 0)
-    system = PolynomialSystem.from_expressions(dynamics, output, variables, max(highest, expanded))
+    as_word("form", form, FORMS)
+    order = as_whole("order", order, 0)
+    highest = max(order + 1, 0 if degree is None else as_whole("degree", degree, 0))
+    kept = max(highest, as_whole("expanded", expanded, 0))
+    system = PolynomialSystem.from_expressions(dynamics, output, variables, kept)
     matrix = None
     if injection is not None:
         values = as_floats("injection", injection)

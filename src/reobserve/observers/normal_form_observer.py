@@ -88,7 +88,8 @@ class NormalFormObserver(FixedStepObserver[State, Run]):
         put = object.__setattr__
         put(self, "step_size", as_positive("step_size", self.step_size))
         highest = as_kind("normal_form", self.normal_form, NormalForm).problem.degree - 1
-        if isinstance(self.order, bool) or self.order not in range(highest + 1):
+        whole = isinstance(self.order, int | np.integer) and not isinstance(self.order, bool)
+        if not whole or not 0 <= self.order <= highest:
             raise InputError(
                 "order",
                 f"{shown(self.order)} must be from 0 to {highest}, one less than the degree of "

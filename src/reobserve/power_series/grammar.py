@@ -182,8 +182,9 @@ class _Parser:
 
 
 def check_power(place: str, exponent: Any) -> None:
-    """Refuse a whole power that would take for ever to multiply out."""
-    if exponent.is_Integer and abs(int(exponent)) > _HIGHEST_POWER:
+    """Refuse a whole power, also as a float, that would take for ever to multiply out."""
+    whole = exponent.is_Integer or (exponent.is_Float and float(exponent).is_integer())
+    if whole and abs(exponent) > _HIGHEST_POWER:
         raise InputError(
             place, f"has the power {shown(int(exponent))}, must have {_HIGHEST_POWER} or lower"
         )
@@ -238,7 +239,8 @@ def check_values(place: str, expression: Any, variables: Any) -> Any:
     if expression in variables:
         return sympy.Float(0)
     if not expression.args:
-        return sympy.Float(expression) if expression.is_number and expression.is_finite else None
+        real = expression.is_number and expression.is_finite and expression.is_real
+        return sympy.Float(expression) if real else None
     values = [check_values(place, part, variables) for part in expression.args]
     if any(value is None for value in values):
         return None

@@ -20,8 +20,21 @@ from reobserve.typed_tree import parse
 
 
 def paper_module(paper: str, stage: str) -> Any:
-    """The module ``reobserve.papers.<paper>.<stage>``."""
-    return importlib.import_module(f"reobserve.papers.{paper}.{stage}")
+    """The module ``reobserve.papers.<paper>.<stage>``.
+
+    Raises
+    ------
+    InputError
+        If there is no such paper, or it has no such stage.
+    """
+    package = f"reobserve.papers.{paper}"
+    try:
+        return importlib.import_module(f"{package}.{stage}")
+    except ModuleNotFoundError as error:
+        problems = {package: "there is no such paper", f"{package}.{stage}": f"has no {stage}"}
+        if error.name not in problems:
+            raise
+        raise InputError(paper, problems[error.name]) from None
 
 
 def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) -> Series:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_whole
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive
 from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system
@@ -227,7 +228,7 @@ def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> Integra
     InputError
         If ``K2`` has another shape or ``interval`` is not above zero.
     """
-    gain = as_matrix("K2", K2, size)
+    gain = as_matrix("K2", K2, as_whole("size", size, 1, 1000))
     return IntegralGains(gain / as_positive("interval", interval), gain / 2)
 
 

@@ -49,7 +49,10 @@ def sampled_map(
     system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
     decay, drive = held_blocks(system)
     rates = np.hstack([decay - drive @ system.K2, -drive @ system.K1])
-    return np.vstack([rates, np.hstack([system.K2, system.K1])])
+    found = np.vstack([rates, np.hstack([system.K2, system.K1])])
+    if not np.isfinite(found).all():
+        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
+    return found
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import as_whole
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_positive, spectral_radius
 from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, Verdict, error_system
@@ -141,6 +142,8 @@ def _powers_grow(K1: Matrix) -> bool:
 def _worst_round_gain(system: ErrorSystem) -> float:
     """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
     closed = -np.linalg.solve(system.inertia, system.damping + system.fault_matrix @ system.K2)
+    if not np.isfinite(closed).all():
+        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(system.rate_matrix)])
     if np.max(poles.real) >= 0:
         return float("inf")
@@ -266,7 +269,7 @@ def ripple_roots(
         as_positive("K1", K1),
     )
     k2, tau = as_positive("K2", K2), as_positive("interval", interval)
-    order = np.arange(1, count + 1)
+    order = np.arange(1, as_whole("count", count, 1, 100_000) + 1)
     frequency = 2 * np.pi * order / tau
     # Products, as the power of a float raises beyond its range; inf is refused below.
     real = np.log(k1) / tau - (k2 * lam + k2 * k2 / 2) / (j * j * frequency**2 * tau)

@@ -143,7 +143,12 @@ def _filters() -> Iterator[Subject]:
         yield subject(one.correct, belief, [0.1], [1.0], of=one, takes=MISSING)
         yield subject(one.step, belief, [0.1], [1.0], of=one, takes=MISSING)
         yield subject(one.run, measured, belief, controls, of=one, takes=MISSING)
-    yield subject(Belief, np.zeros(2), np.eye(2), np.zeros(1))
+
+    def predicted(mean: Any, covariance: Any, error: Any) -> object:
+        return kalman.predict(Belief(mean, covariance, error), [1.0])
+
+    belief = "observers.linear_filter.Belief"  # a value: what takes it looks at it
+    yield Subject(belief, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stays = [[0.9, 0.1], [0.1, 0.9]]
     yield subject(InteractingMultipleModel, [kalman, kalman], stays, True)
     bank = InteractingMultipleModel([kalman, smooth], stays)

@@ -28,6 +28,7 @@ from reobserve.matrices import Matrix, as_positive
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _NULL = 1e-10  # of the largest singular value: a smaller one counts as zero
+_TINIEST, _LARGEST = 1e-150, 1e150  # whose squares are floats
 
 
 def gamma_floor(system: AugmentedSystem) -> float:
@@ -67,6 +68,7 @@ def as_gamma(system: AugmentedSystem, factor: float, gamma: float | None = None)
     floor = gamma_floor(system)
     if gamma is not None:
         gamma = as_positive("gamma", gamma)
+        _check_square("gamma", gamma)
         if gamma <= floor:
             raise InputError(
                 "gamma", f"{gamma:.15g} must be above {floor:.15g}, which no gains get below"
@@ -79,7 +81,13 @@ def as_gamma(system: AugmentedSystem, factor: float, gamma: float | None = None)
         raise InputError(
             "factor", f"{factor:g} of the floor of gamma, {floor:.15g}, must be above one"
         )
+    _check_square("factor", factor * floor)
     return factor * floor
+
+
+def _check_square(name: str, gamma: float) -> None:
+    if not _TINIEST < gamma < _LARGEST:
+        raise InputError(name, f"asks for a gamma of {gamma:g}, whose square is no float")
 
 
 def _null_space(matrix: Matrix, scale: float) -> Matrix:
