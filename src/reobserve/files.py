@@ -261,9 +261,11 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
         if path.suffix == ".csv":
             # Only what is empty is none: nan is a number, if a bad one, and NA is text.
             empty = csv_reader.ConvertOptions(null_values=[""])
-            table = csv_reader.read_csv(stream, convert_options=empty)
+            alone = csv_reader.ReadOptions(use_threads=False)
+            table = csv_reader.read_csv(stream, read_options=alone, convert_options=empty)
         else:
-            table = parquet.ParquetFile(stream, page_checksum_verification=True).read()
+            checked = parquet.ParquetFile(stream, page_checksum_verification=True)
+            table = checked.read(use_threads=False)
         names = [str(name) for name in table.column_names]
     except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException) as error:
         raise InputError(str(path), f"cannot be read ({_first_line(error)})") from None

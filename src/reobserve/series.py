@@ -224,7 +224,8 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
     import pyarrow.parquet as parquet
 
     try:
-        table = parquet.ParquetFile(pa.BufferReader(content)).read()
+        # In this thread alone: a pool that is still ending when a short job exits aborts it.
+        table = parquet.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
         told = (table.schema.metadata or {}).get(_KEY)
         digest = (table.schema.metadata or {}).get(_DIGEST, b"")
         names = table.column_names
