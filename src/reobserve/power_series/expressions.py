@@ -51,6 +51,7 @@ def from_expressions(
         origin, is no known function, holds an unknown symbol or (if exact) is not rational; or
         what is too long, too deep, too high or too large to be worked with.
     """
+    package("mpmath", "expand expressions")  # first, as sympy does not load without it
     sympy = package("sympy", "expand expressions")
     for what, given in ((name, expressions), ("variables", variables)):
         if not isinstance(given, list | tuple):

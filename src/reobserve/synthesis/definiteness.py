@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.matrices import as_floats
 
@@ -56,6 +57,7 @@ def ball_matrix(values: ArrayLike) -> arb_mat:
     InputError
         If ``values`` is no matrix of finite numbers.
     """
+    package("flint", "calculate in balls")
     from flint import arb_mat
 
     array = as_floats("values", values)
@@ -79,8 +81,7 @@ def prove_negative_definite(matrix: arb_mat | ArrayLike) -> Proof:
         If ``matrix`` is not square, not finite, or not symmetric: entries that mirror each other
         must be equal floats or balls that overlap.
     """
-    from flint import ctx
-
+    ctx = package("flint", "prove that a matrix is definite").ctx
     balls = _symmetric(matrix)
     size = balls.nrows()
     middle = np.array([float(entry.mid()) for entry in balls.entries()]).reshape(size, size)

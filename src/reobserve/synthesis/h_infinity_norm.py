@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_matrix, as_positive, as_rows
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
@@ -95,8 +96,7 @@ def h_infinity_norm(
     tolerance = as_positive("tolerance", tolerance)
     if tolerance < _FINEST:
         raise InputError("tolerance", f"{tolerance:g} must be {_FINEST:g} or more")
-    from flint import ctx
-
+    ctx = package("flint", "bound the H-infinity norm").ctx
     no_path = not (model[3].any() or (model[1].any() and model[2].any()))
     problem = InputError("E", "must have an inverse")
     for bits in _PRECISIONS:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.arguments import as_whole
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive
-from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system
+from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
 
 Reading = Literal["continuous", "sampled"]
@@ -71,7 +71,7 @@ def error_transfer(
 
 def _continuous(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
     memory = system.memory(1j * omega)
-    return np.asarray(np.linalg.solve(memory + system.loop(1j * omega), memory))
+    return np.asarray(solved(memory + system.loop(1j * omega), memory))
 
 
 def sampled_error_transfer(
@@ -116,15 +116,15 @@ def _held(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
     decay, drive = held_blocks(system)
     s = 1j * omega[:, None, None]
     turned = np.exp(s * system.interval) * np.eye(size) - decay
-    torque = np.linalg.solve(system.inertia, system.fault_matrix)
-    fault = np.linalg.solve(s * np.eye(size) - system.rate_matrix, turned @ torque)
+    torque = solved(system.inertia, system.fault_matrix)
+    fault = solved(s * np.eye(size) - system.rate_matrix, turned @ torque)
     both = np.zeros((len(omega), 2 * size, 2 * size), dtype=np.complex128)
     both[:, :size, :size] = turned
     both[:, :size, size:] = drive
     both[:, size:, :size] = -system.K2
     both[:, size:, size:] = system.memory(1j * omega)
     forcing = np.concatenate([fault, np.zeros_like(fault)], axis=1)
-    return np.asarray(np.linalg.solve(both, forcing)[:, size:])
+    return np.asarray(solved(both, forcing)[:, size:])
 
 
 def predicted_rms_error(
@@ -270,6 +270,6 @@ def pi_error_transfer(
     integral = as_matrix("integral_gain", integral_gain, size)
     proportional = as_matrix("proportional_gain", proportional_gain, size)
     s = 1j * _frequencies("omega", omega)[:, None, None]
-    plant = np.linalg.solve(s * system.inertia + system.damping, system.fault_matrix)
+    plant = solved(s * system.inertia + system.damping, system.fault_matrix)
     unit = s * np.eye(size)
-    return np.asarray(np.linalg.solve(unit + (proportional * s + integral) @ plant, unit))
+    return np.asarray(solved(unit + (proportional * s + integral) @ plant, unit))

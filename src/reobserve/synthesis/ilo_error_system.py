@@ -11,7 +11,7 @@ updated every ``interval`` and held in between it is a linear map (`ilo_sampled_
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,13 +46,27 @@ class ErrorSystem:
     def loop(self, s: ArrayLike) -> Complex:
         """K2 (J s + Lambda)^-1 B_f for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
         frequency = np.asarray(s, dtype=np.complex128)[..., None, None]
-        response = np.linalg.solve(frequency * self.inertia + self.damping, self.fault_matrix)
+        response = solved(frequency * self.inertia + self.damping, self.fault_matrix)
         return np.asarray(self.K2 @ response, dtype=np.complex128)
 
     def memory(self, s: ArrayLike) -> Complex:
         """I - K1 exp(-s tau) for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
         delay = np.exp(-np.asarray(s, dtype=np.complex128) * self.interval)[..., None, None]
         return np.asarray(np.eye(len(self.K1)) - self.K1 * delay, dtype=np.complex128)
+
+
+def solved(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """matrix^-1 right, of stacks of matrices.
+
+    Raises
+    ------
+    InputError
+        If there is no such thing in floats, as for gains of many orders of magnitude.
+    """
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        raise InputError("K1, K2", "make error dynamics beyond floating-point numbers") from None
 
 
 def error_system(

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.arguments import as_kind
+from reobserve.arguments import as_kind, package
 from reobserve.errors import InputError
 from reobserve.matrices import Matrix, as_floats, as_positive, as_scalar
 from reobserve.synthesis.definiteness import prove_negative_definite
@@ -122,6 +122,7 @@ def certify(
     InputError
         If there is no ``gamma`` for the inequality (19).
     """
+    package("flint", "prove what an observer promises")
     gamma = gamma if gamma is None else as_positive("gamma", gamma)
     decay, bound = as_strip(decay, bound)
     if gamma is None and isinstance(variables, PdPiVariables):

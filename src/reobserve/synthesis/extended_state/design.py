@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
@@ -82,6 +83,7 @@ def accepted(
     InputError
         If it does not, with the reason.
     """
+    package("flint", "prove a design")
     try:
         gains = variables.gains()
     except np.linalg.LinAlgError:
@@ -119,6 +121,7 @@ def optimised(
         If the solver is unknown, fails or ends with another status than "optimal", the radius
         leaves no room, no minimiser is found from there, or the certificate does not hold.
     """
+    package("flint", "prove a design")  # told before a solver takes its time
     start, status = strictly_feasible(problem, solver)
     minimum = polished(problem, minimiser(problem, start))
     x = np.array([float(entry) for entry in minimum.x])

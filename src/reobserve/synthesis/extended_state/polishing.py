@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.synthesis.definiteness import ball_matrix, is_negative_definite
 from reobserve.synthesis.extended_state.central_path import Problem, Vector, newton_step
@@ -54,8 +55,8 @@ def polished(problem: Problem, start: Vector) -> Minimum:
     InputError
         If the steps do not become small, as the Hessian is too close to singular.
     """
-    from flint import arb, ctx
-
+    flint = package("flint", "polish a design")
+    arb, ctx = flint.arb, flint.ctx
     too_flat = InputError(
         "solver", "found matrices from which rounding forbids to find better ones"
     )

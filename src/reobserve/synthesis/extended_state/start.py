@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
 
@@ -32,9 +33,7 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
         If the solver is unknown, fails or ends with another status than "optimal", or the smallest
         matrices are outside the radius.
     """
-    import cvxpy
-    from cvxpy.atoms.sum_squares import sum_squares
-
+    cvxpy = package("cvxpy", "solve matrix inequalities")
     if solver not in SOLVERS:
         raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
     unknowns = {
@@ -47,13 +46,13 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     strict = _STRICT[solver] if problem.radius is None else _WIDE
     constraints = [side >> strict * np.eye(side.shape[0]) for side in sides]
     stated: Any = cvxpy.Problem(
-        cvxpy.Minimize(sum(sum_squares(each) for each in squared)), constraints
+        cvxpy.Minimize(sum(cvxpy.sum_squares(each) for each in squared)), constraints
     )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
             stated.solve(solver=solver, **SOLVERS[solver])
-    except cvxpy.SolverError as error:
+    except (cvxpy.SolverError, ValueError) as error:  # ValueError: sides that overflow
         raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
     if stated.status != "optimal":
         raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")

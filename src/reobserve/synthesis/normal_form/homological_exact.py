@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.arguments import package
 from reobserve.errors import InputError
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.monomials import Monomials
@@ -31,9 +32,8 @@ class RationalSolver:
             If the equation has no unique solution: an eigenvalue of A is a sum of ``degree``
             eigenvalues of F.
         """
-        from sympy import QQ
-        from sympy.polys.matrices import DomainMatrix
-
+        QQ = package("sympy", "solve equations of fractions").QQ
+        DomainMatrix = package("sympy.polys.matrices", "solve equations of fractions").DomainMatrix
         n, width = right.shape
         size = n * width
         rows: dict[int, dict[int, Any]] = {}
