@@ -277,7 +277,9 @@ def test_a_divergent_observer_names_the_time(
     ledger_file.write_text(json.dumps(ledger))
     output = record.with_name("adaptive.parquet")
     said = refused(capsys, "observe", ledger_file, record, "adaptive", "--output", output)
-    assert said.startswith("ilo.observers.adaptive (adaptive) diverged: its state is finite up to")
+    place, _, found = said.partition(" (AdaptiveObserver) diverged: its state is finite up to t = ")
+    assert place == "ilo.observers.adaptive"
+    assert "its step of 0.00025 s is too long" in found
     assert not output.exists()
 
 
