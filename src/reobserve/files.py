@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import io
 import math
 import os
@@ -98,7 +99,7 @@ def check_replaceable(path: Path) -> None:
         folder is one in which the kernel shows itself as if in files.
     """
     if _of_the_kernel(path):
-        raise InputError(str(path), "is of the kernel, which keeps no files")
+        raise InputError(str(path), f"cannot be written ({os.strerror(errno.EACCES)})")
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:
