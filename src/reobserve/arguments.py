@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -45,9 +46,15 @@ def as_flag(name: str, value: Any) -> bool:
 
 
 def as_function(name: str, value: Kind) -> Kind:
-    """``value``, which must be a function or a signal; `InputError` names ``name`` otherwise."""
-    if not callable(value) or isinstance(value, type):
-        raise InputError(name, f"{shown(value)} must be a signal, or a function of time")
+    """``value``, a signal or a function that is called like one; `InputError` otherwise."""
+    try:
+        if not callable(value) or isinstance(value, type):
+            raise TypeError
+        inspect.signature(value).bind(0.0, before=False)
+    except (TypeError, ValueError):
+        raise InputError(
+            name, f"{shown(value)} must be a signal, or a function of time and ``before``"
+        ) from None
     return value
 
 

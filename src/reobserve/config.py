@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, shown
-from reobserve.files import read_text
+from reobserve.files import read_text, reason
 from reobserve.plain_data import check_plain
 
 Tree = dict[str, Any]
@@ -25,9 +25,13 @@ def known_papers(project: Path) -> list[str]:
     Raises
     ------
     InputError
-        If a ledger's file has a name that is none of a paper.
+        If the folder cannot be read, or a ledger's file has a name that is none of a paper.
     """
-    papers = sorted(path.stem for path in (project / "config" / "papers").glob("*.yaml"))
+    folder = project / "config" / "papers"
+    try:
+        papers = sorted(path.stem for path in folder.glob("*.yaml"))
+    except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
+        raise InputError(str(folder), f"cannot be read ({reason(error)})") from None
     for paper in papers:
         check_name("config.papers", paper)
     return papers

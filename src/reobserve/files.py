@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import io
 import math
 import os
@@ -43,7 +44,7 @@ def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
     except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
         if isinstance(error, InputError):
             raise
-        raise InputError(str(path), f"cannot be read ({_reason(error)})") from None
+        raise InputError(str(path), f"cannot be read ({reason(error)})") from None
     if len(content) > most:
         raise InputError(str(path), f"has more than {most} bytes, which is too large to be read")
     return content
@@ -85,7 +86,7 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
             if not partial.is_dir():
                 partial.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(str(path), f"cannot be written ({_reason(error)})") from None
+        raise InputError(str(path), f"cannot be written ({reason(error)})") from None
 
 
 def check_replaceable(path: Path) -> None:
@@ -98,13 +99,13 @@ def check_replaceable(path: Path) -> None:
         folder is one in which the kernel shows itself as if in files.
     """
     if _of_the_kernel(path):
-        raise InputError(str(path), "is of the kernel, which keeps no files")
+        raise InputError(str(path), f"cannot be written ({os.strerror(errno.EACCES)})")
     try:
         mode = os.lstat(path).st_mode
     except FileNotFoundError:
         return
     except (OSError, ValueError) as error:
-        raise InputError(str(path), f"cannot be written ({_reason(error)})") from None
+        raise InputError(str(path), f"cannot be written ({reason(error)})") from None
     if not stat.S_ISREG(mode):
         raise InputError(str(path), f"is {_kind(mode)}, only regular files are replaced")
     if not mode & 0o222 or not os.access(path, os.W_OK):
@@ -131,7 +132,8 @@ def _kind(mode: int) -> str:
     return next((name for is_kind, name in kinds if is_kind(mode)), "a device")
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """What the system says of an error."""
     return getattr(error, "strerror", None) or str(error)
 
 

@@ -44,6 +44,7 @@ INNER = {
     "synthesis.extended_state.polishing.polished",
     "synthesis.extended_state.start.strictly_feasible",
     "synthesis.normal_form.gain.gain_at",
+    "synthesis.ilo_error_system.solved",
 }
 
 

@@ -304,6 +304,6 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
 def _shape(values: ArrayLike | None) -> tuple[int, ...]:
     """The shape of an array, or of lists; rows of different lengths count as one column."""
     try:
-        return np.shape(values)  # type: ignore[arg-type]
+        return np.asarray(values).shape
     except Exception:  # rows of different lengths, or an object that fails in a way of its own
         return (len(values),) if isinstance(values, list | tuple) else ()

@@ -17,7 +17,7 @@ from reobserve.polynomial_system import PolynomialSystem
 
 Array = NDArray[np.float64]
 
-_MOST_CALLS = 500_000
+_MOST_CALLS = 100_000
 _SOLVER = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 
 

@@ -149,6 +149,9 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
     return _in_range(np.linalg.solve(total, unit)[..., 0] * scale, rho)
 
 
+_LARGEST = 500  # the binomials of S stay below 1e300
+
+
 def _at_one(size: int) -> Array:
     """S for rho = 1: binomials with alternating signs."""
     rows = [[(-1) ** (i + j) * comb(i + j, i) for j in range(size)] for i in range(size)]
@@ -158,6 +161,8 @@ def _at_one(size: int) -> Array:
 def _as_size(size: int) -> int:
     if not isinstance(size, int | np.integer) or isinstance(size, bool) or size < 1:
         raise InputError("size", f"{shown(size)} must be a whole number, 1 or more")
+    if size > _LARGEST:
+        raise InputError("size", f"{shown(size)} makes gains beyond floating-point numbers")
     return int(size)
 
 

@@ -118,6 +118,8 @@ class RepairedLyapunov:
             )
         decay = 2 * as_matrix("damping", damping, size) + self.fault_matrix @ second
         decay = (decay + decay.T) / 2 - 2 * as_scalar("eta", eta) * np.eye(size)
+        if not np.isfinite(decay).all():
+            raise InputError("damping", "makes a Lyapunov function beyond floating-point numbers")
         self.rate_decay: Matrix = np.asarray(decay)
         if (lowest := float(np.linalg.eigvalsh(decay)[0])) <= 0:
             raise InputError(

@@ -136,6 +136,9 @@ def theorem1(
     )
 
 
+_LARGEST = 1e150  # norm whose square is a float
+
+
 @dataclass(frozen=True)
 class _Design:
     """All that Theorem 1 sees of a design: k1 and k2 are the norms of K1 and K2."""
@@ -163,12 +166,18 @@ class _Design:
             raise InputError("fault_matrix", "must not be zero")
         if not as_matrix("K2", K2, size).any():
             raise InputError("K2", "must not be zero, the estimate would never change")
-        return cls(
-            float(np.linalg.eigvalsh((full + full.T) / 2)[0]) - as_scalar("eta", eta),
+        sizes = (
             float(np.linalg.norm(fault.T @ fault, np.inf)),
             _norm(as_matrix("K1", K1, size)),
             _norm(as_matrix("K2", K2, size)),
         )
+        for name, norm in zip(("fault_matrix", "K1", "K2"), sizes, strict=True):
+            if not norm < _LARGEST:
+                raise InputError(
+                    name, "is so large that its square is beyond floating-point numbers"
+                )
+        excess = float(np.linalg.eigvalsh((full + full.T) / 2)[0]) - as_scalar("eta", eta)
+        return cls(excess, *sizes)
 
     def evaluate(self, g1: float, g2: float, g3: float, g4: float, rho1: float) -> Theorem1:
         alpha1, alpha2, alpha3 = _alphas(g1, g2, g3)

@@ -50,6 +50,9 @@ def held_deviation(
     if np.max(np.abs(np.linalg.eigvals(Ad))) >= 1:
         raise InputError("gains", "give no stable observer, so its errors have no deviation")
     spread = Bd * size
-    covariance = solve_discrete_lyapunov(Ad, spread @ spread.T)
+    each = spread @ spread.T
+    if not np.isfinite(each).all():
+        raise InputError("deviations", "give variances beyond floating-point numbers")
+    covariance = solve_discrete_lyapunov(Ad, each)
     found: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return found
