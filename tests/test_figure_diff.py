@@ -594,6 +594,13 @@ def test_the_worst_series_are_drawn_and_the_worst_first(monkeypatch: pytest.Monk
     assert drawn == ["short", "wide", "up"]
 
 
+def test_the_difference_is_drawn_over_time() -> None:
+    golden = np.zeros(3)
+    drawing = plot_moved.draw_moved([MovedSeries("up", "N m", golden, golden + 2e-6, 1e-6)])
+    found = re.findall(r"<!-- (.*?) -->", drawing.decode())
+    assert "time [s]" in found
+
+
 def test_only_a_checkout_can_be_copied(project: Path, tmp_path: Path) -> None:
     with pytest.raises(ReobserveError, match="only a git checkout can be copied: "):
         copy_project(project, tmp_path / "copy")

@@ -13,13 +13,14 @@ import pytest
 
 from reobserve.claims.checks import Check, Reference
 from reobserve.claims.choices import find_choice
+from reobserve.claims.gallery import put_into
 from reobserve.claims.registry import Claim, read_registry
 from reobserve.claims.robustness import Flip, Robustness, holds
 from reobserve.claims.robustness_file import read_robustness, to_data
 from reobserve.claims.table import row, tell_flip
 from reobserve.claims.verdicts import count, replicated, verdict
 from reobserve.config import read_yaml
-from reobserve.errors import ReobserveError
+from reobserve.errors import InputError, ReobserveError
 from reobserve.files import read_table, write_table
 from reobserve.ledger import Ledger
 from reobserve.stages.claims import HEADER
@@ -216,6 +217,20 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
         assert not holds(claim, whole)
+
+
+def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> None:
+    readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
+    readme.write_text("before\n<!-- verdicts -->\nold\n<!-- end -->\nafter\n")
+    verdicts.write_text("| new |\n")
+    for _ in range(2):
+        put_into(readme, verdicts)
+        told = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
+        assert readme.read_text() == told
+    readme.write_text("before\n<!-- verdicts -->\nold\n")
+    with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
+        put_into(readme, verdicts)
+    assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 
 @pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])

@@ -70,7 +70,9 @@ ONE = np.eye(1)
 def test_the_least_square_above_one_in_closed_form() -> None:
     """s log p^2 - log 2 (p - 1) is least at p = 2 s / (2 s - 1), and no square is below one."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
-    found = polished(problem, minimiser(problem, np.array([5.0])))
+    start = minimiser(problem, np.array([5.0]))
+    assert start[0] == pytest.approx(2 * problem.slant / (2 * problem.slant - 1), rel=1e-10)
+    found = polished(problem, start)
     with mpmath.workdps(40):
         exact = 2 * mpmath.mpf(problem.slant) / (2 * mpmath.mpf(problem.slant) - 1)
         assert abs(mpmath.mpf(found.x[0].mid().str(40, radius=False)) - exact) < mpmath.mpf("1e-28")

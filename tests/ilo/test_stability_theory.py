@@ -153,8 +153,9 @@ def test_gain_that_turns_the_harmonics_is_unstable_with_identity_learning() -> N
     assert max(s.real, other.real) > 0
 
 
-def test_defective_learning_gain_is_unstable() -> None:
-    K1 = np.array([[1, 1, 0], [0, 1, 0], [0, 0, 0.5]])
+@pytest.mark.parametrize("coupling", [1.0, 3.2e-4])
+def test_defective_learning_gain_is_unstable(coupling: float) -> None:
+    K1 = np.array([[1, coupling, 0], [0, 1, 0], [0, 0, 0.5]])
     verdict = continuous_stability(INERTIA, 100.0, 1.0, K1, 100.0, 0.01)
     assert verdict.verdict == "unstable"
     assert "defective" in verdict.reason
@@ -265,6 +266,16 @@ def test_sampled_limit_has_no_crossing_or_no_start() -> None:
     assert sampled_limit_gain(np.eye(2), 1.0, 1.0, 0.5, [[0, 1], [0, 0]], 0.1) == np.inf
     # For small negative gains lambda (1 - k1) + k2 = 0 is the crossing, as in continuous time.
     assert sampled_limit_gain(36.0, 100.0, 1.0, 0.9, -1.0, 0.1) == pytest.approx(10, rel=1e-9)
+
+
+def test_sampled_limit_is_the_first_of_several() -> None:
+    """At z = 1, det[(I - K1) D + s K2] = (1.8 - s)(2.6 - s): a pole leaves there and comes back."""
+    damping, K1 = np.diag([3.0, 5.2]), np.array([[1.0, 0.5], [-0.6, -0.9]])
+    K2 = np.array([[0.0, 1.0], [-1.0, -1.0]])
+    law = (np.eye(2), damping, 1.0, K1)
+    assert sampled_limit_gain(*law, K2, 0.1) == pytest.approx(1.8, rel=1e-9)
+    found = [sampled_stability(*law, s * K2, 0.1).verdict for s in (1.7, 1.9, 2.5, 2.7, 3.8, 3.9)]
+    assert found == ["stable", "unstable", "unstable", "stable", "stable", "unstable"]
 
 
 def test_sampled_map_determinant_leaves_damping_to_the_rate_dynamics() -> None:

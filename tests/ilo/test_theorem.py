@@ -301,6 +301,11 @@ def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
     assert 0.2 < rising < 0.8
 
 
+def test_a_fault_without_effect_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^fault_matrix: must not be zero$"):
+        certify(10.0, 0.0, 0.5, 0.1)
+
+
 def test_repaired_function_needs_its_conditions() -> None:
     with pytest.raises(InputError, match="K1"):
         RepairedLyapunov(INERTIA, 10.0, 1.0, 1.01, 500.0)

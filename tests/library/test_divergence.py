@@ -97,6 +97,9 @@ def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float)
     with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
         observer.run(y, observer.init([0.0, 0.0]))
     assert caught.value.time == pytest.approx(0.116, abs=0.005)
+    begun = max(round(caught.value.time / step) - 128, 0) * step  # steps before the last finite row
+    assert (f"; from t = {begun:g} s on its step" in str(caught.value)) == (step == 1e-4)
+    assert ("; its step" in str(caught.value)) == (step > 1e-4)
 
 
 def test_with_the_step_that_the_message_names_the_run_is_that_of_the_continuous_observer() -> None:

@@ -14,6 +14,7 @@ import sympy
 from reobserve.errors import InputError
 from reobserve.power_series.expressions import ANALYTIC, from_expressions
 from reobserve.power_series.maps import PolynomialMap
+from reobserve.power_series.univariate import DIGITS, power
 
 x, y = sympy.symbols("x y")
 
@@ -107,6 +108,16 @@ def test_functions_against_mpmath(name: str) -> None:
             at = mpmath.mpf(sympy.Rational(centre).p) / sympy.Rational(centre).q
             wanted = [float(value.real) for value in mpmath.taylor(function, at, 6)]
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-13, err_msg=centre)
+
+
+def test_a_root_to_sixty_digits_at_a_high_degree() -> None:
+    """t^(1/2) at 2 is the sum of binom(1/2, k) 2^(1/2 - k) (t - 2)^k."""
+    found = power("0.5", "2", 50)
+    with mpmath.workdps(120):
+        half = mpmath.mpf(1) / 2
+        for k, value in enumerate(found):
+            exact = mpmath.binomial(half, k) * mpmath.mpf(2) ** (half - k)
+            assert abs(value / exact - 1) < mpmath.mpf(f"1e-{DIGITS}")
 
 
 def test_values_near_the_origin_are_those_of_the_expression() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reobserve.errors import InputError
 from reobserve.evaluation import Evaluator
 from reobserve.ledger import Ledger
 from reobserve.ledger_check import check_ledger
@@ -179,6 +180,14 @@ def test_exact_coefficients_by_another_arithmetic() -> None:
     found = {(row["component"], _powers(row["term"])): row["exact"] for row in table_rows()}
     assert found == wanted
     assert found["T1", (3, 0)] == "-11/108"
+
+
+def test_a_table_beyond_the_design_is_refused() -> None:
+    def change(settings: dict[str, Any]) -> None:
+        settings["design"]["degree"] = settings["table"]["degree"] - 1
+
+    with pytest.raises(InputError, match=r"^degree: 5 is beyond that of the design, 4$"):
+        table_rows(change)
 
 
 def _powers(term: str) -> tuple[int, int]:

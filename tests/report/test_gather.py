@@ -263,6 +263,15 @@ def test_a_job_that_refused_says_why_where_its_figure_is_missing(project: Path) 
     ]
 
 
+def test_a_log_does_not_explain_numbers_that_are_there_and_damaged(project: Path) -> None:
+    (project / "results/toy/fig1.metrics.csv").write_text("a,b\n1,2\n")
+    for log in (project / "logs/toy").rglob("*.log"):
+        log.write_text(f"{log.read_text()}reobserve: toy: it cannot be\n")
+    (said,) = sentences(gathered(project)[0])
+    assert "fig1.metrics.csv: has the columns" in said
+    assert "it cannot be" not in said
+
+
 @pytest.mark.parametrize("failed", ["theory", "gains.design"])
 def test_the_job_that_fills_a_theory_says_why_it_is_missing(project: Path, failed: str) -> None:
     """The log of the theory counts, which is the last of its jobs, and not that of a design."""
