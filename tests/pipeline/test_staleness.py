@@ -189,6 +189,13 @@ print(json.dumps(sorted(name for name in sys.modules if name.split(".")[0] == "r
 """
 
 
+LATE = {
+    "reobserve.__main__",  # of `python -m reobserve`, which this test does not go through
+    "reobserve.yaml_reader",  # imported where a YAML is read, which few stages do
+    "reobserve.observers.halving",  # and where something diverges, which nothing does as built
+}
+
+
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_closure_holds_every_module_that_a_stage_loads(built: Project, paper: str) -> None:
     """The closure is read from source text; here each stage runs and says what it imported.
@@ -213,5 +220,4 @@ def test_the_closure_holds_every_module_that_a_stage_loads(built: Project, paper
         closure = set(import_closure(stage_modules(stage, paper)))
         read = import_closure([f"reobserve.papers.{paper}.study"]) if studied else []
         assert loaded <= closure | set(read), stage
-        # __main__ is the module of `python -m reobserve`, which this test does not go through.
-        assert closure - loaded <= {"reobserve.__main__"}, stage
+        assert closure - loaded <= LATE, stage

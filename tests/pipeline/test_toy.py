@@ -330,10 +330,10 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     [
         (None, "cannot be read (No such file or directory)"),
         ('{"design": {}, "prov', "is not JSON: Unterminated string starting at: line 1 column 16"),
-        ('{"paper": "toy", "ledger": {}}', "has no key 'design'"),
+        ('{"paper": "toy", "ledger": {}}', "paper: unknown key; there are: design, provenance"),
         ('{"design": 1, "provenance": {}}', "1 must be a mapping of keys to values"),
         ('{"design": {}, "provenance": []}', "[] must be a mapping of keys to values"),
-        ('{"design": {}, "provenance": {"paper": "a", "job": "b"}}', "has no key 'stage'"),
+        ('{"design": {}, "provenance": {"paper": "a", "job": "b"}}', "stage: is missing; the"),
         ("[]", "must be a mapping of keys to values"),
         (b"\xff\xfe", "cannot be read (byte 1 is not UTF-8)"),
     ],
