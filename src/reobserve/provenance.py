@@ -22,10 +22,15 @@ _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clara
 # What a job runs that evaluates figures in its own process.
 _EVALUATED = ("plant", "design", "observe", "study", "theory", "metrics")
 
+# What checks a plant's record by what the paper says of it.
+_CHECKED = ("observe", "study", "search", "metrics", "plot")
+
 
 def stage_modules(stage: str, paper: str) -> list[str]:
     """The modules a job of a stage starts from: the command line, the stage, the paper's part."""
     parts = _EVALUATED if stage == "robustness" else (stage,)
+    if stage in _CHECKED:
+        parts = (*parts, "record")
     return [
         f"{_PACKAGE}.__main__",
         f"{_PACKAGE}.stages.{stage}",
