@@ -18,14 +18,7 @@ def check_may_renew(project: Path, reason: str) -> None:
         raise ReobserveError(
             f"the reason {reason!r} must say in three words or more why the numbers move"
         )
-    status = subprocess.run(
-        ["git", "status", "--porcelain"], cwd=project, capture_output=True, text=True, check=False
-    )
-    if status.returncode:
-        raise ReobserveError(
-            f"golden numbers are renewed in a git checkout: {status.stderr.strip()}"
-        )
-    changed = status.stdout.splitlines()
+    changed = _changed(project)
     if changed:
         raise ReobserveError(
             f"the tree has {len(changed)} uncommitted changes, the first is {changed[0][3:]!r}; "
@@ -33,11 +26,25 @@ def check_may_renew(project: Path, reason: str) -> None:
         )
 
 
+def _changed(project: Path) -> list[str]:
+    """What git says of each file that differs from the last commit."""
+    status = subprocess.run(
+        ["git", "status", "--porcelain"], cwd=project, capture_output=True, text=True, check=False
+    )
+    if status.returncode:
+        raise ReobserveError(
+            f"golden numbers are renewed in a git checkout: {status.stderr.strip()}"
+        )
+    return status.stdout.splitlines()
+
+
 def keep_reason(project: Path, reason: str, moved: str) -> None:
     """Add the reason to the log beside the golden numbers, with the commit that it belongs to.
 
-    ``moved`` says in a few words how much did.
+    ``moved`` says in a few words how much did. Where no byte was written there is nothing to tell.
     """
+    if not _changed(project):
+        return
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"],
         cwd=project, capture_output=True, text=True, check=True,
