@@ -260,6 +260,8 @@ def test_renewing_where_nothing_has_changed_changes_no_byte(checkout: Project) -
     kept = {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()}
     said = update(checkout, "ilo", "--reason", "nothing has changed", kernel="Haswell")
     assert said.returncode == 0, said.stderr
+    # Not even a reason is kept: there is nothing to explain.
+    assert checkout.run("git", "status", "--porcelain").stdout == ""
     assert said.stdout.splitlines()[-1] == "nothing moved beyond its tolerance"
     assert {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()} == kept
 
