@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.linear_model import LinearModel
+from reobserve.models.linear import LinearModel
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ import sys
 import zlib
 from importlib import import_module
 
-from reobserve.code_paths import pin_code_paths
+from reobserve.numerics.code_paths import pin_code_paths
 
 # As the real command line does it: starting the threads of BLAS takes time, too.
 pin_code_paths()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import place_poles
 
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s

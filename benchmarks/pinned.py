@@ -7,8 +7,8 @@ from pathlib import Path
 
 from benchmarks.report import Row, Section
 from reobserve.errors import ReobserveError
-from reobserve.golden.processors import PINNED, processors
-from reobserve.golden.runs import run_all
+from reobserve.evidence.golden.processors import PINNED, processors
+from reobserve.evidence.golden.runs import run_all
 
 _PAPERS = ("ilo", "lie", "eso")
 _FREE = processors()[0]

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import Record, Rows, State
-from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 Observer = IterativeLearningObserver | SampledIterativeLearningObserver | AdaptiveObserver

@@ -12,7 +12,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
-from reobserve.figure_diff.project_copy import copy_environment, copy_project
+from reobserve.evidence.figure_diff.project_copy import copy_environment, copy_project
 
 PROJECT = Path(__file__).parents[1]
 _MADE = ("results", "logs", ".snakemake")

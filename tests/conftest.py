@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from reobserve.code_paths import pin_code_paths
+from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()
 
@@ -19,7 +19,7 @@ pin_code_paths()
 def group(test: str) -> str:
     """The tests of a file, of a paper's golden numbers or of the built project, kept together."""
     file, _, name = test.partition("::")
-    if file == "tests/test_golden.py":
+    if file == "tests/evidence/golden/test_golden.py":
         return f"{file} {name.partition('[')[2].partition('-')[0]}"
     # Those that edit the built project, and put it back; others only read its results.
     if file in {

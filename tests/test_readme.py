@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from reobserve.ledger import Ledger
+from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

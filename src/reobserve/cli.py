@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from reobserve.code_paths import pin_code_paths
 from reobserve.errors import InputError, ReobserveError, one_line, shown
+from reobserve.numerics.code_paths import pin_code_paths
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 _FORMATS = ("pdf", "svg", "png")
@@ -88,12 +88,17 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_overview(commands: Any) -> None:
-    listing = _command(commands, "list", "overview:show_list", "what there is, and what is built")
+    listing = _command(
+        commands, "list", "ledger.overview:show_list", "what there is, and what is built"
+    )
     listing.add_argument("paper", nargs="*", help="only these papers (default: all)")
     _project(listing)
 
     params = _command(
-        commands, "params", "overview:show_params", "a paper's ledger: values, sources, ranges"
+        commands,
+        "params",
+        "ledger.overview:show_params",
+        "a paper's ledger: values, sources, ranges",
     )
     params.add_argument("paper", help="a paper of `reobserve list`")
     params.add_argument("match", nargs="?", default="", help="only keys that contain this")
@@ -223,7 +228,7 @@ def _add_evidence(commands: Any) -> None:
     _project(verdicts)
 
     report = _command(
-        commands, "report", "replication_report:report_command",
+        commands, "report", "evidence.report:report_command",
         "the replication report of what is built, gaps shown",
     )  # fmt: skip
     default = "(default: those of the config)"
@@ -247,12 +252,12 @@ def _add_golden(commands: Any) -> None:
     check = _command(
         actions,
         "check",
-        "golden.commands:check_command",
+        "evidence.golden.commands:check_command",
         "compare all figures and tables with their golden numbers",
     )
     _project(check)
     elsewhere = _command(
-        actions, "elsewhere", "golden.commands:elsewhere_command",
+        actions, "elsewhere", "evidence.golden.commands:elsewhere_command",
         "compare all of them on other processors, as far as this one can stand in for them",
     )  # fmt: skip
     elsewhere.add_argument(
@@ -263,7 +268,7 @@ def _add_golden(commands: Any) -> None:
         help="gate: what hangs on designs and one figure a paper, on the most telling processors",
     )  # fmt: skip
     update = _command(
-        actions, "update", "golden.commands:update_command",
+        actions, "update", "evidence.golden.commands:update_command",
         "renew the golden numbers; prints old and new, refuses in CI and on a dirty tree",
     )  # fmt: skip
     update.add_argument("--reason", required=True, help="why they moved; kept beside them")
@@ -279,7 +284,7 @@ def _add_golden(commands: Any) -> None:
 
 def _add_figure_diff(commands: Any) -> None:
     diff = _command(
-        commands, "figdiff", "figure_diff.commands:figdiff_command",
+        commands, "figdiff", "evidence.figure_diff.commands:figdiff_command",
         "compare figures, and the numbers behind them, with the accepted ones; writes a page",
     )  # fmt: skip
     for name, default, text in (
@@ -296,7 +301,7 @@ def _add_figure_diff(commands: Any) -> None:
         help="build everything from nothing in a temporary folder, and compare that",
     )  # fmt: skip
     accept = _command(
-        commands, "accept", "figure_diff.commands:accept_command",
+        commands, "accept", "evidence.figure_diff.commands:accept_command",
         "build, and accept figures and golden numbers; refuses in CI and on a dirty tree",
     )  # fmt: skip
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
@@ -353,7 +358,7 @@ def _cores(text: str) -> int:
 
 
 def _tree(text: str) -> dict[str, Any]:
-    from reobserve.plain_data import parse_json
+    from reobserve.plain_data.json_data import parse_json
 
     try:
         tree = parse_json(sys.stdin.read() if text == "-" else text, "the overrides")

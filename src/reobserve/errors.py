@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import reprlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -102,6 +103,14 @@ def shown(value: Any, most: int = _VALUE) -> str:
         return one_line(_SHORT.repr(value), most)
     except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
         return f"a {type(value).__name__} too large to show"
+
+
+def nearest(key: str, known: Any) -> str:
+    """The end of a sentence about an unknown key."""
+    names = [str(name) for name in known]
+    close = difflib.get_close_matches(str(key)[:100], names, n=1, cutoff=0.5)
+    listed = ", ".join(names) if names else "none"
+    return f"; did you mean {close[0]!r}?" if close else f"; there are: {listed}"
 
 
 _BUILT_IN = (bool, int, float, complex, str, bytes, list, tuple, dict, set)

@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from reobserve.config import read_yaml
-from reobserve.ledger import Ledger
+from reobserve.ledger.config import read_yaml
+from reobserve.ledger.ledger import Ledger
 
 from .case import command
 

@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 
 from reobserve.errors import InputError, shown
-from reobserve.linear_model import LinearModel
-from reobserve.matrices import as_floats, as_numbers, as_samples
+from reobserve.models.linear import LinearModel
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.matrices import as_floats, as_numbers, as_samples
+from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.rigid_body import RigidBody
-from reobserve.signals import Signal
-from reobserve.triangular_model import TriangularModel
-from reobserve.vector_field import vector_field
+from reobserve.timeseries.signals import Signal
 
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 READ_ONLY = ROWS.copy()

@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import place_poles
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.linear_model import LinearModel
+from reobserve.models.linear import LinearModel
+from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.contract import Samples
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
@@ -28,7 +29,6 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.plants.pendulum import pendulum
-from reobserve.rigid_body import RigidBody
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import monomials
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.config import read_yaml
-from reobserve.figure_diff import project_copy
-from reobserve.ledger import Ledger
+from reobserve.evidence.figure_diff import project_copy
+from reobserve.ledger.config import read_yaml
+from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.claims import gallery
-from reobserve.claims.table import HEADER
-from reobserve.config import known_papers
-from reobserve.evaluation import Evaluator
-from reobserve.files import read_table, write_table
-from reobserve.golden import claims as golden_claims
-from reobserve.metrics import read_metrics
-from reobserve.series import Series
-from reobserve.stages.common import paper_module
+from reobserve.evidence.claims import gallery
+from reobserve.evidence.claims.table import HEADER
+from reobserve.evidence.golden import claims as golden_claims
+from reobserve.ledger.config import known_papers
+from reobserve.pipeline.common import paper_module
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.plain_data.files import read_table, write_table
+from reobserve.scoring.metrics import read_metrics
+from reobserve.timeseries.series import Series
 
 from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.provenance import import_closure, stage_modules
+from reobserve.pipeline.provenance import import_closure, stage_modules
 
 from .conftest import FEW_DRAWS, LEDGERS, PAPERS, Project
 
@@ -108,8 +108,8 @@ DECIDED = {"robustness": 1, "claims": 1, **TOLD}
         ("config/claims/ilo.yaml", "    says: ", "    says: In short, ", {"claims": 1, **TOLD}),
         ("config/claims/ilo.yaml", "below: ", "below: 1", DECIDED),
         ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", TOLD),
-        ("src/reobserve/replication_report/render.py", "", "# edited\n", TOLD),
-        ("src/reobserve/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
+        ("src/reobserve/evidence/report/render.py", "", "# edited\n", TOLD),
+        ("src/reobserve/evidence/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
         ("src/reobserve/stages/robustness.py", "", "# edited\n", DECIDED | {"robustness": 5}),
         ("src/reobserve/papers/eso/theory.py", "", "# edited\n", {"theory": 1, **DECIDED}),
     ],
@@ -161,13 +161,13 @@ def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
     before = fresh.results()["ilo/constant/plant.parquet"]
-    source = fresh.folder / "src/reobserve/rigid_body.py"
+    source = fresh.folder / "src/reobserve/models/rigid_body.py"
     with edited(source, "torque[0] - (y * hz - z * hy)", "torque[0] + (y * hz - z * hy)"):
         fresh.snakemake(target)
         series = json.loads(
             fresh.run(
                 "python", "-c",
-                "import json; from reobserve.series import Series; "
+                "import json; from reobserve.timeseries.series import Series; "
                 f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
             ).stdout
         )  # fmt: skip
@@ -175,7 +175,7 @@ def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     assert fresh.results()["ilo/constant/plant.parquet"] == before
     again = fresh.run(
         "python", "-c",
-        "import json; from reobserve.series import Series; "
+        "import json; from reobserve.timeseries.series import Series; "
         f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
     ).stdout  # fmt: skip
     assert abs(series[0] - json.loads(again)[0]) > 1e-6
@@ -191,7 +191,7 @@ print(json.dumps(sorted(name for name in sys.modules if name.split(".")[0] == "r
 
 LATE = {
     "reobserve.__main__",  # of `python -m reobserve`, which this test does not go through
-    "reobserve.yaml_reader",  # imported where a YAML is read, which few stages do
+    "reobserve.plain_data.yaml_reader",  # imported where a YAML is read, which few stages do
     "reobserve.observers.halving",  # and where something diverges, which nothing does as built
 }
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.claims.table import HEADER
 from reobserve.errors import InputError
-from reobserve.files import read_table
-from reobserve.series import Series
-from reobserve.stages.common import read_design
+from reobserve.evidence.claims.table import HEADER
+from reobserve.pipeline.common import read_design
+from reobserve.plain_data.files import read_table
+from reobserve.timeseries.series import Series
 
 from .conftest import Project, copy_project
 from .test_staleness import TOLD, edited
@@ -193,10 +193,10 @@ def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
 
 IN_PROCESS = """
 from pathlib import Path
-from reobserve.evaluation import Evaluator
-from reobserve.ledger import Ledger
-from reobserve.metrics import write_metrics
-from reobserve.files import write_table
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.ledger.ledger import Ledger
+from reobserve.scoring.metrics import write_metrics
+from reobserve.plain_data.files import write_table
 
 evaluator = Evaluator(Ledger.load(Path(), "toy", seed=1))
 figure = evaluator.figure("fig1")

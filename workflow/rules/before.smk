@@ -4,7 +4,7 @@ import fcntl
 import json
 import subprocess
 
-from reobserve.files import write_text
+from reobserve.plain_data.files import write_text
 
 
 def take_build_lock():

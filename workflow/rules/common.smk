@@ -7,12 +7,12 @@ from functools import cache
 from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError, shown
-from reobserve.config import check_config, known_papers, read_yaml, take_truths
-from reobserve.claims.registry import claims_file, decisive
-from reobserve.ledger import Ledger, digest
-from reobserve.ledger_types import read_ledger
-from reobserve.provenance import code_digest, closure_digest, versions
-from reobserve.signals import sample_files
+from reobserve.ledger.config import check_config, known_papers, read_yaml, take_truths
+from reobserve.evidence.claims.registry import claims_file, decisive
+from reobserve.ledger.ledger import Ledger, digest
+from reobserve.ledger.types import read_ledger
+from reobserve.pipeline.provenance import code_digest, closure_digest, versions
+from reobserve.timeseries.signals import sample_files
 
 PROJECT = Path()  # the working directory, as everywhere in Snakemake
 

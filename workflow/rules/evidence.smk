@@ -103,7 +103,7 @@ rule report:
     params:
         built=report_options(),
         settings=lambda wildcards: digest(told_in_report()),
-        code=digest_of("reobserve.replication_report"),
+        code=digest_of("reobserve.evidence.report"),
         packages=packages,
     message:
         "write the replication report"

@@ -18,10 +18,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.kernel import kernel
-from reobserve.matrices import Matrix, as_matrix, as_positive_definite
+from reobserve.models.rigid_body import (
+    RigidBody,
+    Triple,
+    acceleration,
+    ahead,
+    product,
+    rk4_sum,
+    row,
+)
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import Matrix, as_matrix, as_positive_definite
 from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
-from reobserve.rigid_body import RigidBody, Triple, acceleration, ahead, product, rk4_sum, row
 
 
 class Constants(NamedTuple):

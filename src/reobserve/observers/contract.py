@@ -15,9 +15,9 @@ from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_word
 from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.matrices import as_numbers, as_samples
+from reobserve.numerics.arguments import as_word
+from reobserve.numerics.matrices import as_numbers, as_samples
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]

@@ -17,10 +17,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.input_history import InputHistory, samples_with_limits
-from reobserve.matrices import as_positive, as_scalar, as_vector
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_positive, as_scalar, as_vector
 from reobserve.observers.contract import (
     FixedStepObserver,
     OnDivergence,
@@ -29,6 +28,7 @@ from reobserve.observers.contract import (
     Samples,
     check_state,
 )
+from reobserve.timeseries.input_history import InputHistory, samples_with_limits
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.input_history import InputHistory, past_input
-from reobserve.kernel import compiled_with_signature, kernel
+from reobserve.numerics.kernel import compiled_with_signature, kernel
 from reobserve.observers.delay_estimator import DelayEstimator
+from reobserve.timeseries.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

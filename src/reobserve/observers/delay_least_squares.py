@@ -40,10 +40,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.input_history import InputHistory
-from reobserve.matrices import as_positive, as_scalar
+from reobserve.numerics.matrices import as_positive, as_scalar
 from reobserve.observers.delay_estimator import DelayEstimator, check_rate
 from reobserve.observers.delay_estimator_loop import law, run_law
+from reobserve.timeseries.input_history import InputHistory
 
 Array = NDArray[np.float64]
 

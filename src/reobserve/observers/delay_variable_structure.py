@@ -42,12 +42,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_word
 from reobserve.errors import InputError
-from reobserve.input_history import InputHistory, past_input
-from reobserve.kernel import kernel
-from reobserve.matrices import as_positive
+from reobserve.numerics.arguments import as_word
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_positive
 from reobserve.observers.delay_estimator import DelayEstimator, State
+from reobserve.timeseries.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

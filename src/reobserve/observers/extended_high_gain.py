@@ -24,9 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind, as_word
 from reobserve.errors import InputError, shown
-from reobserve.matrices import as_positive, as_positive_definite, as_scalar, as_vector
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.arguments import as_kind, as_word
+from reobserve.numerics.matrices import as_positive, as_positive_definite, as_scalar, as_vector
 from reobserve.observers.contract import (
     FixedStepObserver,
     OnDivergence,
@@ -37,7 +38,6 @@ from reobserve.observers.contract import (
 )
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
-from reobserve.triangular_model import TriangularModel
 
 Array = NDArray[np.float64]
 

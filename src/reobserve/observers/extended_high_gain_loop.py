@@ -23,7 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 
 Array = NDArray[np.float64]
 

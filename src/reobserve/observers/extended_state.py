@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind, as_word
-from reobserve.discretisation import interpolating_hold
 from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.matrices import as_floats, as_positive, as_row, as_vector
+from reobserve.numerics.arguments import as_kind, as_word
+from reobserve.numerics.discretisation import interpolating_hold
+from reobserve.numerics.matrices import as_floats, as_positive, as_row, as_vector
 from reobserve.observers.contract import OnDivergence, check_state, raises
 from reobserve.observers.extended_state_loop import Pair, read_pair, run_observer
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains

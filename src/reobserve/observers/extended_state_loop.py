@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
-from reobserve.kernel import inlined_kernel, kernel
-from reobserve.matrices import as_samples
+from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.numerics.matrices import as_samples
 
 Array = NDArray[np.float64]
 Pair = tuple[ArrayLike, ArrayLike]

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
-from reobserve.kernel import kernel
-from reobserve.matrices import as_positive, as_vector
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers import contract
 from reobserve.observers.contract import FixedStepObserver, OnDivergence, Rows, Samples, check_state
 from reobserve.synthesis.high_gain import high_gain
-from reobserve.triangular_model import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.arguments import as_flag
 from reobserve.errors import InputError
-from reobserve.kernel import kernel
-from reobserve.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.models.rigid_body import (
+    RigidBody,
+    Triple,
+    acceleration,
+    ahead,
+    product,
+    rk4_sum,
+    row,
+)
+from reobserve.numerics.arguments import as_flag
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import Matrix, as_matrix, as_positive, as_positive_definite
 from reobserve.observers.rigid_body_observer import (
     Array,
     Record,
@@ -28,7 +37,6 @@ from reobserve.observers.rigid_body_observer import (
     State,
     whole_steps,
 )
-from reobserve.rigid_body import RigidBody, Triple, acceleration, ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.kernel import kernel
+from reobserve.models.rigid_body import RigidBody, ahead, product, rk4_sum, row
+from reobserve.numerics.kernel import kernel
 from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
 from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
-from reobserve.rigid_body import RigidBody, ahead, product, rk4_sum, row
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
 

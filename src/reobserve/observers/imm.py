@@ -22,10 +22,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_flag
 from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.linear_model import ModelArrays, as_covariance
-from reobserve.matrices import as_floats, as_numbers, as_row, as_samples, as_vector
+from reobserve.models.linear import ModelArrays, as_covariance
+from reobserve.numerics.arguments import as_flag
+from reobserve.numerics.matrices import as_floats, as_numbers, as_row, as_samples, as_vector
 from reobserve.observers.contract import OnDivergence, check_state, raises
 from reobserve.observers.imm_loop import (
     Bank,

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import inlined_kernel, kernel
-from reobserve.linear_model import ModelArrays
+from reobserve.models.linear import ModelArrays
+from reobserve.numerics.kernel import inlined_kernel, kernel
 from reobserve.observers.linear_filter_loop import Size, Work, correct, is_missing, predict
 
 Array = NDArray[np.float64]

@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_flag, as_whole
 from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.kernel import kernel
-from reobserve.matrices import as_numbers, as_positive, as_samples, as_vector
+from reobserve.numerics.arguments import as_flag, as_whole
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_numbers, as_positive, as_samples, as_vector
 from reobserve.observers.contract import OnDivergence, check_state, raises
 
 Array = NDArray[np.float64]

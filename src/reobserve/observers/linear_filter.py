@@ -17,10 +17,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import DivergenceError, InputError
-from reobserve.linear_model import LinearModel, as_covariance
-from reobserve.matrices import as_row, as_samples, as_vector
+from reobserve.models.linear import LinearModel, as_covariance
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_row, as_samples, as_vector
 from reobserve.observers.contract import OnDivergence, check_state, raises
 from reobserve.observers.linear_filter_loop import (
     correct,

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import compiled_with_signature, inlined_kernel, kernel
-from reobserve.linear_model import ModelArrays
+from reobserve.models.linear import ModelArrays
+from reobserve.numerics.kernel import compiled_with_signature, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 Size = tuple[int, ...]

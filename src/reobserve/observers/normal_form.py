@@ -7,13 +7,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from reobserve.arguments import as_whole, as_word
 from reobserve.errors import InputError
-from reobserve.matrices import as_floats
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_whole, as_word
+from reobserve.numerics.matrices import as_floats
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 

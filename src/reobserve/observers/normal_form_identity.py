@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.arguments import as_word
-from reobserve.kernel import kernel
+from reobserve.numerics.arguments import as_word
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.small_systems import solve_in_place
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 from reobserve.power_series.maps import stacked
-from reobserve.small_systems import solve_in_place
 from reobserve.synthesis.normal_form.gain import GAINS
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError, shown
-from reobserve.matrices import as_positive, as_vector
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers.contract import (
     FixedStepObserver,
     OnDivergence,

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 from reobserve.power_series.maps import PolynomialMap

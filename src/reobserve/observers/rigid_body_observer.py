@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_positive, as_vector
+from reobserve.models.rigid_body import RigidBody
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import Matrix, as_positive, as_vector
 from reobserve.observers import contract
 from reobserve.observers.contract import FixedStepObserver, OnDivergence, Samples, check_state
-from reobserve.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 

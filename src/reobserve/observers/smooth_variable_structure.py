@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
-from reobserve.matrices import as_floats, as_scalar, as_vector
+from reobserve.numerics.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
 

@@ -9,11 +9,12 @@ of the others fresh:
     observe.estimate(settings, plant) -> Series
     study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
     table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
-    study.KINDS, table.KINDS: what the cells of a column must be  (see `reobserve.files.Kind`)
+    study.KINDS, table.KINDS: what the cells of a column must be
+                                                      (see `reobserve.plain_data.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
-                                                      (made by `reobserve.layouts.by_layout`)
+                                                      (by `reobserve.drawing.layouts.by_layout`)
     search.run(settings, plant, progress) -> dict     (only papers that have searches)
     keys.Ledger                                       (the keys of the ledger, as dataclasses)
     ledger.check(keys.Ledger) -> None                 (builds everything once, runs nothing)
@@ -21,7 +22,7 @@ of the others fresh:
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the ledger get it as a third argument.
 
-``settings`` are what `reobserve.ledger.Ledger.settings` returns for the stage. A stage makes a
-`reobserve.ledger_types.Job` of them before it uses any, by the same types that the whole ledger is
-checked with before a build: ``job = read_job(keys.Ledger, settings)``.
+``settings`` are what `reobserve.ledger.ledger.Ledger.settings` returns for the stage. A stage makes
+a `reobserve.ledger.types.Job` of them before it uses any, by the same types that the whole ledger
+is checked with before a build: ``job = read_job(keys.Ledger, settings)``.
 """

@@ -17,15 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_function, as_kind, as_poles
-from reobserve.discretisation import interpolating_hold
 from reobserve.errors import DivergenceError, InputError
-from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
+from reobserve.numerics.arguments import as_function, as_kind, as_poles
+from reobserve.numerics.discretisation import interpolating_hold
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
 
 Array = NDArray[np.float64]
 
-# Called like a `reobserve.signals.Signal`: with increasing times [s], and ``before`` for limits.
+# Called like a `reobserve.timeseries.signals.Signal`: with increasing times [s], and ``before`` for
+# limits.
 VectorSignal = Callable[..., Array]
 
 

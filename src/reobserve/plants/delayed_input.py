@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
-from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
-from reobserve.signals import SAME_INSTANT, Array, Signal
-from reobserve.triangular_model import TriangularModel
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.arguments import as_kind, as_whole
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.timeseries.signals import SAME_INSTANT, Array, Signal
 
 _MOST_STEPS = 100_000_000
 

@@ -20,11 +20,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
-from reobserve.discretisation import zero_order_hold
 from reobserve.errors import InputError, shown
-from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_floats, as_positive, as_scalar, as_vector
 
 Array = NDArray[np.float64]
 

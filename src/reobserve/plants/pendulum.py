@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_positive, as_scalar
-from reobserve.triangular_model import TriangularModel
-from reobserve.vector_field import vector_field
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.matrices import as_positive, as_scalar
+from reobserve.numerics.vector_field import vector_field
 
 Array = NDArray[np.float64]
 

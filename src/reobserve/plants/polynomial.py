@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
-from reobserve.kernel import kernel
-from reobserve.matrices import as_floats, as_positive, as_vector
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_kind, as_whole
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_floats, as_positive, as_vector
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 
 Array = NDArray[np.float64]

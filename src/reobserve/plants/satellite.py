@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import DivergenceError, InputError
-from reobserve.kernel import kernel
-from reobserve.matrices import Matrix, as_positive, as_vector
-from reobserve.rigid_body import RigidBody, acceleration, ahead, rk4_sum, row
-from reobserve.signals import Array, Signal
+from reobserve.models.rigid_body import RigidBody, acceleration, ahead, rk4_sum, row
+from reobserve.numerics.arguments import as_kind, as_whole
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import Matrix, as_positive, as_vector
+from reobserve.timeseries.signals import Array, Signal
 
 
 @dataclass(frozen=True)

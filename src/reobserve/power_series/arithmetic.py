@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 from reobserve.power_series.monomials import Monomials
 
 Coefficients = NDArray[Any]

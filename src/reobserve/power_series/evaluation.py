@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 from reobserve.power_series.maps import PolynomialMap
 
 Array = NDArray[np.float64]

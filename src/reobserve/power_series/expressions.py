@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.arguments import as_whole, package
 from reobserve.errors import InputError, one_line, shown
+from reobserve.numerics.arguments import as_whole, package
 from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
 from reobserve.power_series.grammar import (
     ANALYTIC,

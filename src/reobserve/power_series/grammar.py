@@ -16,8 +16,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.arguments import package
 from reobserve.errors import InputError, one_line, shown
+from reobserve.numerics.arguments import package
 
 # Functions of one argument that are analytic wherever they have a Taylor series.
 ANALYTIC = (

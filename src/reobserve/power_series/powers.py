@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 from reobserve.power_series.arithmetic import Coefficients, any_numbers, zeros
 from reobserve.power_series.monomials import Index, Monomials, check_size
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.config import known_papers
-from reobserve.ledger import Ledger
-from reobserve.ledger_check import check_ledger
-from reobserve.plain_data import check_plain
+from reobserve.ledger.check import check_ledger
+from reobserve.ledger.config import known_papers
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.json_data import check_plain
 
 
 def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.claims.checks import THEORY
-from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness_file import read_robustness
-from reobserve.claims.table import HEADER, broken_row, row
-from reobserve.config import known_papers, nearest
-from reobserve.errors import InputError, shown
-from reobserve.files import write_table
-from reobserve.ledger import Ledger
-from reobserve.metrics import lookup, read_metrics
+from reobserve.errors import InputError, nearest, shown
+from reobserve.evidence.claims.checks import THEORY
+from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.robustness_file import read_robustness
+from reobserve.evidence.claims.table import HEADER, broken_row, row
+from reobserve.ledger.config import known_papers
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import write_table
+from reobserve.scoring.metrics import lookup, read_metrics
 
 
 def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from reobserve.files import write_text
-from reobserve.ledger import Ledger
-from reobserve.stages.common import compute_design, provenance
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import compute_design, provenance
+from reobserve.plain_data.files import write_text
 
 
 def run(ledger_file: Path, design: str, output: Path) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from reobserve.files import write_text
-from reobserve.ledger import Ledger
-from reobserve.ledger_check import check_ledger
+from reobserve.ledger.check import check_ledger
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import write_text
 
 
 def run(project: Path, paper: str, overrides: dict[str, Any], seed: int, output: Path) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import located
-from reobserve.ledger import Ledger
-from reobserve.metrics import write_metrics
-from reobserve.stages.common import paper_module, read_study, rows_from
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import paper_module, read_study, rows_from
+from reobserve.scoring.metrics import write_metrics
 from reobserve.stages.records import read_estimates, read_record
 
 

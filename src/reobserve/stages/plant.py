@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import located
-from reobserve.ledger import Ledger
-from reobserve.stages.common import paper_module, signed
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import paper_module, signed
 
 
 def run(ledger_file: Path, scenario: str, output: Path) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.captions import render
+from reobserve.drawing.captions import render
+from reobserve.drawing.figures import fix_layout, save
 from reobserve.errors import located
-from reobserve.figures import fix_layout, save
-from reobserve.files import write_text
-from reobserve.ledger import Ledger
-from reobserve.metrics import read_metrics
-from reobserve.stages.common import paper_module, read_study, rows_from
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import paper_module, read_study, rows_from
+from reobserve.plain_data.files import write_text
+from reobserve.scoring.metrics import read_metrics
 from reobserve.stages.records import read_estimates, read_record
 
 

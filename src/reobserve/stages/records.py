@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located, shown
-from reobserve.ledger import Ledger
-from reobserve.ledger_types import Job, declared_keys, read_job
-from reobserve.series import Series, Shape
-from reobserve.stages.common import Provenance, paper_module
-from reobserve.typed_tree import parse
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.types import Job, declared_keys, read_job
+from reobserve.pipeline.common import Provenance, paper_module
+from reobserve.plain_data.typed_tree import parse
+from reobserve.timeseries.series import Series, Shape
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
 

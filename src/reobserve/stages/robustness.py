@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness import assess
-from reobserve.claims.robustness_file import to_data
-from reobserve.files import write_text
-from reobserve.ledger import Ledger
+from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.robustness import assess
+from reobserve.evidence.claims.robustness_file import to_data
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import write_text
 
 
 def run(ledger_file: Path, draws: int, flips: bool, output: Path, project: Path) -> None:

@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 from reobserve.errors import located
-from reobserve.files import write_text
-from reobserve.ledger import Ledger
-from reobserve.stages.common import paper_module, provenance
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import paper_module, provenance
+from reobserve.plain_data.files import write_text
 from reobserve.stages.records import read_record
 
 

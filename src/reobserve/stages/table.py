@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import located
-from reobserve.files import write_table
-from reobserve.ledger import Ledger
-from reobserve.stages.common import named_design, paper_module
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import named_design, paper_module
+from reobserve.plain_data.files import write_table
 
 
 def run(ledger_file: Path, table: str, design_file: Path, output: Path) -> None:

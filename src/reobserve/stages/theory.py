@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import InputError, located
-from reobserve.ledger import Ledger
-from reobserve.metrics import write_metrics
-from reobserve.stages.common import paper_module, read_design
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import paper_module, read_design
+from reobserve.scoring.metrics import write_metrics
 
 
 def run(ledger_file: Path, design_files: list[Path], output: Path) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.claims.gallery import gallery, table
-from reobserve.claims.table import HEADER, KINDS
-from reobserve.claims.verdicts import BROKEN
 from reobserve.errors import ReobserveError
-from reobserve.files import read_table, write_text
-from reobserve.ledger import Ledger
+from reobserve.evidence.claims.gallery import gallery, table
+from reobserve.evidence.claims.table import HEADER, KINDS
+from reobserve.evidence.claims.verdicts import BROKEN
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import read_table, write_text
 
 
 def run(claims_file: Path, output: Path, project: Path) -> None:

@@ -10,10 +10,10 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.matrices import as_floats, as_positive, as_vector
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_floats, as_positive, as_vector
 
 Array = NDArray[np.float64]
 

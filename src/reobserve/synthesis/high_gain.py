@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
 from reobserve.errors import InputError, shown
-from reobserve.matrices import as_floats, as_positive, as_positive_definite
+from reobserve.numerics.matrices import as_floats, as_positive, as_positive_definite
 
 Array = NDArray[np.float64]
 

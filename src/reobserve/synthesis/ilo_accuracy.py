@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_whole
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive
+from reobserve.numerics.arguments import as_whole
+from reobserve.numerics.matrices import Matrix, as_floats, as_matrix, as_positive
 from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
 

@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_floats, as_matrix, as_positive, as_positive_definite
+from reobserve.numerics.matrices import (
+    Matrix,
+    as_floats,
+    as_matrix,
+    as_positive,
+    as_positive_definite,
+)
 
 Verdict = Literal["stable", "marginal", "unstable"]
 Complex = NDArray[np.complex128]

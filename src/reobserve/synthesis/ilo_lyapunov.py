@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import (
+from reobserve.numerics.matrices import (
     Matrix,
     as_floats,
     as_matrix,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_positive, as_scalar, spectral_radius
+from reobserve.numerics.matrices import Matrix, as_positive, as_scalar, spectral_radius
 from reobserve.synthesis.ilo_error_system import ErrorSystem, Verdict, error_system
 
 

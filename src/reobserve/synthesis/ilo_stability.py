@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_whole
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_positive, spectral_radius
+from reobserve.numerics.arguments import as_whole
+from reobserve.numerics.matrices import Matrix, as_positive, spectral_radius
 from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, Verdict, error_system
 
 _UNIT = 1e-9  # a spectral radius this close to one is taken to be one

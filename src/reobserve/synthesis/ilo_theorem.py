@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.matrices import (
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import (
     Matrix,
     as_matrix,
     as_positive,

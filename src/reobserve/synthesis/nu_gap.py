@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
-from reobserve.matrices import as_floats
+from reobserve.numerics.matrices import as_floats
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -10,11 +10,11 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness import Robustness
-from reobserve.claims.table import row
-from reobserve.config import read_yaml
-from reobserve.metrics import lookup, read_metrics
+from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.robustness import Robustness
+from reobserve.evidence.claims.table import row
+from reobserve.ledger.config import read_yaml
+from reobserve.scoring.metrics import lookup, read_metrics
 
 from .. import material, mutations
 from ..case import Case
@@ -48,7 +48,7 @@ def case(paper: str, tree: Any, told: str) -> Case:
     ledger, numbers = material.ledger(paper), _numbers(paper)
 
     def run() -> None:
-        with mock.patch("reobserve.claims.registry.read_yaml", read):
+        with mock.patch("reobserve.evidence.claims.registry.read_yaml", read):
             registry = read_registry(material.ROOT, ledger)
         for claim in registry.claims:
             row(claim, ledger, numbers, Robustness(3, 2))

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from reobserve.config import check_config
-from reobserve.ledger import Ledger
+from reobserve.ledger.config import check_config
+from reobserve.ledger.ledger import Ledger
 
 from .. import material, mutations
 from ..case import Case

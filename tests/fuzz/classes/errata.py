@@ -8,9 +8,9 @@ from random import Random
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.replication_report.errata import read_errata, read_in_the_way
-from reobserve.replication_report.model import Gap
-from reobserve.replication_report.reading import Project
+from reobserve.evidence.report.errata import read_errata, read_in_the_way
+from reobserve.evidence.report.model import Gap
+from reobserve.evidence.report.reading import Project
 
 from .. import material, mutations
 from ..case import Case

@@ -9,7 +9,7 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from reobserve.config import read_yaml
+from reobserve.ledger.config import read_yaml
 
 from .. import material, mutations
 from ..case import Case, command
@@ -40,7 +40,7 @@ def case(paper: str, tree: Any, told: str) -> Case:
 
     def run() -> None:
         # A tree that YAML has read already: what reads bytes is another class.
-        with mock.patch("reobserve.ledger.read_yaml", read):
+        with mock.patch("reobserve.ledger.ledger.read_yaml", read):
             command("ledger", paper, "--project", material.ROOT, "--output", "ledger.json")
 
     def read(path: Path) -> Any:

@@ -12,7 +12,7 @@ from random import Random
 
 from PIL import Image
 
-from reobserve.figure_diff.pixels import read_pixels
+from reobserve.evidence.figure_diff.pixels import read_pixels
 
 from .. import mutations
 from ..case import Case

@@ -9,10 +9,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from reobserve.claims.registry import read_registry
-from reobserve.claims.robustness import Flip, Robustness
-from reobserve.claims.robustness_file import to_data
 from reobserve.errors import InputError
+from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.robustness import Flip, Robustness
+from reobserve.evidence.claims.robustness_file import to_data
 
 from .. import material, mutations
 from ..case import Case, command

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from reobserve.signals import Signal
+from reobserve.timeseries.signals import Signal
 
 from .. import mutations
 from ..case import Case

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from random import Random
 
-from reobserve.metrics import read_metrics
+from reobserve.scoring.metrics import read_metrics
 
 from .. import material, mutations
 from ..case import Case, command

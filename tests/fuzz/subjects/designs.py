@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 from reobserve.synthesis.extended_state import pd_pi, pi, structured

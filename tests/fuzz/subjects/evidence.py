@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.matrices import (
+from reobserve.numerics.matrices import (
     as_floats,
     as_matrix,
     as_positive,
@@ -14,7 +14,7 @@ from reobserve.matrices import (
     as_scalar,
     as_vector,
 )
-from reobserve.random_streams import held_normal, random_stream
+from reobserve.numerics.random_streams import held_normal, random_stream
 
 from .subject import Subject, subject
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.discretisation import interpolating_hold, polynomial_hold, zero_order_hold
-from reobserve.input_history import InputHistory
-from reobserve.linear_model import LinearModel
+from reobserve.models.linear import LinearModel
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.discretisation import interpolating_hold, polynomial_hold, zero_order_hold
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl, poles_for
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve.plants.first_order_lag import first_order_lag
@@ -16,11 +18,9 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
-from reobserve.polynomial_system import PolynomialSystem
-from reobserve.rigid_body import RigidBody
-from reobserve.series import Channel, Series
-from reobserve.signals import Signal
-from reobserve.triangular_model import TriangularModel
+from reobserve.timeseries.input_history import InputHistory
+from reobserve.timeseries.series import Channel, Series
+from reobserve.timeseries.signals import Signal
 
 from .subject import Subject, subject
 

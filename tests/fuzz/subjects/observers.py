@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
@@ -26,7 +27,6 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
-from reobserve.rigid_body import RigidBody
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.normal_form.design import normal_form
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
-from reobserve.conditions import (
+from reobserve.errors import InputError, shown
+from reobserve.ledger.conditions import (
     Count,
     Levels,
     Names,
@@ -20,8 +21,7 @@ from reobserve.conditions import (
     vector,
     within,
 )
-from reobserve.errors import InputError, shown
-from reobserve.matrices import as_floats
+from reobserve.numerics.matrices import as_floats
 
 MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 

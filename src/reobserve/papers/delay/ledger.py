@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from reobserve.errors import InputError, located
-from reobserve.grid import stride
-from reobserve.ledger_check import building, check_figures, check_scenarios, check_studies
-from reobserve.ledger_types import Job, named
+from reobserve.ledger.check import building, check_figures, check_scenarios, check_studies
+from reobserve.ledger.types import Job, named
 from reobserve.papers.delay import keys, observe, plant
 from reobserve.papers.delay.study_tuning import SWEEPS
 from reobserve.papers.delay.theory_runs import NEEDED
+from reobserve.timeseries.grid import stride
 
 
 def check(ledger: keys.Ledger) -> None:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger_types import Settings, read_job
-from reobserve.metrics import Metric, window
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.scoring import (
     constant_segments,
@@ -18,7 +17,8 @@ from reobserve.papers.delay.scoring import (
     turned_over_at,
 )
 from reobserve.papers.delay.setup import UNITS
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, window
+from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.grid import stride
-from reobserve.ledger_types import Job, Settings, read_job
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
@@ -18,7 +17,8 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
 from reobserve.papers.delay.setup import UNITS, build_model, delay_bounds
-from reobserve.series import Channel, Series
+from reobserve.timeseries.grid import stride
+from reobserve.timeseries.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:

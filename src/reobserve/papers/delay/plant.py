@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.grid import noise_hold
-from reobserve.ledger_types import Settings, read_job
-from reobserve.matrices import as_vector
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import (
     UNITS,
@@ -19,9 +19,9 @@ from reobserve.papers.delay.setup import (
     input_and_derivatives,
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
-from reobserve.random_streams import held_normal, random_stream
-from reobserve.series import Channel, Series
-from reobserve.signals import Signal
+from reobserve.timeseries.grid import noise_hold
+from reobserve.timeseries.series import Channel, Series
+from reobserve.timeseries.signals import Signal
 
 
 @dataclass(frozen=True)

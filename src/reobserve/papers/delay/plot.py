@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.layouts import by_layout
+from reobserve.drawing.layouts import by_layout
 from reobserve.papers.delay import keys, plot_comparison, plot_states, plot_tradeoff, plot_tuning
 
 LAYOUTS = {

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
+from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.ledger.types import Job
 from reobserve.papers.delay.plot_states import largest, upright
 from reobserve.papers.delay.scoring import errors
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 
 def draw(

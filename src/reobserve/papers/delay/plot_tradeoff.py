@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, add_note, new_figure
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
-from reobserve.series import Series
+from reobserve.drawing.figures import STYLES, add_note, new_figure
+from reobserve.ledger.types import Job
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 _PANELS = (
     ("rms_delay_error", "RMS error [s]", "(a) delay"),

@@ -7,11 +7,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, WIDTH, add_note, decades
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
+from reobserve.drawing.figures import STYLES, WIDTH, add_note, decades
+from reobserve.ledger.types import Job
 from reobserve.papers.delay.plot_tradeoff import levels
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 _AXES = {
     "extended_lag": "ρ [1/s]",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.papers.delay.setup import UNITS
-from reobserve.series import Shape
+from reobserve.timeseries.series import Shape
 
 EVENTS = ("jumps",)
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.grid import multiple
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import delay_bounds
-from reobserve.series import Series
+from reobserve.timeseries.grid import multiple
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.series import Series
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

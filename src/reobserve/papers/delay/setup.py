@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.grid import multiple, plant_grid
+from reobserve.models.triangular import TriangularModel
 from reobserve.papers.delay import keys
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
-from reobserve.signals import Signal
-from reobserve.triangular_model import TriangularModel
+from reobserve.timeseries.grid import multiple, plant_grid
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

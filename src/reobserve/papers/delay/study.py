@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.files import NAME, NUMBER, SCORE, UNIT, WHOLE
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.delay import keys, study_tradeoff, study_tuning
-from reobserve.series import Series
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+from reobserve.timeseries.series import Series
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
 KINDS = {

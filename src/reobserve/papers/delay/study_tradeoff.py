@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.grid import noise_hold, stride
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
+from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay.observe import build_extended
 from reobserve.papers.delay.scoring import root_mean_square
-from reobserve.random_streams import held_normal, random_stream
-from reobserve.series import Series
+from reobserve.timeseries.grid import noise_hold, stride
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger_types import Job, named
-from reobserve.metrics import window
+from reobserve.ledger.types import Job, named
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square
-from reobserve.series import Series
+from reobserve.scoring.metrics import window
+from reobserve.timeseries.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger_types import Settings, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.delay import (
     keys,
     theory_conditions,
@@ -13,6 +12,7 @@ from reobserve.papers.delay import (
     theory_gains,
     theory_runs,
 )
+from reobserve.scoring.metrics import Metric
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:

@@ -8,14 +8,14 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve.plants.delayed_input import DelayedInputPlant
-from reobserve.random_streams import random_stream
-from reobserve.series import Series
-from reobserve.signals import Signal
-from reobserve.triangular_model import TriangularModel
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

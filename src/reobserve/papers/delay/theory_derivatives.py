@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger_types import Job, named
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, named
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.scoring import root_mean_square
 from reobserve.papers.delay.setup import input_and_derivatives
-from reobserve.series import Series
-from reobserve.signals import Signal
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric, window
+from reobserve.ledger.types import Job
 from reobserve.papers.delay.setup import build_model
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, window
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.grid import stride
-from reobserve.ledger_types import Job, named
-from reobserve.metrics import Metric, window
+from reobserve.ledger.types import Job, named
+from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
@@ -22,8 +21,9 @@ from reobserve.papers.delay.scoring import (
     root_mean_square,
 )
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.random_streams import random_stream
-from reobserve.series import Channel, Series
+from reobserve.scoring.metrics import Metric, window
+from reobserve.timeseries.grid import stride
+from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

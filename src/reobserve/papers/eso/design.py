@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state import pd_pi, pi

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from reobserve.conditions import (
+from reobserve.errors import InputError
+from reobserve.ledger.conditions import (
     Count,
     Levels,
     Names,
@@ -19,8 +20,7 @@ from reobserve.conditions import (
     signal,
     vector,
 )
-from reobserve.errors import InputError
-from reobserve.matrices import as_floats
+from reobserve.numerics.matrices import as_floats
 
 Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]

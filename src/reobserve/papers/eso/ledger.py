@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.ledger_check import building, check_figures, check_scenarios
+from reobserve.ledger.check import building, check_figures, check_scenarios
 from reobserve.papers.eso import keys, plant
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented

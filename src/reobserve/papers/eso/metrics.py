@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from reobserve.ledger_types import Settings, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.scoring import check_rules, scores
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver, Run
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.stored_design import stored_design
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 
 def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:

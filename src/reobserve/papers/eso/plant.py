@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import Experiment, experiment
-from reobserve.random_streams import random_stream
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.layouts import by_layout
+from reobserve.drawing.layouts import by_layout
 from reobserve.papers.eso import keys, plot_designs, plot_fault
 
 LAYOUTS = {

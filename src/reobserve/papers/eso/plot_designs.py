@@ -7,10 +7,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, WIDTH, add_note
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
-from reobserve.series import Series
+from reobserve.drawing.figures import STYLES, WIDTH, add_note
+from reobserve.ledger.types import Job
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 _KINDS = {
     "pi_feasible": "PI, feasible",

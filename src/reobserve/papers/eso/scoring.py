@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.metrics import window
 from reobserve.papers.eso import keys
-from reobserve.series import Series
+from reobserve.scoring.metrics import window
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 Score = tuple[str, float, str]

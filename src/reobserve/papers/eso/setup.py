@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.grid import multiple, plant_grid
-from reobserve.matrices import as_floats, as_vector
+from reobserve.numerics.matrices import as_floats, as_vector
 from reobserve.papers.eso import keys
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve.signals import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve.timeseries.grid import multiple, plant_grid
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

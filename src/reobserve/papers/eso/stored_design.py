@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_positive
+from reobserve.numerics.matrices import as_positive
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state.design import Design

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.files import NAME, NUMBER, SCORE, UNIT
-from reobserve.ledger_types import Job, Settings, read_job
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
@@ -22,8 +21,9 @@ from reobserve.papers.eso.design import design
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.scoring import scores
 from reobserve.papers.eso.setup import augmented, experiment
-from reobserve.series import Channel, Series
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT
 from reobserve.synthesis.extended_state.deviation import held_deviation
+from reobserve.timeseries.series import Channel, Series
 
 HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
 KINDS = {

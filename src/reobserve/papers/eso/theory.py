@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger_types import Settings, read_job
-from reobserve.metrics import Metric, settling_time
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
-from reobserve.signals import Signal
+from reobserve.scoring.metrics import Metric, settling_time
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve.timeseries.signals import Signal
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step: what counts as settled

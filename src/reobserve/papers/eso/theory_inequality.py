@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.metrics import Metric
-from reobserve.random_streams import random_stream
+from reobserve.numerics.random_streams import random_stream
+from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains

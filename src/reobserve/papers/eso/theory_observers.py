@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger_types import Job
-from reobserve.matrices import as_floats
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job
+from reobserve.numerics.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
@@ -23,10 +22,11 @@ from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import controlled_motor
 from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.eso.theory_inequality import margin_above_norm
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from reobserve.conditions import (
+from reobserve.ledger.conditions import (
     Count,
     Levels,
     Names,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from reobserve.errors import located
-from reobserve.grid import noise_hold
-from reobserve.ledger_check import building, check_figures, check_scenarios, check_studies
-from reobserve.ledger_types import named
+from reobserve.ledger.check import building, check_figures, check_scenarios, check_studies
+from reobserve.ledger.types import named
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
 from reobserve.papers.ilo.theory_runs import NEEDED
+from reobserve.timeseries.grid import noise_hold
 
 _MATCHED = {"continuous": keys.Continuous, "adaptive": keys.Adaptive}
 

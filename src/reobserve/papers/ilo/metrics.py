@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from reobserve.ledger_types import Job, Settings, read_job
-from reobserve.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.prediction import predicted_error
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
+from reobserve.timeseries.series import Series
 
 
 def measure(

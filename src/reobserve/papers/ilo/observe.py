@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger_types import Job, Settings, read_job
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import build_observer, stride
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:

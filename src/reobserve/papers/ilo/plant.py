@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import grid, held_noise
 from reobserve.plants.satellite import Satellite
-from reobserve.random_streams import random_stream
-from reobserve.series import Channel, Series
-from reobserve.signals import Signal
+from reobserve.timeseries.series import Channel, Series
+from reobserve.timeseries.signals import Signal
 
 
 def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:

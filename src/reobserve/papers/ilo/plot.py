@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reobserve.drawing.figures import STYLES, TRUTH, Style, add_note, decades, new_figure, thin
 from reobserve.errors import InputError
-from reobserve.figures import STYLES, TRUTH, Style, add_note, decades, new_figure, thin
-from reobserve.ledger_types import Job, Settings, named, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, Settings, named, read_job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.ledger_types import Job
-from reobserve.series import Shape
+from reobserve.ledger.types import Job
+from reobserve.timeseries.series import Shape
 
 EVENTS = ("onsets",)
 

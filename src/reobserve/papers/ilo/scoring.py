@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.series import Series
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located
-from reobserve.grid import noise_hold, plant_grid
+from reobserve.models.rigid_body import RigidBody
+from reobserve.numerics.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
-from reobserve.random_streams import held_normal
-from reobserve.rigid_body import RigidBody
+from reobserve.timeseries.grid import noise_hold, plant_grid
 
 MOST_STEPS = 20_000_000  # of a plant record: some ten gigabytes
 

@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.files import NAME, NUMBER, SCORE, WHOLE
-from reobserve.ledger_types import Job, Settings, named, read_job
-from reobserve.metrics import root_mean_square
+from reobserve.ledger.types import Job, Settings, named, read_job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.papers.ilo.setup import build_observer, held_noise, known_body
-from reobserve.random_streams import random_stream
-from reobserve.series import Channel, Series
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, WHOLE
+from reobserve.scoring.metrics import root_mean_square
+from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
 

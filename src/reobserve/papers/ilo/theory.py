@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger_types import Job, Settings, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.models.rigid_body import RigidBody
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_limits, theory_runs
 from reobserve.papers.ilo.setup import known_body
-from reobserve.random_streams import random_stream
-from reobserve.rigid_body import RigidBody
+from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.synthesis.ilo_theorem import certify, lemma1_sides

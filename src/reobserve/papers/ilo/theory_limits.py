@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger_types import Job, named
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, named
+from reobserve.models.rigid_body import RigidBody
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import known_body
-from reobserve.rigid_body import RigidBody
+from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer
 from reobserve.synthesis.ilo_error_system import error_system
 from reobserve.synthesis.ilo_sampled_stability import (

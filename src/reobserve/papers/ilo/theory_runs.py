@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.conditions import Terms
-from reobserve.ledger_types import Job, named
-from reobserve.metrics import Metric, peak, root_mean_square
+from reobserve.ledger.conditions import Terms
+from reobserve.ledger.types import Job, named
+from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.papers.ilo import keys
@@ -18,10 +18,10 @@ from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.setup import build_observer, known_body, stride
-from reobserve.random_streams import random_stream
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, peak, root_mean_square
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_theorem import bound18, certify
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from reobserve.conditions import (
+from reobserve.errors import InputError
+from reobserve.ledger.conditions import (
     Levels,
     Names,
     NotNegative,
@@ -20,8 +21,7 @@ from reobserve.conditions import (
     vector,
     within,
 )
-from reobserve.errors import InputError
-from reobserve.matrices import as_floats
+from reobserve.numerics.matrices import as_floats
 
 Coefficients = Annotated[list[float], vector(4)]
 Voltage = Annotated[Terms, signal(1)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from reobserve.errors import located
-from reobserve.ledger_check import building, check_figures, check_scenarios
-from reobserve.ledger_types import Job
+from reobserve.ledger.check import building, check_figures, check_scenarios
+from reobserve.ledger.types import Job
 from reobserve.papers.imm import keys, observe, plant, search, theory
 from reobserve.papers.imm.scoring import check_rules
 from reobserve.papers.imm.setup import start

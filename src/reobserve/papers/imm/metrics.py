@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger_types import Job, Settings, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance, window
 from reobserve.papers.imm.setup import MODES, UNITS
 from reobserve.papers.imm.tuning import TUNED
 from reobserve.plants.hydraulic_actuator import MOTION
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 

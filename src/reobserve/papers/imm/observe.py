@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import DivergenceError
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import (
@@ -17,7 +17,7 @@ from reobserve.papers.imm.setup import (
     run,
 )
 from reobserve.plants.hydraulic_actuator import REALISATIONS
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 
 def build(settings: Settings, period: float) -> InteractingMultipleModel:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import UNITS, Experiment, experiment
 from reobserve.plants.hydraulic_actuator import MOTION
 from reobserve.plants.hydraulic_actuator import simulate as move
-from reobserve.random_streams import random_stream
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 
 def build(settings: Settings) -> Experiment:

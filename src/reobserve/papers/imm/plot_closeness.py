@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.figures import STYLES, add_note, new_figure
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
+from reobserve.drawing.figures import STYLES, add_note, new_figure
+from reobserve.ledger.types import Job
 from reobserve.papers.imm.metrics import diagnoses
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, add_note, new_figure
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric, lookup
+from reobserve.drawing.figures import STYLES, add_note, new_figure
+from reobserve.ledger.types import Job
 from reobserve.papers.imm.tuning import TUNED
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, lookup
+from reobserve.timeseries.series import Series
 
 _NAMES = {
     "process_noise_1": "Q, position",

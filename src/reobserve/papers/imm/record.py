@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.papers.imm.setup import MODES, UNITS
 from reobserve.plants.hydraulic_actuator import MOTION
-from reobserve.series import Shape
+from reobserve.timeseries.series import Shape
 
 EVENTS = ("fault",)
 

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.tuning import OUTPUTS, STATES, TUNED, Calibration
-from reobserve.random_streams import random_stream
-from reobserve.series import Series
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.grid import multiple
-from reobserve.linear_model import LinearModel
-from reobserve.matrices import as_vector
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.matrices import as_vector
 from reobserve.observers.imm import InteractingMultipleModel, Run, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
-from reobserve.signals import Signal
+from reobserve.timeseries.grid import multiple
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

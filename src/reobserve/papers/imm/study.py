@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.errors import located
-from reobserve.files import NAME, NUMBER, SCORE, UNIT, WHOLE
-from reobserve.ledger_types import Job, Settings, read_job
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.papers.imm import keys, study_changes, study_closeness, study_neighbourhood
-from reobserve.series import Series
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+from reobserve.timeseries.series import Series
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
 KINDS = {

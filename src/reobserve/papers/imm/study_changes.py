@@ -8,12 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.papers.imm import keys
 from reobserve.papers.imm import plant as plant_stage
 from reobserve.papers.imm.study_neighbourhood import trial_rows
 from reobserve.papers.imm.tuning import Calibration
-from reobserve.series import Series
+from reobserve.timeseries.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 Change = tuple[str, float, dict[str, Any], dict[str, Any]]

@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.grid import multiple
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
+from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
-from reobserve.random_streams import random_stream
-from reobserve.series import Series
-from reobserve.signals import Signal
 from reobserve.synthesis.nu_gap import nu_gap
+from reobserve.timeseries.grid import multiple
+from reobserve.timeseries.series import Series
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]

@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.config import nearest
-from reobserve.errors import DivergenceError, InputError, located
-from reobserve.grid import multiple
-from reobserve.ledger_types import Job, Settings, read_job
-from reobserve.linear_model import LinearModel
-from reobserve.metrics import Metric
+from reobserve.errors import DivergenceError, InputError, located, nearest
+from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import MODES, UNITS, bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, simulate
-from reobserve.random_streams import random_stream
-from reobserve.signals import Signal
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.grid import multiple
+from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 Observers = dict[str, keys.Observer]

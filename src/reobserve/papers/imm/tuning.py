@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import as_vector
+from reobserve.numerics.matrices import as_vector
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.scoring import quoted_distance, window
 from reobserve.papers.imm.setup import bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import ActuatorModel
-from reobserve.series import Series
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from reobserve.conditions import (
+from reobserve.errors import InputError, shown
+from reobserve.ledger.conditions import (
     Count,
     Names,
     Positive,
@@ -19,8 +20,7 @@ from reobserve.conditions import (
     vector,
     within,
 )
-from reobserve.errors import InputError, shown
-from reobserve.typed_tree import join, parse
+from reobserve.plain_data.typed_tree import join, parse
 
 MOST_DEGREE = 61  # of a series: two thousand monomials in two variables
 LEAST_DEGREE = 13  # the degree from which on a radius of convergence is estimated

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from reobserve.errors import InputError, located
-from reobserve.grid import stride
-from reobserve.ledger_check import building, check_figures, check_scenarios, check_studies
-from reobserve.ledger_types import named
-from reobserve.matrices import as_vector
+from reobserve.ledger.check import building, check_figures, check_scenarios, check_studies
+from reobserve.ledger.types import named
+from reobserve.numerics.matrices import as_vector
 from reobserve.papers.lie import keys, plant, theory
 from reobserve.papers.lie.setup import build_observer, build_problem
 from reobserve.papers.lie.study import check_study
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
+from reobserve.timeseries.grid import stride
 
 
 def check(ledger: keys.Ledger) -> None:

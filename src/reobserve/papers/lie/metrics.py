@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger_types import Job, Settings, read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.papers.lie.study_rows import table
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 

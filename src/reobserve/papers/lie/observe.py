@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.grid import stride
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.normal_form_observer import NormalFormObserver, Run
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_observer, stored_form
-from reobserve.series import Channel, Series
+from reobserve.timeseries.grid import stride
+from reobserve.timeseries.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:

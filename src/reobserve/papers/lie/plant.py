@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger_types import Settings, read_job
-from reobserve.matrices import as_vector
+from reobserve.ledger.types import Settings, read_job
+from reobserve.numerics.matrices import as_vector
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_system, grid
 from reobserve.plants.polynomial import PolynomialPlant
-from reobserve.series import Channel, Series
+from reobserve.timeseries.series import Channel, Series
 
 
 def build(settings: Settings) -> PolynomialPlant:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.layouts import by_layout
+from reobserve.drawing.layouts import by_layout
 from reobserve.papers.lie import keys, plot_domain, plot_ensemble, plot_errors, plot_orders
 
 LAYOUTS = {

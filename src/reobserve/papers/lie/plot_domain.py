@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, TRUTH, WIDTH, add_note, decades
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric, lookup
+from reobserve.drawing.figures import STYLES, TRUTH, WIDTH, add_note, decades
+from reobserve.ledger.types import Job
 from reobserve.papers.lie.study_rows import table
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric, lookup
+from reobserve.timeseries.series import Series
 
 
 def draw(

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, WIDTH, add_note
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric, lookup
-from reobserve.series import Series
+from reobserve.drawing.figures import STYLES, WIDTH, add_note
+from reobserve.ledger.types import Job
+from reobserve.scoring.metrics import Metric, lookup
+from reobserve.timeseries.series import Series
 
 MAPPED = 4  # the order of the paper's Fig. 1
 

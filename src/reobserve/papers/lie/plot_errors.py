@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
-from reobserve.series import Series
+from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.ledger.types import Job
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.figures import STYLES, add_note, new_figure
-from reobserve.ledger_types import Job
-from reobserve.metrics import Metric
+from reobserve.drawing.figures import STYLES, add_note, new_figure
+from reobserve.ledger.types import Job
 from reobserve.papers.lie.study_rows import table
-from reobserve.series import Series
+from reobserve.scoring.metrics import Metric
+from reobserve.timeseries.series import Series
 
 LABELS = {
     "series": "gain: series of L",

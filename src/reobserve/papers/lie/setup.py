@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.grid import plant_grid
-from reobserve.matrices import as_vector
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.plain_data.typed_tree import parse
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
-from reobserve.typed_tree import parse
+from reobserve.timeseries.grid import plant_grid
 
 Array = NDArray[np.float64]
 

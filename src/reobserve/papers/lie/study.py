@@ -13,12 +13,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import located
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import keys, study_domain, study_ensemble, study_orders
 from reobserve.papers.lie.study_rows import HEADER, KINDS, Row
-from reobserve.series import Series
 from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.timeseries.series import Series
 
 __all__ = ["HEADER", "KINDS", "run"]
 

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem
 from reobserve.papers.lie.study_rows import Row, forms, summary
 from reobserve.power_series.maps import PolynomialMap
-from reobserve.series import Series
 from reobserve.synthesis.floquet import LimitCycle, limit_cycle
 from reobserve.synthesis.normal_form.convergence import Convergence, convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

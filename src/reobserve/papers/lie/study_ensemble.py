@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import DivergenceError, located
-from reobserve.grid import multiple
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
 from reobserve.papers.lie.setup import build_observer, build_system
 from reobserve.papers.lie.study_rows import Row, forms
 from reobserve.plants.polynomial import PolynomialPlant
-from reobserve.series import Series
+from reobserve.timeseries.grid import multiple
+from reobserve.timeseries.series import Series
 
 
 def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:

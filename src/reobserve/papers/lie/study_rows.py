@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from reobserve.errors import located
-from reobserve.files import GAP, NAME, SCORE, UNIT, WHOLE
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 from reobserve.papers.lie.setup import build_problem, stored_form
+from reobserve.plain_data.files import GAP, NAME, SCORE, UNIT, WHOLE
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 
 

@@ -8,10 +8,10 @@ from fractions import Fraction
 from typing import Any
 
 from reobserve.errors import InputError, located
-from reobserve.files import GAP, NAME, NUMBER
-from reobserve.ledger_types import Settings, read_job
+from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem, stored_form
+from reobserve.plain_data.files import GAP, NAME, NUMBER
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.ledger_types import Job, Settings, named, read_job
-from reobserve.matrices import as_vector
-from reobserve.metrics import Metric
+from reobserve.ledger.types import Job, Settings, named, read_job
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.lie import keys, table
 from reobserve.papers.lie.setup import build_observer, build_problem, stored_form
 from reobserve.papers.lie.theory_cases import random_problem
@@ -34,10 +35,9 @@ from reobserve.papers.lie.theory_series import (
     spectrum_difference,
     sums_of_eigenvalues,
 )
-from reobserve.polynomial_system import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import monomials
-from reobserve.random_streams import random_stream
+from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver

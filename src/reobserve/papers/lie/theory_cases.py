@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import Monomials, monomials

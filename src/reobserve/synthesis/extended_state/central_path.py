@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix
+from reobserve.numerics.matrices import Matrix
 
 Vector = NDArray[np.float64]
 

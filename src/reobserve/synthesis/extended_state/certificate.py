@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.arguments import as_kind, package
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_floats, as_positive, as_scalar
+from reobserve.numerics.arguments import as_kind, package
+from reobserve.numerics.matrices import Matrix, as_floats, as_positive, as_scalar
+from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import (
@@ -33,7 +34,6 @@ from reobserve.synthesis.extended_state.inequality import (
 )
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from reobserve.typed_tree import parse
 
 _BITS = 400  # leaves the radii of no account where the blocks are formed
 _SLACK = 1e-12  # of the floor, its rounding

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.arguments import package
 from reobserve.errors import InputError
+from reobserve.numerics.arguments import package
+from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
 from reobserve.synthesis.extended_state.inequality import Variables
 from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.start import strictly_feasible
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.typed_tree import parse
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.matrices import Matrix, as_floats, as_matrix
+from reobserve.numerics.matrices import Matrix, as_floats, as_matrix
 
 _RANK = 1e-10  # of the largest singular value: a smaller one counts as zero
 _SCALINGS = 20  # each takes the square root of how far the units are apart

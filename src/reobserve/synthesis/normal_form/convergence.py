@@ -20,8 +20,8 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
+from reobserve.numerics.arguments import as_kind
 from reobserve.power_series.maps import PolynomialMap
 
 Array = NDArray[np.float64]

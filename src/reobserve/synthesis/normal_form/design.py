@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reobserve.arguments import as_kind
 from reobserve.errors import InputError
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_kind
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t

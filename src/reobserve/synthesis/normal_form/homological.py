@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.kernel import kernel
+from reobserve.numerics.kernel import kernel
 from reobserve.power_series.monomials import Monomials
 
 Complex = NDArray[np.complex128]

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.arguments import package
 from reobserve.errors import InputError
+from reobserve.numerics.arguments import package
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.monomials import Monomials
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.arguments import as_kind, as_poles
 from reobserve.errors import InputError
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_kind, as_poles
 from reobserve.synthesis.normal_form.problem import hidden_modes, refuse_undetectable
 
 _REACHED = 1e-6  # relative distance at which a pole counts as placed

@@ -22,9 +22,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.arguments import as_kind, as_whole
 from reobserve.errors import InputError
-from reobserve.polynomial_system import PolynomialSystem
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.numerics.arguments import as_kind, as_whole
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import Monomials, monomials

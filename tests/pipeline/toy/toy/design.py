@@ -2,7 +2,7 @@
 
 from reobserve.papers.toy import keys
 
-from reobserve.ledger_types import read_job
+from reobserve.ledger.types import read_job
 
 
 def compute(settings):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from reobserve.conditions import Levels, Names, Positive, vector
+from reobserve.ledger.conditions import Levels, Names, Positive, vector
 
 Pair = Annotated[list[float], vector(2)]
 

@@ -5,7 +5,7 @@ from math import isfinite
 from reobserve.papers.toy import design, keys
 
 from reobserve.errors import InputError
-from reobserve.ledger_types import Job
+from reobserve.ledger.types import Job
 
 
 def check(ledger: keys.Ledger) -> None:

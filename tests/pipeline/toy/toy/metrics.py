@@ -3,8 +3,8 @@
 import numpy as np
 from reobserve.papers.toy import keys
 
-from reobserve.ledger_types import read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import read_job
+from reobserve.scoring.metrics import Metric
 
 
 def late_error(job, plant, estimate):

@@ -3,8 +3,8 @@
 import numpy as np
 from reobserve.papers.toy import keys
 
-from reobserve.ledger_types import read_job
-from reobserve.series import Channel, Series
+from reobserve.ledger.types import read_job
+from reobserve.timeseries.series import Channel, Series
 
 
 def estimate(settings, plant, design=None):

@@ -2,8 +2,8 @@
 
 from reobserve.papers.toy import keys
 
-from reobserve.figures import STYLES, TRUTH, new_figure
-from reobserve.ledger_types import read_job
+from reobserve.drawing.figures import STYLES, TRUTH, new_figure
+from reobserve.ledger.types import read_job
 
 
 def draw(settings, plant, estimates, study, metrics):

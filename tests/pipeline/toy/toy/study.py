@@ -4,8 +4,8 @@ from reobserve.papers.toy import keys
 from reobserve.papers.toy.metrics import late_error
 from reobserve.papers.toy.observe import run as observed
 
-from reobserve.files import NUMBER, SCORE
-from reobserve.ledger_types import read_job
+from reobserve.ledger.types import read_job
+from reobserve.plain_data.files import NUMBER, SCORE
 
 HEADER = ("factor", "late_rms_error")
 KINDS = {"factor": NUMBER, "late_rms_error": SCORE}

@@ -2,8 +2,8 @@
 
 from reobserve.papers.toy import keys
 
-from reobserve.files import NAME, NUMBER
-from reobserve.ledger_types import read_job
+from reobserve.ledger.types import read_job
+from reobserve.plain_data.files import NAME, NUMBER
 
 HEADER = ("gain", "printed", "computed")
 KINDS = {"gain": NAME, "printed": NUMBER, "computed": NUMBER}

@@ -2,8 +2,8 @@
 
 from reobserve.papers.toy import keys
 
-from reobserve.ledger_types import read_job
-from reobserve.metrics import Metric
+from reobserve.ledger.types import read_job
+from reobserve.scoring.metrics import Metric
 
 
 def measure(settings, designs):

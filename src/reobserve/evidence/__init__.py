@@ -1,0 +1,1 @@
+"""What the results say: claims, golden numbers, differences of figures, the report."""

@@ -1,0 +1,202 @@
+"""A check: a number behind a figure, or a list of them, and what a claim asks of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from reobserve.errors import InputError, nearest
+
+THEORY = "theory"  # stands where a reference names a figure
+
+# By figure (or `THEORY`): the values by (observer, metric).
+Numbers = Mapping[str, Mapping[tuple[str, str], float]]
+
+
+class Reference(NamedTuple):
+    """Where a number stands: a row of a figure's metrics, or of the theory's."""
+
+    figure: str
+    observer: str
+    metric: str
+
+    def __str__(self) -> str:
+        """As a registry writes it."""
+        return " ".join(self)
+
+    @classmethod
+    def parse(cls, text: str) -> Reference:
+        """From ``FIGURE OBSERVER METRIC``; `InputError` for anything else."""
+        words = text.split()
+        if len(words) != 3:
+            raise InputError("reference", f"{text!r} must be FIGURE OBSERVER METRIC")
+        return cls(*words)
+
+    def look_up(self, numbers: Numbers) -> float:
+        """The value; `InputError` if there is no such figure or number."""
+        if self.figure not in numbers:
+            raise InputError(
+                "figure", f"there is no {self.figure!r}{nearest(self.figure, numbers)}"
+            )
+        rows = numbers[self.figure]
+        if (self.observer, self.metric) in rows:
+            return rows[self.observer, self.metric]
+        observers = list(dict.fromkeys(observer for observer, _ in rows))
+        if self.observer not in observers:
+            raise InputError(
+                "observer",
+                f"{self.figure} has no {self.observer!r}{nearest(self.observer, observers)}",
+            )
+        metrics = [metric for observer, metric in rows if observer == self.observer]
+        raise InputError(
+            "metric",
+            f"{self.figure} has no {self.metric!r} of {self.observer}"
+            f"{nearest(self.metric, metrics)}",
+        )
+
+
+@dataclass(frozen=True)
+class Check:
+    """What must be true of some numbers.
+
+    Parameters
+    ----------
+    value
+        The numbers.
+    other, how
+        What each is divided by (`over`) or what is taken from it (`minus`), if anything.
+    relation, bound
+        `below`, `above` (a number, strictly), `within` (a closed interval), `falling`, `rising`
+        (strictly, over the list) or `exists` (true: finite; false: nan, it never happens).
+    share
+        The least part of the list that must satisfy the relation.
+    """
+
+    value: tuple[Reference, ...]
+    relation: str
+    bound: Any
+    other: tuple[Reference, ...] = ()
+    how: str = ""
+    share: float = 1.0
+
+    @classmethod
+    def parse(cls, body: Mapping[str, Any]) -> Check:
+        """From an entry of a registry that its schema has accepted.
+
+        Raises
+        ------
+        InputError
+            If a reference is none, the lists differ in length, or it is not one relation.
+        """
+        asked = [word for word in RELATIONS if word in body]
+        if len(asked) != 1:
+            listed = ", ".join(RELATIONS)
+            raise InputError("checks", f"{len(asked)} relations given, must be one of {listed}")
+        if "over" in body and "minus" in body:
+            raise InputError("checks", "has both over and minus, must have one of them")
+        how = next((word for word in ("over", "minus") if word in body), "")
+        value, other = _references(body["value"]), _references(body.get(how, []))
+        if other and len(other) != len(value):
+            if len(other) != 1:
+                raise InputError(how, f"has {len(other)} references, must have {len(value)} or 1")
+            other *= len(value)
+        if asked[0] in ("falling", "rising") and len(value) < 2:
+            raise InputError(asked[0], "asks for a list of two references or more")
+        return cls(value, asked[0], body[asked[0]], other, how, body.get("share", 1.0))
+
+    @property
+    def references(self) -> tuple[Reference, ...]:
+        """All numbers that it looks up."""
+        return self.value + self.other
+
+    def values(self, numbers: Numbers) -> list[float]:
+        """What the relation is about, one for each reference; see `Reference.look_up`."""
+        found = [reference.look_up(numbers) for reference in self.value]
+        others = [reference.look_up(numbers) for reference in self.other]
+        if self.how == "over":
+            return [_quotient(a, b) for a, b in zip(found, others, strict=True)]
+        if self.how == "minus":
+            return [a - b for a, b in zip(found, others, strict=True)]
+        return found
+
+    def holds(self, numbers: Numbers) -> bool:
+        """Whether the numbers satisfy it."""
+        satisfied = self._satisfied(self.values(numbers))
+        return sum(satisfied) >= self.share * len(satisfied)
+
+    def told(self, numbers: Numbers) -> str:
+        """The numbers and what is asked of them, for a reader; of a list the worst."""
+        values = self.values(numbers)
+        name = _name(self)
+        if self.relation in ("falling", "rising"):
+            listed = ", ".join(f"{value:.3g}" for value in values)
+            return f"{name} = {listed}: must be {self.relation}"
+        asked = _asked(self.relation, self.bound)
+        if len(values) == 1:
+            return f"{name} = {values[0]:.3g}, must be {asked}"
+        satisfied = self._satisfied(values)
+        worst = min(values, key=self._margin)
+        part = f", for at least {self.share:.0%}" if self.share < 1 else ""
+        return (
+            f"{name} and so on: {sum(satisfied)} of {len(values)} are {asked}{part}; "
+            f"the worst is {worst:.3g}"
+        )
+
+    def _satisfied(self, values: list[float]) -> list[bool]:
+        if self.relation in ("falling", "rising"):
+            sign = 1 if self.relation == "rising" else -1
+            return [sign * b > sign * a for a, b in pairwise(values)]
+        return [RELATIONS[self.relation](value, self.bound) for value in values]
+
+    def _margin(self, value: float) -> float:
+        """How well a number satisfies the relation; only the order counts."""
+        if math.isnan(value):
+            return -math.inf
+        if self.relation == "below":
+            return -value
+        if self.relation == "within":
+            return -abs(value - float(sum(self.bound)) / 2)
+        return value
+
+
+def _exists(value: float, wanted: bool) -> bool:
+    return math.isfinite(value) if wanted else math.isnan(value)
+
+
+RELATIONS: dict[str, Callable[[float, Any], bool]] = {
+    "below": lambda value, bound: value < bound,
+    "above": lambda value, bound: value > bound,
+    "within": lambda value, bound: bound[0] <= value <= bound[1],
+    "exists": _exists,
+    # Of the list, not of its members; see `Check._satisfied`.
+    "falling": lambda value, bound: True,
+    "rising": lambda value, bound: True,
+}
+
+
+def _references(listed: str | list[str]) -> tuple[Reference, ...]:
+    return tuple(
+        map(Reference.parse, [listed] if isinstance(listed, str) else listed),
+    )
+
+
+def _quotient(a: float, b: float) -> float:
+    return a / b if b else math.copysign(math.inf, a) if a else math.nan
+
+
+def _name(check: Check) -> str:
+    value = str(check.value[0])
+    if not check.how:
+        return value
+    return f"{value} {'/' if check.how == 'over' else '-'} {check.other[0]}"
+
+
+def _asked(relation: str, bound: Any) -> str:
+    if relation == "within":
+        return f"within {bound[0]:g} and {bound[1]:g}"
+    if relation == "exists":
+        return "finite" if bound else "nan"
+    return f"{relation} {bound:g}"

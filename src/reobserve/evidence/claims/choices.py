@@ -1,0 +1,163 @@
+"""What a paper leaves open, and what else another reader could have set: draws and moves."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError, nearest
+from reobserve.ledger.ledger import Ledger, leaves, matches
+
+SEED = "seed"  # the root of all random streams: nobody states it
+
+_DECADE = 10.0  # a range that spans as much is one of magnitudes
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number (or word) of a choice, and where it may stand.
+
+    ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
+    are the alternatives of anything else.
+    """
+
+    keys: tuple[str, ...]
+    path: tuple[str | int, ...]
+    value: Any
+    span: tuple[float, float] = (0.0, 0.0)
+    multiple: float = 0.0
+    words: tuple[Any, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The ledger keys, told in one with braces for what differs, and the place in the value."""
+        return ".".join((_in_one(self.keys), *map(str, self.path)))
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether it is the magnitude that is open."""
+        low, high = self.span
+        return low > 0 and high >= _DECADE * low
+
+    def place(self, value: float) -> float:
+        """Where a value stands in the range, from 0 to 1."""
+        low, high = self.span
+        if high == low:
+            return 0.0
+        value = min(max(value, low), high)
+        if self.logarithmic:
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
+
+    def at(self, place: float) -> Any:
+        """The value at a place of the range, on the grid that the code asks for."""
+        low, high = self.span
+        value = low * (high / low) ** place if self.logarithmic else low + (high - low) * place
+        if self.multiple:
+            # Twelve digits: 3 * 0.1 is meant to be 0.3.
+            value = float(f"{round(value / self.multiple) * self.multiple:.12g}")
+        value = min(max(value, low), high)
+        whole = all(isinstance(number, int) for number in (self.value, *self.span))
+        return round(value) if whole else value
+
+    def drawn(self, stream: np.random.Generator) -> Any:
+        """A value that another reader could have set."""
+        if self.words:
+            return self.words[int(stream.integers(len(self.words)))]
+        return self.at(float(stream.random()))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Entries of the ledger that a reader would set together, or the seed (without knobs)."""
+
+    keys: tuple[str, ...]
+    knobs: tuple[Knob, ...]
+
+
+def find_choice(ledger: Ledger, pattern: str) -> Choice:
+    """The choice of a ledger key, or of a pattern of keys that move together.
+
+    Raises
+    ------
+    InputError
+        If nothing matches, or what matches is no open choice: stated by the paper, or numerical.
+    """
+    if pattern == SEED:
+        return Choice((SEED,), ())
+    entries = dict(ledger.entries())
+    keys = tuple(key for key in entries if fnmatchcase(key, pattern))
+    if not keys:
+        raise InputError("hangs_on", f"there is no {pattern!r}{nearest(pattern, entries)}")
+    for key in keys:
+        if "range" not in entries[key]:
+            raise InputError("hangs_on", f"{key} is stated ({entries[key]['source']}), no choice")
+        if entries[key].get("numerical"):
+            raise InputError("hangs_on", f"{key} is a numerical resolution, no choice")
+    return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
+
+
+def draw(ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator) -> Ledger:
+    """The ledger of another reader: every choice drawn anew from its range."""
+    drawn, seed = copy.deepcopy(ledger.tree), ledger.seed
+    for choice in choices:
+        for knob in choice.knobs:
+            _set(drawn, knob, knob.drawn(stream))
+        if choice.keys == (SEED,):
+            seed = int(stream.integers(2**31))
+    return Ledger(ledger.paper, drawn, seed)
+
+
+def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
+    """The ledger with one number another."""
+    tree = copy.deepcopy(ledger.tree)
+    _set(tree, knob, value)
+    return Ledger(ledger.paper, tree, ledger.seed)
+
+
+def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
+    allowed, value = entry["range"], entry["value"]
+    if isinstance(allowed, dict) and "choices" in allowed:
+        yield Knob(keys, (), value, words=tuple(allowed["choices"]))
+        return
+    intervals = allowed if isinstance(allowed, dict) else {"": allowed}
+    grids = entry.get("multiple_of", {})
+    if not isinstance(grids, dict):
+        grids = dict.fromkeys(intervals, grids)
+    for path, leaf in leaves(value):
+        spans = [span for place, span in intervals.items() if matches(place, path)]
+        if spans:
+            span = max(low for low, _ in spans), min(high for _, high in spans)
+            multiple = [grid for place, grid in grids.items() if matches(place, path)]
+            yield Knob(keys, path, leaf, span, *multiple[:1])
+
+
+def _in_one(keys: tuple[str, ...]) -> str:
+    """``a.{b,c}.d`` for a.b.d and a.c.d; the first where they differ in more than one part."""
+    columns = list(zip(*(key.split(".") for key in keys), strict=False))
+    differing = [column for column in columns if len(set(column)) > 1]
+    if len(differing) != 1 or len({key.count(".") for key in keys}) > 1:
+        return keys[0]
+    return ".".join(
+        f"{{{','.join(column)}}}" if column in differing else column[0] for column in columns
+    )
+
+
+def _set(tree: dict[str, Any], knob: Knob, value: Any) -> None:
+    for key in knob.keys:
+        entry: Any = tree
+        for word in key.split("."):
+            entry = entry[word]
+        if not knob.path:
+            entry["value"] = value
+            continue
+        branch = entry["value"]
+        for step in knob.path[:-1]:
+            branch = branch[step]
+        branch[knob.path[-1]] = value

@@ -1,0 +1,86 @@
+"""Verdicts in Markdown: a table of counts, and the papers' figures with what they decide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.verdicts import BROKEN, VERDICTS, count, replicated
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import read_text, write_text
+
+Rows = Sequence[Mapping[str, str]]
+
+REFERENCES = "tests/reference"  # where the pictures are
+
+
+def table(rows: Rows) -> str:
+    """Papers, their titles in the way of ReScience, and how many claims got which verdict."""
+    lines = [
+        f"| paper | replication | claims | {' | '.join(VERDICTS)} |",
+        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}",
+    ]
+    for paper, found in count(rows).items():
+        title = "[Re]" if replicated([row for row in rows if row["paper"] == paper]) else "[¬Re]"
+        cells = [str(found[word]) for word in VERDICTS]
+        total = sum(found.values())
+        lines.append(f"| `{paper}` | {title} | {total} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def gallery(rows: Rows, ledgers: Sequence[Ledger]) -> str:
+    """The figures that the papers themselves have, with the verdicts on the claims they decide."""
+    return "\n".join(_of_paper(rows, ledger) for ledger in ledgers)
+
+
+# Between these the README holds what `reobserve verdicts` writes.
+_BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
+
+
+def put_into(readme: Path, verdicts: Path) -> None:
+    """Put what `reobserve verdicts` wrote in its place in the README.
+
+    Raises
+    ------
+    InputError
+        If the README has no such place, or a file cannot be read.
+    """
+    text, told = read_text(readme), read_text(verdicts)
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
+    write_text(readme, f"{before}{begin}\n{told}\n{end}{after}")
+
+
+def _of_paper(rows: Rows, ledger: Ledger) -> str:
+    # A name with more behind the number is a variant, or beyond the paper.
+    figures = {
+        name: body["source"]
+        for name, body in ledger.tree["figures"].items()
+        if name.removeprefix("fig").isdigit() and body["source"].startswith("Fig.")
+    }
+    pictures, told = [], []
+    for name, source in figures.items():
+        path = f"{REFERENCES}/{ledger.paper}/{name}.png"
+        pictures.append(f"[![{source} of {ledger.paper}]({path})]({path})")
+        told.append(f"`{name}`: {_verdicts(rows, ledger.paper, name)}")
+    return "\n".join(
+        [
+            f"`{ledger.paper}`",
+            "",
+            f"| {' | '.join(pictures)} |",
+            f"|{'---|' * len(figures)}",
+            f"| {' | '.join(told)} |",
+            "",
+        ]
+    )
+
+
+def _verdicts(rows: Rows, paper: str, figure: str) -> str:
+    words = [
+        row["verdict"] for row in rows if row["paper"] == paper and figure in row["figures"].split()
+    ]
+    counts = [f"{words.count(word)} {word}" for word in (*VERDICTS, BROKEN) if word in words]
+    return ", ".join(counts) or "decides no claim"

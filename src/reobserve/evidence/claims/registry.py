@@ -1,0 +1,128 @@
+"""The registry: what each paper claims, where, and what decides it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.checks import THEORY, Check
+from reobserve.evidence.claims.choices import Choice, find_choice
+from reobserve.ledger.config import Tree, check_schema, read_yaml
+from reobserve.ledger.ledger import Ledger
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of a paper, in our words.
+
+    ``problem`` is the sentence that says what is wrong with its entry, if something is; it then
+    has no checks. ``why`` is the reason for the thresholds, or why nothing can test it.
+    """
+
+    paper: str
+    name: str
+    place: str = ""
+    says: str = ""
+    headline: bool = False
+    checks: tuple[Check, ...] = ()
+    why: str = ""
+    choices: tuple[Choice, ...] = ()
+    draws_divided_by: int = 1
+    testable: bool = True
+    problem: str = ""
+
+    @property
+    def figures(self) -> list[str]:
+        """The figures (or `THEORY`) whose numbers decide it, in order."""
+        return list(dict.fromkeys(ref.figure for check in self.checks for ref in check.references))
+
+    @property
+    def keys(self) -> list[str]:
+        """The ledger keys that it hangs on."""
+        return [key for choice in self.choices for key in choice.keys]
+
+
+@dataclass(frozen=True)
+class Registry:
+    """The claims of a paper, and what stood in the way of replicating it."""
+
+    in_the_way: str = ""
+    claims: list[Claim] = field(default_factory=list)
+
+
+def claims_file(project: Path, paper: str) -> Path:
+    """Where the claims of a paper are."""
+    return project / "config" / "claims" / f"{paper}.yaml"
+
+
+def read_registry(project: Path, ledger: Ledger) -> Registry:
+    """The claims of a paper, each checked by itself: one that is wrong leaves the others.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, no YAML, or its top is not what the schema says.
+    """
+    path = claims_file(project, ledger.paper)
+    tree = read_yaml(path)
+    check_schema(project, "claims", tree, f"claims.{ledger.paper}")
+    groups = tree.get("choices", {})
+    claims = [_read(project, ledger, name, body, groups) for name, body in tree["claims"].items()]
+    return Registry(" ".join(tree["in_the_way"].split()), claims)
+
+
+def decisive(tree: Tree) -> Tree:
+    """What of a registry decides whether its claims hold, and over which draws: no wording."""
+    kept = ("checks", "hangs_on", "draws_divided_by")
+    claims = {
+        name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
+        for name, body in tree.get("claims", {}).items()
+    }
+    return {"choices": tree.get("choices", {}), "claims": claims}
+
+
+def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) -> Claim:
+    place = f"claims.{ledger.paper}.{name}"
+    claim = Claim(
+        ledger.paper,
+        name,
+        place=_text(body, "place"),
+        says=_text(body, "says"),
+        headline=bool(body.get("headline", False)),
+        why=_text(body, "why") or _text(body, "not_testable"),
+        testable="not_testable" not in body,
+    )
+    try:
+        check_schema(project, "claim", body, place)
+        if ("checks" in body and "why" in body) == ("not_testable" in body):
+            raise InputError(place, "must have checks with a why, or not_testable")
+        checks = tuple(map(Check.parse, body.get("checks", ())))
+        _check_figures(ledger, checks)
+        choices = _choices(ledger, body.get("hangs_on", ()), groups)
+    except InputError as error:
+        where = "" if error.parameter.startswith(place) else f"{place}: "
+        return replace(claim, problem=f"{where}{error}")
+    divided_by = body.get("draws_divided_by", 1)
+    return replace(claim, checks=checks, choices=choices, draws_divided_by=divided_by)
+
+
+def _text(body: Tree, key: str) -> str:
+    return " ".join(str(body.get(key, "")).split())
+
+
+def _check_figures(ledger: Ledger, checks: Iterable[Check]) -> None:
+    known: dict[str, Any] = {figure: {} for figure in ledger.tree["figures"]}
+    if "theory" in ledger.tree:
+        known[THEORY] = {}
+    for check in checks:
+        for reference in check.references:
+            if reference.figure not in known:
+                reference.look_up(known)
+
+
+def _choices(ledger: Ledger, named: Iterable[str], groups: Tree) -> tuple[Choice, ...]:
+    patterns = [pattern for name in named for pattern in groups.get(name, [name])]
+    return tuple(find_choice(ledger, pattern) for pattern in dict.fromkeys(patterns))

@@ -1,0 +1,103 @@
+"""The table of all claims: what was measured, what was asked, the verdict and how firm it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.checks import Numbers
+from reobserve.evidence.claims.registry import Claim
+from reobserve.evidence.claims.robustness import Flip, Robustness, holds
+from reobserve.evidence.claims.verdicts import BROKEN, VERDICTS, verdict
+from reobserve.ledger.ledger import Ledger, leaves
+from reobserve.plain_data.files import COUNT, GAP, NAME, Kind
+
+HEADER = (
+    "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
+    "figures", "hangs_on", "draws", "held", "share", "low", "high", "flip", "problem",
+)  # fmt: skip
+
+NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+
+
+# A broken claim has a problem and nothing else; what hangs on nothing was not drawn.
+KINDS = {
+    "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
+    "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+}  # fmt: skip
+
+
+def row(
+    claim: Claim, ledger: Ledger, numbers: Numbers, robustness: Robustness | None
+) -> dict[str, Any]:
+    """What is known of a claim; a number that it names and nobody has makes it broken."""
+    told: dict[str, Any] = {
+        "paper": claim.paper,
+        "claim": claim.name,
+        "headline": "yes" if claim.headline else "",
+        "place": claim.place,
+        "says": claim.says,
+        "why": claim.why,
+        "figures": " ".join(claim.figures),
+        "hangs_on": " ".join(claim.keys),
+    }
+    try:
+        held = holds(claim, numbers)
+        measured = "; ".join(check.told(numbers) for check in claim.checks)
+    except InputError as error:
+        problem = f"claims.{claim.paper}.{claim.name}: {error}"
+        return told | {"verdict": BROKEN, "problem": problem}
+    told["verdict"] = verdict(claim, ledger, held, robustness)
+    if claim.problem or not claim.testable:
+        return told | {"problem": claim.problem}
+    told |= {"holds": "yes" if held else "no", "measured": measured}
+    if robustness is not None and robustness.draws:
+        low, high = robustness.interval()
+        told |= {
+            "draws": robustness.draws,
+            "held": robustness.held,
+            "share": f"{robustness.share:.4g}",
+            "low": f"{low:.4g}",
+            "high": f"{high:.4g}",
+            "flip": tell_flip(robustness.flip) if robustness.looked else NOT_LOOKED_FOR,
+        }
+    return told
+
+
+def broken_row(paper: str, problem: str) -> dict[str, Any]:
+    """In place of the claims of a paper whose registry cannot be read."""
+    return {"paper": paper, "claim": "all", "verdict": BROKEN, "problem": problem}
+
+
+def tell_flip(flip: Flip | None) -> str:
+    """A change of the ledger in words; nothing if none flips the claim."""
+    if flip is None:
+        return ""
+    if isinstance(flip.start, int | float) and not isinstance(flip.start, bool):
+        unit = _unit(flip)
+        return (
+            f"{flip.key} from {flip.start:.4g} to {flip.end:.4g}{unit and ' '}{unit} "
+            f"({100 * flip.size:.2g} % of its range)"
+        )
+    before, after = dict(leaves(flip.start)), dict(leaves(flip.end))
+    if before.keys() != after.keys():
+        return f"{flip.key} from {_spelled(before)} to {_spelled(after)}"
+    # Of a signal only what is different.
+    moved = [path for path in before if before[path] != after[path]]
+    place = f" {', '.join(str(path[-1]) for path in moved)}" if moved[0] else ""
+    start, end = (", ".join(str(side[path]) for path in moved) for side in (before, after))
+    return f"{flip.key}{place} from {start} to {end}"
+
+
+def _unit(flip: Flip) -> str:
+    """The unit of one number; of an entry with several that of its place, if it has a place."""
+    units = flip.unit.split(", ")
+    if len(units) == 1:
+        return "" if flip.unit == "1" else flip.unit
+    place = flip.key.rpartition(".")[2]
+    return units[int(place)] if place.isdigit() and int(place) < len(units) else ""
+
+
+def _spelled(found: Mapping[tuple[str | int, ...], Any]) -> str:
+    return " ".join(str(value) for value in found.values())

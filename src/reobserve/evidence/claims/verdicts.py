@@ -1,0 +1,73 @@
+"""The word for what was found of a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from reobserve.evidence.claims.registry import Claim
+from reobserve.evidence.claims.robustness import Robustness
+from reobserve.ledger.ledger import Ledger
+
+REPRODUCED = "reproduced"
+CALIBRATED = "reproduced only by calibration"
+DEPENDS = "depends on unstated choices"
+CONTRADICTED = "contradicted"
+NOT_TESTABLE = "not testable"
+BROKEN = "broken"
+VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, NOT_TESTABLE)
+
+# Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
+# leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
+FIRM = 0.9
+
+
+def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | None) -> str:
+    """The verdict on a claim.
+
+    Parameters
+    ----------
+    claim
+        Of the paper of the ledger.
+    ledger
+        Says which of the values that the claim hangs on were chosen for a claim.
+    held
+        Whether its checks hold with the ledger.
+    robustness
+        Over draws of what it hangs on; None if that is nothing.
+    """
+    if claim.problem:
+        return BROKEN
+    if not claim.testable:
+        return NOT_TESTABLE
+    if held and chosen_keys(claim, ledger):
+        return CALIBRATED
+    if robustness is not None and robustness.draws:
+        agrees = robustness.share if held else 1 - robustness.share
+        if agrees < FIRM:
+            return DEPENDS
+    return REPRODUCED if held else CONTRADICTED
+
+
+def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
+    """Those of the keys that a claim hangs on whose values were chosen for a claim."""
+    entries = dict(ledger.entries())
+    return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
+
+
+def count(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, int]]:
+    """Claims by paper and verdict, from the rows of the table of claims."""
+    counts: dict[str, dict[str, int]] = {}
+    for row in rows:
+        paper = counts.setdefault(row["paper"], dict.fromkeys((*VERDICTS, BROKEN), 0))
+        paper[row["verdict"]] += 1
+    return counts
+
+
+def replicated(rows: Sequence[Mapping[str, str]]) -> bool:
+    """Whether a paper's replication is titled [Re], from the rows of its claims.
+
+    That is so if no headline claim is contradicted or broken, and more than half are reproduced.
+    """
+    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
+    return not failed and 2 * found.count(REPRODUCED) > len(found)

@@ -1,0 +1,84 @@
+"""Golden verdicts: what was found of each claim, kept and compared.
+
+They are decided from many runs and not from one evaluation, so it is the figure diff that compares
+them, with what a build left. The tests build with fewer draws, and compare what hangs on none:
+whether a claim holds with the ledger as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.table import HEADER, KINDS
+from reobserve.evidence.golden.deviation import OtherCell
+from reobserve.plain_data.files import read_table, write_table
+
+_COMPARED = ("verdict", "holds")
+_KEY = ("paper", "claim")
+_HEADER = (*_KEY, *_COMPARED)
+_KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
+_NONE = "none"
+
+Verdicts = dict[str, dict[str, dict[str, str]]]  # by paper and claim: verdict, and holds
+
+
+def golden_file(project: Path) -> Path:
+    """Where the golden verdicts are."""
+    return project / "tests" / "golden" / "claims.csv"
+
+
+def read_golden(project: Path) -> Verdicts:
+    """What was accepted; `InputError` if the file is missing or damaged."""
+    return _by_paper(read_table(golden_file(project), _HEADER, _KINDS, _KEY))
+
+
+def read_built(results: Path) -> Verdicts:
+    """What a build left; `InputError` if it left none, or the file is damaged."""
+    return _by_paper(read_table(results / "claims.csv", HEADER, KINDS, _KEY))
+
+
+def compare(
+    golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
+) -> Iterator[OtherCell]:
+    """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
+    before, now = golden.get(paper, {}), found.get(paper, {})
+    for claim in dict.fromkeys([*before, *now]):
+        for column in columns:
+            old, new = (side.get(claim, {}).get(column, _NONE) for side in (before, now))
+            if old != new:
+                yield OtherCell(f"{paper} claims", f"{column} of {claim}", old, new)
+
+
+def renew(project: Path, results: Path) -> list[str]:
+    """Accept what a build left; what moved, a line each.
+
+    Raises
+    ------
+    InputError
+        If the build left no verdicts.
+    """
+    found = read_built(results)
+    try:
+        golden = read_golden(project)
+    except InputError as error:
+        moved = [f"claims: written anew ({error})"]
+    else:
+        papers = dict.fromkeys([*golden, *found])
+        moved = [str(cell) for paper in papers for cell in compare(golden, found, paper)]
+    rows = (
+        {"paper": paper, "claim": claim, **row}
+        for paper, claims in found.items()
+        for claim, row in claims.items()
+    )
+    write_table(golden_file(project), rows, _HEADER)
+    return moved
+
+
+def _by_paper(rows: list[dict[str, str]]) -> Verdicts:
+    verdicts: Verdicts = {}
+    for row in rows:
+        kept = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
+    return verdicts

@@ -1,0 +1,1 @@
+"""The assumptions of a paper: read, overridden, checked, and as types."""

@@ -1,0 +1,113 @@
+"""A paper's ledger by the types that the paper declares: whole, and as one job sees it.
+
+The declaration is the dataclass ``Ledger`` in ``reobserve.papers.<paper>.keys``: a field for each
+section of the ledger, a mapping where the branches of a section have names.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, get_args, get_type_hints
+
+from reobserve.errors import InputError, nearest
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.typed_tree import parse
+
+# What a job calls the one branch that it sees of a section.
+_ONE_OF = {
+    "scenario": "scenarios",
+    "design": "designs",
+    "observer": "observers",
+    "study": "studies",
+    "search": "searches",
+    "table": "tables",
+    "figure": "figures",
+}
+# The branch that a job is about: its keys are named in errors without the job's name for it.
+_SUBJECTS = ("theory", "observer", "table", "design")
+
+
+@dataclass(frozen=True)
+class Job:
+    """The branches of a ledger that one job sees, each of the type that its paper declares."""
+
+    plant: Any
+    seed: int = 0
+    scenario: Any = None
+    observer: Any = None
+    observers: Mapping[str, Any] = field(default_factory=dict)
+    design: Any = None
+    designs: Mapping[str, Any] = field(default_factory=dict)
+    study: Any = None
+    search: Any = None
+    table: Any = None
+    figure: Any = None
+    metrics: Any = None
+    theory: Any = None
+
+
+Settings = Mapping[str, Any] | Job
+
+
+def read_job(keys: type, settings: Settings) -> Job:
+    """The settings of a job (`reobserve.ledger.ledger.Ledger.settings`), checked and as types.
+
+    Raises
+    ------
+    InputError
+        With the key of what is missing, unknown or wrong, by the job's own name of the branch.
+    """
+    if isinstance(settings, Job):
+        return settings
+    kinds = get_type_hints(keys, include_extras=True)
+    subject = next((name for name in _SUBJECTS if name in settings), None)
+    branches = {}
+    for name, branch in settings.items():
+        if name == "seed":
+            branches[name] = branch
+            continue
+        # A theory is shown all sections, those that the paper does not have as empty ones.
+        kind = kinds.get(_ONE_OF.get(name, name), dict[str, str])
+        if name in _ONE_OF:
+            kind = get_args(kind)[1]
+        branches[name] = parse(kind, branch, "" if name == subject else name)
+    return Job(**branches)
+
+
+def read_ledger(ledger: Ledger) -> Any:
+    """The whole ledger as the ``Ledger`` of its paper.
+
+    Raises
+    ------
+    InputError
+        With the dotted key of what is missing, unknown or wrong, or if no package is the paper's.
+    """
+    sections = {name: ledger.section(name) for name in ledger.tree if name != "about"}
+    return parse(declared_keys(ledger.paper), sections, ledger.paper)
+
+
+def declared_keys(paper: str) -> type:
+    """The declaration of a paper's ledger."""
+    try:
+        keys: type = importlib.import_module(f"reobserve.papers.{paper}.keys").Ledger
+    except ModuleNotFoundError as error:
+        raise InputError(paper, f"has a ledger, but there is no module {error.name}") from None
+    return keys
+
+
+def named(observers: Mapping[str, Any], name: str, kind: Any) -> Any:
+    """The observer of a name that a study or the theory is about.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is of another form than ``kind``.
+    """
+    found = observers.get(name)
+    if found is None:
+        raise InputError("observers", f"must have {name!r}{nearest(name, observers)}")
+    if not isinstance(found, kind):
+        raise InputError(f"observers.{name}.algorithm", f"must not be {found.algorithm} here")
+    return found

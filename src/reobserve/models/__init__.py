@@ -1,0 +1,1 @@
+"""What an observer is told of a plant."""

@@ -1,0 +1,41 @@
+"""Functions of a user's own that compiled loops call: the right-hand sides of models."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from numba.core.ccallback import CFunc
+from numba.core.errors import NumbaError
+
+from reobserve.errors import InputError, shown
+from reobserve.numerics.kernel import compiled_with_signature
+
+# (point, parameters, out): write the value at a point to out; all are arrays of floats.
+_SIGNATURE = "void(float64[::1], float64[::1], float64[::1])"
+
+
+def vector_field(function: Callable[..., None]) -> Any:
+    """Compile ``function(x, parameters, out)``, so that compiled loops can be handed it.
+
+    Unlike a kernel it has one fixed signature and is called through a pointer: a loop is
+    compiled once for all fields, and its machine code is kept on disk.
+
+    Raises
+    ------
+    InputError
+        If it is no function, or does what cannot be compiled.
+    """
+    if not inspect.isfunction(function):
+        raise InputError("function", f"{shown(function)} must be a function of Python")
+    try:
+        return compiled_with_signature(_SIGNATURE, function)
+    except NumbaError as error:
+        said = str(error).strip().partition("\n")[0]
+        raise InputError("function", f"{function.__name__} cannot be compiled: {said}") from None
+
+
+def is_vector_field(value: Any) -> bool:
+    """Whether a value was made by `vector_field`."""
+    return isinstance(value, CFunc)

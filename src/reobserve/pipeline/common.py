@@ -1,0 +1,160 @@
+"""What the stages share: provenance, designs, what a figure reads, and the paper's own module."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError, ReobserveError, located, shown
+from reobserve.ledger.ledger import Ledger, digest
+from reobserve.pipeline.provenance import code_digest, versions
+from reobserve.plain_data.files import read_table
+from reobserve.plain_data.json_data import read_json
+from reobserve.plain_data.typed_tree import parse
+from reobserve.timeseries.series import Series
+
+
+def paper_module(paper: str, stage: str) -> Any:
+    """The module ``reobserve.papers.<paper>.<stage>``.
+
+    Raises
+    ------
+    InputError
+        If there is no such paper, or it has no such stage.
+    """
+    package = f"reobserve.papers.{paper}"
+    try:
+        return importlib.import_module(f"{package}.{stage}")
+    except ModuleNotFoundError as error:
+        problems = {package: "there is no such paper", f"{package}.{stage}": f"has no {stage}"}
+        if error.name not in problems:
+            raise
+        raise InputError(paper, problems[error.name]) from None
+
+
+def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) -> Series:
+    """``series`` with its provenance: what made it, from which settings, by which code."""
+    return replace(series, provenance=provenance(ledger, stage, job, settings))
+
+
+def provenance(ledger: Ledger, stage: str, job: str, settings: Any) -> dict[str, Any]:
+    """What made a result, from which settings, by which code and packages."""
+    return {
+        "paper": ledger.paper,
+        "stage": stage,
+        "job": job,
+        "settings": settings,
+        "settings_digest": digest(settings),
+        "code_digest": code_digest(stage, ledger.paper),
+        "packages": versions(),
+    }
+
+
+def compute_design(ledger: Ledger, design: str) -> dict[str, Any]:
+    """A design of the ledger as its readers get it: what JSON makes of what the paper computes.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used or a number of the design is not finite.
+    """
+    place = f"{ledger.paper}.designs.{design}"
+    settings = ledger.settings("design", design)
+    with located(place):
+        computed = paper_module(ledger.paper, "design").compute(settings)
+    try:
+        read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
+    except ValueError:
+        raise InputError(place, "gives a number that is not finite") from None
+    return read_back
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a stage says of what it made: which paper and job, from which settings, by what."""
+
+    paper: str
+    stage: str
+    job: str
+    settings: dict[str, Any]
+    settings_digest: str
+    code_digest: str
+    packages: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _StoredDesign:
+    design: dict[str, Any]
+    provenance: Provenance
+
+
+def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, Any]:
+    """A design from the file that its stage wrote; ``wanted`` are the paper and the name it has.
+
+    Its own keys are those of its paper, which checks them where it takes the design.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, no design, or another than ``wanted``.
+    """
+    stored = parse(_StoredDesign, read_json(path), str(path))
+    made = stored.provenance
+    found = (made.paper, made.job)
+    if made.stage != "design" or (wanted is not None and wanted != found):
+        paper, name = wanted or (made.paper, "a design")
+        raise InputError(
+            str(path), f"is {shown(made.job)} of {made.paper}, must be {name!r} of {paper}"
+        )
+    return stored.design
+
+
+def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> list[dict[str, Any]]:
+    """The design that an observer, a study or a table names, from its file; empty without one.
+
+    Raises
+    ------
+    InputError
+        If there is a file and no name, a name and no file, or the file holds another design.
+    """
+    wanted = body.get("design")
+    if wanted is None and path is None:
+        return []
+    if path is None:
+        raise InputError("--design-file", f"must be given: the ledger names the design {wanted!r}")
+    if wanted is None:
+        raise InputError("--design-file", "is given, but the ledger names no design here")
+    return [read_design(path, (ledger.paper, wanted))]
+
+
+@contextmanager
+def rows_from(study: Path | None) -> Iterator[None]:
+    """What a figure misses among the rows of its study is a fault of that file.
+
+    Each row has been checked by itself; which rows there must be, only who asks for them knows.
+
+    Raises
+    ------
+    InputError
+        With the name of the file, in place of what says that something is not there.
+    """
+    try:
+        yield
+    except (LookupError, ValueError) as error:
+        if study is None or isinstance(error, ReobserveError):
+            raise
+        problem = f"has not the rows that the figure needs ({error}); run the study anew"
+        raise InputError(str(study), problem) from error
+
+
+def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
+    """The rows of a figure's study; None for a figure without one."""
+    if path is None:
+        return None
+    module = paper_module(paper, "study")
+    return read_table(path, module.HEADER, module.KINDS)

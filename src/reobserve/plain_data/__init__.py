@@ -1,0 +1,1 @@
+"""Plain data on disk: files written whole, and read as checked values."""

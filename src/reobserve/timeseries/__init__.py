@@ -1,0 +1,1 @@
+"""Things over time: series and their files, grids, signals, past inputs."""

@@ -1,0 +1,170 @@
+"""The registry: read, and every way to get an entry of it wrong is one sentence that names it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.registry import Claim, decisive, read_registry
+from reobserve.ledger.config import check_schema, read_yaml
+from reobserve.ledger.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+PAPERS = read_yaml(ROOT / "config" / "config.yaml")["papers"]
+
+GOOD = {
+    "place": "Fig. 1",
+    "says": "It is\n  accurate.",
+    "checks": [{"value": "fig1 sampled relative_rms_error", "below": 0.05}],
+    "why": "A twentieth.",
+    "hangs_on": ["gains", "plant.control"],
+}
+OTHER = {"place": "Fig. 2", "says": "Words.", "not_testable": "Words cannot be tested."}
+
+
+def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
+    """The claims of a registry of `ilo` with these entries."""
+    (tmp_path / "config/claims").mkdir(parents=True, exist_ok=True)
+    shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas", dirs_exist_ok=True)
+    tree = {
+        "in_the_way": "Nothing.",
+        "choices": {"gains": ["observers.sampled.K2", "observers.*.interval"]},
+        "claims": claims,
+    }
+    (tmp_path / "config/claims/ilo.yaml").write_text(yaml.safe_dump(tree))
+    return read_registry(tmp_path, ILO).claims
+
+
+def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
+    one, other = registry(tmp_path, one=GOOD, other=OTHER)
+    assert (one.says, one.why, one.problem) == ("It is accurate.", "A twentieth.", "")
+    assert one.figures == ["fig1"]
+    assert one.keys[0] == "observers.sampled.K2"
+    assert one.keys[-1] == "plant.control"
+    assert one.testable
+    assert not other.testable
+    assert other.why == "Words cannot be tested."
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"checks": [{"value": "fig1_ sampled rms_error", "below": 1}]},
+            "claims.ilo.one: figure: there is no 'fig1_'; did you mean 'fig1'?",
+        ),
+        (
+            {"hangs_on": ["observers.sampled.K9"]},
+            "claims.ilo.one: hangs_on: there is no 'observers.sampled.K9'; "
+            "did you mean 'observers.sampled.K2'?",
+        ),
+        (
+            {"hangs_on": ["plant.step"]},
+            "claims.ilo.one: hangs_on: plant.step is a numerical resolution, no choice",
+        ),
+        ({"sais": "x"}, "claims.ilo.one.sais: unknown key; did you mean 'says'?"),
+        (
+            {"not_testable": "No."},
+            "claims.ilo.one: must have checks with a why, or not_testable",
+        ),
+        (
+            {"checks": [{"value": "fig1 sampled rms_error", "beneath": 1}]},
+            "claims.ilo.one.checks.0.beneath: unknown key; there are: "
+            "value, over, minus, below, above, within, falling, rising, exists, share",
+        ),
+        (
+            {"checks": [{"value": "fig1 sampled rms_error", "below": "low"}]},
+            "claims.ilo.one.checks.0.below: 'low' is not of type 'number'",
+        ),
+        (
+            {"checks": [{"value": "fig1 sampled rms_error"}]},
+            "claims.ilo.one: checks: 0 relations given, must be one of "
+            "below, above, within, exists, falling, rising",
+        ),
+        (
+            {"draws_divided_by": 1},
+            "claims.ilo.one.draws_divided_by: 1 is less than the minimum of 2",
+        ),
+        ({"place": ""}, "claims.ilo.one.place: '' should be non-empty"),
+    ],
+)
+def test_a_claim_that_is_wrong_says_so_and_leaves_the_others(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    one, other = registry(tmp_path, one={**GOOD, **change}, other=OTHER)
+    assert one.problem == said
+    assert one.checks == ()
+    assert other.problem == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ("- a list\n", "must be a mapping of keys to values"),
+        ("claims: {a: {}}\n", "claims.ilo: 'in_the_way' is a required property"),
+        (
+            "in_the_way: x\nclaims: {a: {}}\nchoice: {}\n",
+            "claims.ilo.choice: unknown key; did you mean 'choices'?",
+        ),
+    ],
+)
+def test_a_registry_that_is_none_is_one_sentence(
+    tmp_path: Path, text: str | None, said: str
+) -> None:
+    registry(tmp_path, other=OTHER)
+    path = tmp_path / "config/claims/ilo.yaml"
+    path.unlink()
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_registry(tmp_path, ILO)
+    assert str(caught.value).removeprefix(f"{path}: ") == said
+
+
+def test_wording_decides_nothing() -> None:
+    tree = {"in_the_way": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
+    other = {**tree, "in_the_way": "c", "claims": {"one": {**GOOD, "says": "d", "why": "e"}}}
+    assert decisive(tree) == decisive(other)
+    stricter = [{"value": "fig1 sampled relative_rms_error", "below": 0.04}]
+    assert decisive(tree) != decisive({**tree, "claims": {"one": {**GOOD, "checks": stricter}}})
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_the_registries_of_the_papers_are_sound(paper: str) -> None:
+    ledger = Ledger.load(ROOT, paper)
+    claims = read_registry(ROOT, ledger).claims
+    assert [claim.problem for claim in claims if claim.problem] == []
+    assert 2 <= sum(claim.headline for claim in claims) <= 4
+    assert len({claim.says for claim in claims}) == len(claims)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
+    tree = read_yaml(ROOT / "config" / "errata" / f"{paper}.yaml")
+    check_schema(ROOT, "errata", tree, f"errata.{paper}")
+    for name, erratum in tree["errata"].items():
+        file, _, test = erratum["test"].partition("::")
+        text = (ROOT / file).read_text(encoding="utf-8")
+        assert f"def {test}(" in text, (paper, name)
+        assert erratum["printed"] != erratum["corrected"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"hangs_on": ["gains"]},
+        {"hangs_on": ["gains", "plant.noise"]},
+        {"draws_divided_by": 2},
+    ],
+)
+def test_over_what_is_drawn_is_decisive(change: dict[str, Any]) -> None:
+    assert decisive({"claims": {"one": GOOD}}) != decisive({"claims": {"one": {**GOOD, **change}}})
+    groups = {"claims": {"one": GOOD}, "choices": {"gains": ["a"]}}
+    assert decisive(groups) != decisive({**groups, "choices": {"gains": ["b"]}})

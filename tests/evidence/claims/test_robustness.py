@@ -1,0 +1,163 @@
+"""Robustness where the answer is known: the "metric" is a number of the ledger itself."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.evidence.claims import robustness
+from reobserve.evidence.claims.checks import Check
+from reobserve.evidence.claims.choices import find_choice
+from reobserve.evidence.claims.registry import Claim
+from reobserve.evidence.claims.robustness import Robustness, assess
+from reobserve.evidence.claims.robustness_file import read_robustness, to_data
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.scoring.metrics import Metric
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+GAIN = "observers.sampled.K2"  # 2000, from 500 to 5000: logarithmic
+DAMPING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
+
+
+@pytest.fixture(autouse=True)
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Figures show gains of the ledger; one diverges, one refuses; all calls are kept."""
+    calls: list[str] = []
+
+    def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
+        calls.append(figure)
+        observers = evaluator.ledger.section("observers")
+        gain = observers["sampled"]["K2"]
+        if figure == "fig2" and gain < 1000:
+            raise DivergenceError("it", 1.0)
+        if figure == "fig3" and gain < 1000:
+            raise InputError("K2", "must be 1000 or more")
+        share = observers["forgetting"]["K1"]
+        return [Metric("a", "gain", gain, "1"), Metric("a", "share", share, "1")]
+
+    monkeypatch.setattr(robustness, "metrics_of", metrics_of)
+    return calls
+
+
+def claim(value: str, *keys: str, **relation: Any) -> Claim:
+    checks = (Check.parse({"value": value, **relation}),)
+    return Claim("ilo", "it", checks=checks, choices=tuple(find_choice(ILO, key) for key in keys))
+
+
+def found(one: Claim, draws: int = 400) -> Robustness:
+    return assess(ILO, [one], draws)["it"]
+
+
+def test_the_share_is_that_of_the_range() -> None:
+    one = found(claim("fig1 a gain", GAIN, above=1000))
+    assert one.draws == 400
+    low, high = one.interval()
+    assert low < 1 - math.log10(2) < high
+    assert one.share == one.held / 400
+
+
+def test_the_interval_is_wilsons() -> None:
+    """By its formula, and never empty at the ends."""
+    z, n, k = 1.959963984540054, 20, 17
+    middle = (k + z * z / 2) / (n + z * z)
+    half = z / (n + z * z) * math.sqrt(k * (n - k) / n + z * z / 4)
+    assert Robustness(draws=n, held=k).interval() == pytest.approx((middle - half, middle + half))
+    low, high = Robustness(draws=32, held=32).interval()
+    assert high == 1
+    assert low == pytest.approx(32 / (32 + z * z))
+    assert Robustness().interval() == (0.0, 1.0)
+
+
+def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
+    one, other = claim("fig1 a gain", GAIN, above=1000), claim("fig1 a share", DAMPING, above=0.7)
+    alone = assess(ILO, [one], 50)["it"]
+    both = assess(ILO, [replace(other, name="other"), one], 50)["it"]
+    assert alone == both
+
+
+def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
+    """From 2000 to 1000 is log10(2) of a decade; the interval from 1/4 of the way is halved."""
+    one = found(claim("fig1 a gain", GAIN, above=1000), 1)
+    assert one.flip is not None
+    assert (one.flip.key, one.flip.unit, one.flip.start) == (GAIN, "N m s/rad", 2000.0)
+    true = math.log10(2)
+    assert true <= one.flip.size <= true + 0.75 * math.log10(4) / 16
+    assert one.flip.end <= 1000
+    assert one.flip.end == pytest.approx(2000 * 10**-one.flip.size)
+
+
+def test_of_two_changes_the_smaller_is_told() -> None:
+    """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
+    two = claim("fig1 a gain", GAIN, DAMPING, below=4000)
+    two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))
+    flip = found(two, 1).flip
+    assert flip is not None
+    assert flip.key == DAMPING
+    assert 0.01 / 0.49 <= flip.size < 0.03
+    assert flip.end >= 0.91
+
+
+def test_a_claim_that_fails_is_flipped_too_and_one_that_cannot_flip_is_not() -> None:
+    flip = found(claim("fig1 a gain", GAIN, below=1000), 1).flip
+    assert flip is not None
+    assert flip.end < 1000
+    assert found(claim("fig1 a gain", GAIN, above=1), 1).flip is None
+
+
+def test_a_draw_that_diverges_does_not_hold() -> None:
+    one = found(claim("fig2 a gain", GAIN, above=0))
+    assert one.draws == 400
+    assert one.held + one.diverged == 400
+    assert abs(one.diverged / 400 - math.log10(2)) < 0.1
+    assert one.flip is not None  # to where it diverges
+    assert one.flip.end < 1000
+
+
+def test_a_draw_that_is_refused_is_drawn_again() -> None:
+    one = found(claim("fig3 a gain", GAIN, above=0))
+    assert (one.draws, one.held, one.diverged) == (400, 400, 0)
+    assert abs(one.refused / (400 + one.refused) - math.log10(2)) < 0.1
+    assert one.flip is None  # nobody could have run it
+
+
+def test_a_dear_claim_is_drawn_less_and_looked_at_the_ends_only(shown: list[str]) -> None:
+    dear = replace(claim("fig1 a gain", GAIN, above=1000), draws_divided_by=8)
+    one = found(dear, 32)
+    assert one.draws == 4
+    assert one.flip is not None
+    assert one.flip.end <= 1000
+    # As stated, draws, two ends, halvings.
+    assert len(shown) == 1 + 4 + 2 + 4
+
+
+def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -> None:
+    one = claim("fig1 a gain", GAIN, above=100)
+    silent = assess(ILO, [one], 4, flips=False)["it"]
+    assert (silent.draws, silent.flip, silent.looked) == (4, None, False)
+    assert len(shown) == 1 + 4
+    stored = {"paper": "ilo", "seed": 1, "draws": 4, "claims": {"it": to_data(silent, one)}}
+    (tmp_path / "robustness.json").write_text(json.dumps(stored))
+    assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
+
+
+def test_what_hangs_on_nothing_or_is_broken_is_left_out() -> None:
+    free = claim("fig1 a gain", above=0)
+    unknown = claim("fig1 a gains", GAIN, above=0)
+    problem = Claim("ilo", "broken", problem="it is broken")
+    assert assess(ILO, [free, unknown, problem], 4) == {}
+
+
+@pytest.mark.parametrize(("draws", "divided_by", "made"), [(20, 8, 3), (1, 8, 1), (16, 8, 2)])
+def test_a_dear_claim_is_drawn_once_more_where_draws_do_not_divide(
+    draws: int, divided_by: int, made: int
+) -> None:
+    one = replace(claim("fig1 a gain", GAIN, above=1000), draws_divided_by=divided_by)
+    assert found(one, draws).draws == made

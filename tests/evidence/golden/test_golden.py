@@ -1,0 +1,291 @@
+"""The numbers behind each figure are the golden ones, and the comparison notices when one moves."""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+import shutil
+import subprocess
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.evidence.golden import digests
+from reobserve.evidence.golden.comparison import Worst, compare, differences
+from reobserve.evidence.golden.files import folder
+from reobserve.evidence.golden.kept import kept_paper, kept_part, part_names
+from reobserve.ledger.ledger import Ledger, leaves
+from reobserve.pipeline.evaluation import Evaluator
+from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, copy_project
+
+# Ends of keys, by paper. Of some constants one per cent can only be refused: what must fit the
+# grid, and the levels of a study, after which its metrics are named.
+ONLY_REFUSED = {
+    "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
+    "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
+    "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
+    "imm": (".plain.period", ".step.period", ".share", ".clock", ".order"),
+}
+# Others are names in the form of numbers, no constants: whole keys, and places inside a value.
+NO_CONSTANTS = {
+    "ilo": ("metrics.axis",),
+    # Levels of studies, after which metrics are named; each would run its study for nothing.
+    "delay": ("tradeoff.rhos", "tuning.rhos", "tuning.forgetting", "tuning.relay_gains"),
+    "imm": (
+        "neighbourhood.factors",
+        "changes.periods",
+        "changes.shares",
+        "changes.layer_factors",
+        "closeness.shares",
+        "closeness.noise_levels",
+        "closeness.input",
+        "closeness.horizon",
+    ),
+    # The longest lag is a bound that no lag comes near.
+    "eso": (
+        "designs.filter_rates",
+        "designs.decays",
+        "designs.factors",
+        "designs.pole_bounds",
+        "metrics.longest_lag",
+    ),
+}
+NAMES = {"axis", "component", "powers"}
+# K1 = 1.01 would be refused as unstable, which is no proof that the numbers are compared.
+# A window that ends with the run cannot end later.
+MADE_LESS = {"ilo": (".K1",), "imm": ("metrics.after",)}
+
+PARTS = [(paper, part) for paper in PAPERS for part in part_names(LEDGERS[paper].tree)]
+EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
+
+
+def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> Iterator[str]:
+    """What is off of a figure, a table or the theory."""
+    paper = evaluator.ledger.paper
+    found = compare(kept_part(evaluator, part), paper, part, kept or folder(ROOT, paper))
+    return map(str, found)
+
+
+@pytest.mark.parametrize(("paper", "part"), PARTS)
+def test_the_numbers_are_golden(paper: str, part: str) -> None:
+    assert list(deviations(EVALUATORS[paper], part)) == []
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_a_machine_that_differs_is_told_where(paper: str) -> None:
+    """No failure: a warning in the summary, of the first stage that differs and how far it went."""
+    kept = kept_paper(EVALUATORS[paper])
+    said = digests.first_difference(folder(ROOT, paper), kept.digests)
+    if said:
+        every = (
+            one
+            for part, numbers in kept.parts.items()
+            for one in differences(numbers, paper, part, folder(ROOT, paper))
+        )
+        worst = Worst.of(every)
+        said = f"{paper}: {said}; at most {worst.ratio:.2g} tolerances: {worst.what}"
+        warnings.warn(said, stacklevel=1)
+
+
+Path_ = tuple[str | int, ...]
+
+
+def twin(path: Path_, value: Any) -> Path_:
+    """The mirrored place of an entry of a symmetric matrix; any other place is its own."""
+    if len(path) != 2 or not all(isinstance(step, int) for step in path):
+        return path
+    square = all(len(row) == len(value) for row in value)
+    symmetric = square and value == list(map(list, zip(*value, strict=True)))
+    return path[::-1] if symmetric else path
+
+
+def constants() -> Iterator[tuple[str, str, Path_]]:
+    """Every number of a ledger that is physics, a gain or a rule of the metrics, and not zero."""
+    for paper in PAPERS:
+        end = LEDGERS[paper].section("plant").get("horizon", np.inf)
+        for key, entry in LEDGERS[paper].entries():
+            # What a search looks at makes no figure: that is what it finds. Nor does what a theory
+            # is tried on, and each try would compute the whole theory.
+            searched = key.startswith(("searches.", "theory."))
+            if searched or entry.get("numerical") or key.endswith(NO_CONSTANTS.get(paper, ())):
+                continue
+            for path, value in leaves(entry["value"]):
+                words = isinstance(value, str | bool)
+                # A term that starts before anyone looks back, or ends when all is over.
+                unseen = not words and (
+                    (path[-1:] == ("from",) and value < 0)
+                    or (path[-1:] == ("until",) and value >= end)
+                )
+                if not words and not unseen and value != 0 and not NAMES & set(path):
+                    if path != min(path, twin(path, entry["value"]), key=str):
+                        continue  # the other half of a symmetric matrix
+                    yield paper, key, path
+
+
+CONSTANTS = list(constants())
+
+
+def perturbed(paper: str, key: str, path: Path_, factor: float = 1.01) -> Ledger:
+    """The ledger with one number off by a per cent (in a symmetric matrix with its twin)."""
+    ledger = LEDGERS[paper]
+    tree = copy.deepcopy(ledger.tree)
+    entry: Any = tree
+    for word in key.split("."):
+        entry = entry[word]
+    if not path:
+        entry["value"] *= factor
+    else:
+        for way in {path, twin(path, entry["value"])}:
+            inner = entry["value"]
+            for step in way[:-1]:
+                inner = inner[step]
+            inner[way[-1]] *= factor
+    return Ledger(paper, tree, ledger.seed)
+
+
+def deviates(ledger: Ledger) -> str:
+    """The first deviation from the golden numbers, or the sentence that refuses the ledger."""
+    unchanged = LEDGERS[ledger.paper]
+    # What a stage sees no change of is not computed again. A copy, so that the rest is let go.
+    evaluator = Evaluator(ledger, dict(EVALUATORS[ledger.paper]._done))
+    try:
+        for figure in ledger.tree["figures"]:
+            # A figure that sees nothing of the change cannot deviate; plot sees most.
+            if ledger.settings("plot", figure) == unchanged.settings("plot", figure):
+                continue
+            for said in deviations(evaluator, figure):
+                return said
+        for table in ledger.tree.get("tables", {}):
+            if ledger.settings("table", table) != unchanged.settings("table", table):
+                for said in deviations(evaluator, table):
+                    return said
+    except InputError as error:
+        return f"refused: {error}"
+    return ""
+
+
+def test_the_list_of_constants_is_long_enough() -> None:
+    keys = {key for paper, key, _ in CONSTANTS if paper == "ilo"}
+    assert len(keys) > 30
+    assert {"plant.inertia", "observers.sampled.K2", "observers.matched.integral_gain"} <= keys
+    assert sum((paper, key) == ("ilo", "plant.inertia") for paper, key, _ in CONSTANTS) == 4
+
+
+@pytest.mark.parametrize(("paper", "key", "path"), CONSTANTS)
+def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, path: Path_) -> None:
+    factor = 0.99 if key.endswith(MADE_LESS.get(paper, ())) else 1.01
+    said = deviates(perturbed(paper, key, path, factor))
+    assert said
+    only_refused = any(
+        place.endswith(ONLY_REFUSED.get(paper, ()))
+        for place in (key, ".".join(map(str, (key, *path))))
+    )
+    assert said.startswith("refused: ") == only_refused, said
+
+
+@pytest.mark.parametrize(
+    ("key", "factor"),
+    [
+        ("observers.sampled.interval", 1.25),
+        ("observers.continuous.interval", 1.025),
+        ("observers.forgetting.interval", 1.025),
+        ("plant.noise_period", 1.25),
+    ],
+)
+def test_one_step_more_of_an_interval_is_noticed(key: str, factor: float) -> None:
+    said = deviates(perturbed("ilo", key, (), factor))
+    assert said
+    assert not said.startswith("refused")
+
+
+def git(project: Project, *arguments: str) -> None:
+    project.run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", *arguments)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Project:
+    """A committed copy that builds one paper, with CI off, whatever runs these tests."""
+    project = copy_project(tmp_path)
+    config = project.folder / "config/config.yaml"
+    config.write_text(re.sub(r"^papers: \[.*?\]", "papers: [ilo]", config.read_text(), flags=re.M))
+    git(project, "init", "--quiet")
+    git(project, "add", "--all")
+    git(project, "commit", "--quiet", "--message", "all")
+    return project
+
+
+def update(
+    project: Project, *arguments: str, ci: str = "", kernel: str = "Nehalem"
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["reobserve", "golden", "update", *arguments], cwd=project.folder,
+        env={**project.environment, "CI": ci, "OPENBLAS_CORETYPE": kernel},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_the_golden_test_fails_in_a_copy_with_another_constant(tmp_path: Path) -> None:
+    """From end to end: pytest itself, on a copy whose config says 36.36 where it said 36."""
+    project = copy_project(tmp_path)
+    config = project.folder / "config/papers/ilo.yaml"
+    config.write_text(config.read_text().replace("[36.0, 1.5, 0.0]", "[36.36, 1.5, 0.0]"))
+    done = project.run(
+        "pytest", "tests/evidence/golden/test_golden.py", "-k", "numbers_are_golden and ilo-",
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert f"{len(part_names(LEDGERS['ilo'].tree))} failed" in done.stdout
+    assert "ilo fig1, plant.rate_" in done.stdout
+
+
+def test_renewing_is_guarded(checkout: Project) -> None:
+    before = (checkout.folder / "tests/golden/ilo/fig1.metrics.csv").read_bytes()
+    assert "must say in three words" in update(checkout, "--reason", "because").stderr
+    assert "not renewed in CI" in update(checkout, "--reason", "a good reason", ci="true").stderr
+    (checkout.folder / "README.md").open("a").write("x")
+    said = update(checkout, "--reason", "a good reason")
+    assert said.returncode == 1
+    assert "1 uncommitted changes, the first is 'README.md'" in said.stderr
+    assert (checkout.folder / "tests/golden/ilo/fig1.metrics.csv").read_bytes() == before
+
+
+def test_renewing_where_nothing_has_changed_changes_no_byte(checkout: Project) -> None:
+    """On another processor, whose last places are other than those that are kept."""
+    kept = {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()}
+    said = update(checkout, "ilo", "--reason", "nothing has changed", kernel="Haswell")
+    assert said.returncode == 0, said.stderr
+    # Not even a reason is kept: there is nothing to explain.
+    assert checkout.run("git", "status", "--porcelain").stdout == ""
+    assert said.stdout.splitlines()[-1] == "nothing moved beyond its tolerance"
+    assert {path: path.read_bytes() for path in folder(checkout.folder, "ilo").iterdir()} == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "said"),
+    [
+        (
+            "fig1.metrics.csv",
+            lambda text: text.replace("sampled,rms", "smpled,rms"),
+            "does not fit",
+        ),
+        ("fig1.metrics.csv", lambda text: text[: text.rindex(",")], "line"),
+        ("fig1.series.csv", lambda text: text.replace("0.5", "half", 1), "must be"),
+        ("fig1.tolerances.csv", lambda text: "", "has the columns"),
+    ],
+)
+def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, said: str) -> None:
+    shutil.copytree(folder(ROOT, "ilo"), tmp_path, dirs_exist_ok=True)
+    path = tmp_path / name
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(InputError, match=said) as caught:
+        list(deviations(EVALUATORS["ilo"], "fig1", tmp_path))
+    assert str(path) in str(caught.value)
+    os.remove(path)
+    with pytest.raises(InputError, match="cannot be read"):
+        list(deviations(EVALUATORS["ilo"], "fig1", tmp_path))

@@ -1,0 +1,135 @@
+"""A made-up build for tests: the paper `toy` of the pipeline's tests, without its builds."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from reobserve.evidence.claims.table import HEADER
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.files import write_table
+from reobserve.scoring.metrics import Metric, write_metrics
+
+ROOT = Path(__file__).parents[3]
+TOY = ROOT / "tests" / "pipeline" / "toy"
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="300pt" height="150pt" viewBox="0 0 300 150">
+<rect width="300" height="150" fill="#fff"/><path d="M0 150L300 0" stroke="#000"/></svg>
+"""
+
+CAPTION = """**A disturbance estimated** (Example 2000, Fig. 1). (a) The estimate errs by 0.1 %.
+It lags.
+
+**Left open by the paper**: the gains of *slow* <and more>. ``reobserve params toy`` has them.
+"""
+
+# What a log begins with, by the file: the command as it ran.
+LOGS = {
+    "push/plant": "plant results/toy/ledger.json push",
+    "push/placed": "observe results/toy/ledger.json results/toy/push/plant.parquet placed",
+    "push/slow": "observe results/toy/ledger.json results/toy/push/plant.parquet slow",
+    "gains.design": "design results/toy/ledger.json gains",
+    "faster.study": "study results/toy/ledger.json results/toy/push/plant.parquet faster",
+    "fig1.metrics": "metrics results/toy/ledger.json fig1",
+    "fig1.plot": "plot results/toy/ledger.json fig1",
+    "table1.table": "table results/toy/ledger.json table1",
+    "theory": "theory results/toy/ledger.json",
+    "robustness": "robustness results/toy/ledger.json",
+}
+
+_DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
+
+CLAIMS = [
+    {
+        "claim": "double_pole", "headline": "yes", "place": "(3)",
+        "says": "Both poles are in one place.", "verdict": "reproduced", "holds": "yes",
+        "measured": "theory gains discriminant = 0, within [-1e-09, 1e-09]", "why": "Rounding.",
+        "figures": "theory",
+    },
+    {
+        "claim": "placed_is_better", "headline": "yes", "place": "Fig. 1",
+        "says": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
+        "holds": "yes", "why": "What better means.", "figures": "fig1",
+        "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
+        "fig1 slow late_rms_error = 0.4, must be below 1",
+        "hangs_on": "observers.slow.gains", **_DRAWN,
+        "flip": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
+    },
+    {
+        "claim": "tuned", "place": "Fig. 1", "says": "It is <script>alert(1)</script> tuned.",
+        "verdict": "reproduced only by calibration", "holds": "yes", "figures": "fig1",
+        "measured": "fig1 slow late_rms_error = 0.4, must be below 1", "why": "As `chosen`.",
+        "hangs_on": "observers.slow.gains seed", **_DRAWN,
+    },
+    {
+        "claim": "slow_is_good", "place": "Section 3", "says": "The slow observer is good, too.",
+        "verdict": "contradicted", "holds": "no", "figures": "fig1",
+        "measured": "fig1 slow late_rms_error = 0.4, must be below 0.002", "why": "A thousandth.",
+    },
+    {
+        "claim": "measured", "place": "Section 4", "says": "It works in the laboratory.",
+        "verdict": "not testable", "why": "There is no laboratory here.",
+    },
+]  # fmt: skip
+
+BROKEN = {
+    "claim": "amiss", "place": "Fig. 3", "says": "Something else.", "verdict": "broken",
+    "problem": "claims.toy.amiss: figure: there is no 'fig3'; did you mean 'fig1'?",
+}  # fmt: skip
+
+
+def write_claims(folder: Path, rows: list[dict[str, object]]) -> None:
+    """The table of claims as the build writes it."""
+    full = [{**dict.fromkeys(HEADER, ""), "paper": "toy", **row} for row in rows]
+    write_table(folder / "results/claims.csv", full, HEADER)
+
+
+def make_project(folder: Path) -> Path:
+    """All that a report reads, and nothing amiss."""
+    built = folder / "results" / "toy"
+    for name in ("config/papers", "config/claims", "config/errata", "workflow/report/toy"):
+        (folder / name).mkdir(parents=True)
+    built.mkdir(parents=True)
+    (folder / "config/config.yaml").write_text(
+        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nflips: true\n"
+    )
+    shutil.copy(TOY / "toy.yaml", folder / "config/papers")
+    shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
+    shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
+    shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
+    shutil.copytree(ROOT / "workflow/schemas", folder / "workflow/schemas")
+    shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
+    shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
+    (built / "ledger.json").write_text(Ledger.load(folder, "toy", seed=1).text())
+    (built / "fig1.svg").write_text(SVG)
+    (built / "fig1.caption.rst").write_text(CAPTION)
+    numbers = [Metric("placed", "late_rms_error", 0.001, "1/s")]
+    numbers += [
+        Metric("slow", "late_rms_error", 0.4, "1/s"),
+        Metric("slow", "lag", float("nan"), "s"),
+    ]
+    write_metrics(built / "fig1.metrics.csv", numbers)
+    write_metrics(built / "theory.metrics.csv", [Metric("gains", "discriminant", -0.0, "1/s^2")])
+    (built / "table1.csv").write_text("gain,computed,printed\nl1,7.5,7.5\nl2,16.0,15.9\n")
+    (folder / "results/README.md").write_text(
+        "## Metrics of `toy`\n\n| metric | unit | what it is |\n|---|---|---|\n"
+        "| `late_<score>` | 1/s | a score of the last second |\n"
+        "| `late_rms_error` | 1/s | of the last second, \\|e\\| |\n\n"
+        "## Metrics of `other`\n\n| `lag` | s | of another paper |\n"
+    )
+    write_claims(folder, CLAIMS)
+    drawn = {
+        "draws": 40, "held": 30, "diverged": 2, "refused": 1, "share": 0.75,
+        "low": 0.6, "high": 0.9, "looked": True, "flip": None, "choices": [],
+    }  # fmt: skip
+    drawn_of = {"placed_is_better": drawn, "tuned": drawn}
+    stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}
+    (built / "robustness.json").write_text(json.dumps(stored))
+    for name, command in LOGS.items():
+        log = folder / "logs" / "toy" / f"{name}.log"
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text(f"+ reobserve {command}\n")
+        log.with_suffix(".tsv").write_text("s\th:m:s\tmax_rss\n1.5\t0:00:01\t100.5\n")
+    (folder / "logs/claims.log").write_text("+ reobserve claims toy\n")
+    return folder

@@ -1,0 +1,277 @@
+"""Ledgers checked whole before anything runs: what once went by, ended in a traceback or in memory.
+
+Each case is an override as a user would write it, or a change of a ledger's own file.
+"""
+
+from __future__ import annotations
+
+import copy
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from reobserve.errors import InputError
+from reobserve.ledger.check import check_ledger
+from reobserve.ledger.config import (
+    check_config,
+    check_name,
+    check_plain,
+    known_papers,
+    read_yaml,
+    take_truths,
+)
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.types import declared_keys, read_job
+
+ROOT = Path(__file__).parents[2]
+CONFIG = read_yaml(ROOT / "config/config.yaml")
+Tree = dict[str, Any]
+
+
+def refused(paper: str, overrides: Tree) -> str:
+    with pytest.raises(InputError) as caught:
+        check_ledger(Ledger.load(ROOT, paper, overrides))
+    said = str(caught.value)
+    assert "\n" not in said
+    assert len(said) < 1000
+    return said
+
+
+@pytest.mark.parametrize("paper", known_papers(ROOT))
+def test_the_ledgers_as_they_are_can_be_built(paper: str) -> None:
+    check_ledger(Ledger.load(ROOT, paper))
+
+
+@pytest.mark.parametrize("paper", known_papers(ROOT))
+def test_what_every_job_sees_is_declared(paper: str) -> None:
+    ledger, keys = Ledger.load(ROOT, paper), declared_keys(paper)
+    jobs = [("plant", name, "") for name in ledger.tree["scenarios"]]
+    jobs += [("observe", "", name) for name in ledger.tree["observers"]]
+    for stage, section in (
+        ("design", "designs"), ("study", "studies"), ("search", "searches"), ("table", "tables"),
+        ("metrics", "figures"), ("plot", "figures"),
+    ):  # fmt: skip
+        jobs += [(stage, name, "") for name in ledger.tree.get(section, {})]
+    for stage, name, observer in [*jobs, ("theory", "", "")]:
+        job = read_job(keys, ledger.settings(stage, name, observer))
+        assert isinstance(job.plant, sys.modules[keys.__module__].Plant)
+        assert read_job(keys, job) is job
+
+
+# What an override must be told, by paper.
+OVERRIDES: dict[str, tuple[str, Tree, str]] = {
+    "a step of zero": ("ilo", {"plant": {"step": 0}}, "ilo.plant.step: 0 must be greater"),
+    "a step that makes too many samples": (
+        "ilo", {"plant": {"step": 1e-9}},
+        "ilo.plant.horizon: 10 s is 1e+10 steps, must be 2e+07 at most",
+    ),
+    "an interval that no memory holds": (
+        "ilo", {"observers": {"forgetting": {"interval": 1_000_000}}},
+        "ilo.observers.forgetting.interval: 1e+06 s must be 10 s at most, the horizon",
+    ),
+    "a gain beyond computing": (
+        "ilo", {"observers": {"continuous": {"K1": 1e300}}}, "ilo.observers.continuous.",
+    ),
+    "no observers in a figure": (
+        "ilo", {"figures": {"fig1": {"observers": []}}},
+        "ilo.figures.fig1.observers: has 0 items, must have 1",
+    ),
+    "a layout without its study": (
+        "ilo", {"figures": {"fig1": {"layout": "matching"}}},
+        "ilo.figures.fig1.study: is missing; the layout matching needs it",
+    ),
+    "a study without what it is about": (
+        "ilo", {"studies": {"matching": {"observers": ["sampled"]}}},
+        "ilo.studies.matching.observers: must have 'continuous'",
+    ),
+    "an injection that is no polynomial": (
+        "lie", {"designs": {"linear": {"injection": 5}}},
+        "lie.designs.linear.injection: 5 must be a list of terms",
+    ),
+    "a series without end": (
+        "lie", {"designs": {"linear": {"degree": 5000}}},
+        "lie.designs.linear.degree: 5000 must be from 1 to 61",
+    ),
+    "a missing key of an observer of one's own": (
+        "delay", {"observers": {"new": {"algorithm": "relay", "label": "x"}}},
+        "delay.observers.new.relay_gain: is missing; the algorithm relay needs it",
+    ),
+    "derivatives without a differentiator": (
+        "delay", {"observers": {"order2": {"derivatives": "levant"}}},
+        "delay.observers.order2.L: is missing; derivatives by levant need it",
+    ),
+    "an observer of another plant": (
+        "delay", {"figures": {"fig1": {"observers": ["extended_lag"]}}},
+        "delay.figures.fig1.observers: 'extended_lag' is for the model lag",
+    ),
+    "a figure of another method": (
+        "imm", {"figures": {"fig8_closeness": {"study": "changes"}}},
+        "imm.figures.fig8_closeness.study: 'changes' has the method changes, must have closeness",
+    ),
+    "a theory of a bank that there is not": (
+        "imm", {"theory": {"observers": ["svfs"]}},
+        "imm.theory.observers: there is no 'svfs'; did you mean 'svsf'?",
+    ),
+    "a solver that is a list": (
+        "eso", {"designs": {"pd_pi": {"solver": []}}},
+        "eso.designs.pd_pi.solver: [] must be one of CLARABEL, SCS",
+    ),
+    "a bare value in a new branch": (
+        "ilo", {"observers": {"new": {"algorithm": "adaptive", "label": "x", "damping": 3}}},
+        "ilo.observers.new.damping: 3 must be a mapping of keys to values; a bare value will do",
+    ),
+    "a paper that is a number": ("ilo", 3, "ilo: 3 must be a mapping"),  # type: ignore[dict-item]
+    "a word of 20 000 letters": (
+        "ilo", {"observers": {"sampled": {"algorithm": "x" * 20_000}}},
+        "ilo.observers.sampled.algorithm: 'xxx",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", OVERRIDES)
+def test_an_override_is_told_what_is_wrong(case: str) -> None:
+    paper, overrides, said = OVERRIDES[case]
+    message = refused(paper, overrides)
+    assert message.startswith(said)
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize("paper", known_papers(ROOT))
+def test_a_scenario_with_a_title_only(paper: str) -> None:
+    said = refused(paper, {"scenarios": {"new": {"title": "mine"}}})
+    assert said.startswith(f"{paper}.scenarios.new.")
+    assert said.endswith("is missing; the scenario needs it")
+
+
+def test_an_interval_of_2_to_the_63() -> None:
+    said = refused("ilo", {"observers": {"forgetting": {"interval": 2**63}}})
+    assert said == (
+        "ilo.observers.forgetting.interval: is an integer beyond 2^53, must be one that a float "
+        "holds"
+    )
+
+
+NAMES = ("`touch x`", "a b", "../../../../escaped", "$x", "x$", "a|b", "a\n", "", "ä", "1a", "-a",
+         "a.b", "x" * 61)  # fmt: skip
+MODELS = {
+    "scenarios": "constant", "observers": "sampled", "studies": "matching", "figures": "fig1",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("section", MODELS)
+def test_a_name_that_is_more_than_a_name(section: str, name: str) -> None:
+    """Backticks ran a command, dots left the project, a space broke it, $ never matched."""
+    said = refused("ilo", {section: {name: {"like": MODELS[section]}}})
+    assert said.startswith(f"ilo.{section}")
+    assert "letters" in said
+
+
+def test_names_that_are_names() -> None:
+    for name in ("a", "A1_b", "x" * 60):
+        check_name("x", name)
+        check_ledger(Ledger.load(ROOT, "ilo", {"scenarios": {name: {"like": "constant"}}}))
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    for name in ("config", "workflow/schemas"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+def test_a_paper_with_a_name_that_is_none(project: Path) -> None:
+    shutil.copy(project / "config/papers/ilo.yaml", project / "config/papers/a b.yaml")
+    with pytest.raises(InputError, match=r"^config\.papers: 'a b' is no name"):
+        known_papers(project)
+
+
+@pytest.mark.parametrize(
+    ("paper", "path", "said"),
+    [
+        ("ilo", ("plant", "horizon"), "ilo.plant.horizon: is missing; the plant needs it"),
+        ("lie", ("scenarios", "figure", "initial_state"), "initial_state: is missing; the scenari"),
+        ("imm", ("observers", "svsf", "memory"), "svsf.memory: is missing; the algorithm smooth_v"),
+        ("eso", ("observers", "pi", "design"), "eso.observers.pi.design: is missing; the observer"),
+        ("delay", ("studies", "tuning", "rhos"), "delay.studies.tuning.rhos: is missing; the meth"),
+        ("imm", ("searches", "calibrated", "leave"), "leave: is missing; the search needs it"),
+        ("lie", ("tables", "table_coefficients", "printed"), "printed: is missing; the table"),
+        ("eso", ("designs", "pd_pi", "factor"), "factor: is missing; the kind pd_pi_least_norm"),
+        ("delay", ("theory", "rhos"), "delay.theory.rhos: is missing; the theory needs it"),
+        ("eso", ("metrics", "longest_lag"), "eso.metrics.longest_lag: is missing; the metrics"),
+        ("lie", ("theory",), "lie.theory: is missing; the ledger needs it"),
+    ],
+)
+def test_a_key_that_the_file_itself_lacks(
+    project: Path, paper: str, path: tuple[str, ...], said: str
+) -> None:
+    """Without overrides, too: a slip in a ledger was found by a job, minutes later."""
+    file = project / "config" / "papers" / f"{paper}.yaml"
+    tree = read_yaml(file)
+    branch: Any = tree
+    for key in path[:-1]:
+        branch = branch[key]
+    misspelt = copy.deepcopy(tree)
+    kept = branch.pop(path[-1])
+    file.write_text(yaml.safe_dump(tree))
+    with pytest.raises(InputError) as caught:
+        check_ledger(Ledger.load(project, paper))
+    assert said in str(caught.value)
+    if len(path) == 1:
+        return
+    branch = misspelt
+    for key in path[:-1]:
+        branch = branch[key]
+    branch[f"{path[-1]}x"] = kept
+    file.write_text(yaml.safe_dump(misspelt))
+    with pytest.raises(InputError, match=r"unknown key|is not|must be a mapping") as caught:
+        check_ledger(Ledger.load(project, paper))
+    assert f"{path[-1]}x" in str(caught.value)
+
+
+CALLS: dict[str, tuple[Tree, str]] = {
+    "papers that are no list": ({"papers": 5}, "config.papers: 5 is not of type 'array'"),
+    "formats in a word": ({"formats": "gif"}, "config.formats: 'gif' is not of type 'array'"),
+    "a negative seed": ({"seed": -1}, "config.seed: -1 is less than the minimum of 0"),
+    "half a seed": ({"seed": 5.0}, "config.seed: 5 must be a whole number"),
+    "no draws": ({"draws": 0}, "config.draws: 0 is less than the minimum of 1"),
+    "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
+    "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
+}
+
+
+@pytest.mark.parametrize("case", CALLS)
+def test_what_a_call_hands_over(case: str) -> None:
+    changes, said = CALLS[case]
+    with pytest.raises(InputError) as caught:
+        check_config(ROOT, {**CONFIG, **changes}, known_papers(ROOT))
+    assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize(("word", "taken"), [("true", True), ("false", False)])
+def test_truths_of_the_command_line(word: str, taken: bool) -> None:
+    config = {**CONFIG, "flips": word}
+    take_truths(config)
+    assert config["flips"] is taken
+    check_config(ROOT, config, known_papers(ROOT))
+
+
+def test_other_words_are_no_truths() -> None:
+    config = {**CONFIG, "flips": "no"}
+    take_truths(config)
+    with pytest.raises(InputError, match=r"^config.flips: 'no' is not of type 'boolean'$"):
+        check_config(ROOT, config, known_papers(ROOT))
+
+
+def test_a_tree_without_end() -> None:
+    deep: Any = []
+    for _ in range(20_000):
+        deep = [deep]
+    with pytest.raises(InputError, match="nested"):
+        check_plain({"ilo": deep}, "config")
+    with pytest.raises(InputError, match="nested"):
+        Ledger.load(ROOT, "ilo", {"plant": deep})

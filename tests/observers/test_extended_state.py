@@ -1,0 +1,426 @@
+"""The extended state observer: exact against an adaptive integration of (8), and its theory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import solve_continuous_are, solve_discrete_lyapunov
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.observers.extended_state import HOLDS, ExtendedStateObserver, Run, State
+from reobserve.plants.dc_motor import ControlledMotor, MotorRun, SpeedControl
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from tests.papers.eso.plants import dc_motor, random_plant
+from tests.plants.test_dc_motor import (
+    HOLD,
+    LOOP,
+    MATRICES,
+    MOTOR,
+    NOTHING,
+    constant,
+    held_inputs,
+    integrated,
+    loop_rates,
+    measured,
+    simulated,
+)
+
+Array = NDArray[np.float64]
+
+SYSTEM = dc_motor()
+# Both place the poles near -34, -20, -11, -6, -4 and -3.5; rounded.
+PI = Gains(
+    np.array([[12.8, 25.2], [61.3, 243.0], [26.7, 5.7], [6.4, 37.8], [91.6, 332.8], [99.0, 16.8]]),
+    np.zeros((6, 2)),
+)
+PD_PI = Gains(
+    np.array(
+        [[26.3, 50.2], [90.8, 504.1], [63.0, 10.0], [9.2, 79.3], [137.5, 693.1], [231.7, 25.4]]
+    ),
+    np.array([[0.2, 0.0], [0.0, 0.4], [1.5, 0.0], [0.0, 1.0], [0.0, 1.5], [1.2, 0.0]]),
+)
+GAINS = {"PI": PI, "PD/PI": PD_PI}
+SENSOR_ROWS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])[:, None]
+
+
+def observed(run: MotorRun, gains: Gains, step: float, hold: str = "second") -> Run:
+    """Estimates from a simulated motor: at each of its steps, or each second one for parabolas."""
+    after, before = run.after, run.before
+    if hold != "second":
+        observer = ExtendedStateObserver(SYSTEM, gains, step, hold)
+        limits = None if hold == "zero" else (before.output, before.control)
+        return observer.run(after.output, after.control, observer.init(), limits)
+    observer = ExtendedStateObserver(SYSTEM, gains, 2 * step, hold)
+    middle = (after.output[1::2], after.control[1::2])
+    return observer.run(
+        after.output[::2],
+        after.control[::2],
+        observer.init(),
+        (before.output[::2], before.control[::2]),
+        (np.insert(middle[0], 0, 0.0, axis=0), np.insert(middle[1], 0, 0.0, axis=0)),
+    )
+
+
+def record(hold: str, rows: int = 60, seed: int = 5) -> dict[str, Any]:
+    """Random y and u that jump at the samples, as far as the hold can say that."""
+    rng = np.random.default_rng(seed)
+    pairs = [(rng.normal(size=(rows, 2)), rng.normal(size=(rows, 1))) for _ in range(3)]
+    names = ("before", "middle")[: len(HOLDS[hold]) - 1]
+    extra = dict(zip(names, pairs[1:], strict=False))
+    return {"output": pairs[0][0], "control": pairs[0][1], **extra}
+
+
+def part(whole: dict[str, Any], rows: Any) -> dict[str, Any]:
+    return {
+        name: tuple(each[rows] for each in value) if isinstance(value, tuple) else value[rows]
+        for name, value in whole.items()
+    }
+
+
+def stacked(run: Run) -> Array:
+    return np.hstack([run.estimate, run.actuator_fault, run.sensor_fault])
+
+
+# --- Against an adaptive integration ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
+@pytest.mark.parametrize("hold", HOLDS)
+def test_sampling_is_exact_for_what_the_hold_says(hold: str, gains: Gains) -> None:
+    # The form without x^' and Y' on either side: zeta = (I + Ld C~) x^ - Ld Y.
+    system, period, samples = SYSTEM, 0.25, record(hold, rows=12)
+    C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
+    start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
+    observer = ExtendedStateObserver(system, gains, period, hold)
+    run = observer.run(**samples, state=observer.init(start, filtered))
+    z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
+    for k in range(12):
+        x = np.linalg.solve(Eo, z[2:] + gains.Ld @ z[:2])
+        assert stacked(run)[k] == pytest.approx(x[[0, 1, 4, 5]], rel=1e-10, abs=1e-10)
+        if k == 11:
+            break
+        known = [np.hstack([samples["output"][k], samples["control"][k]])]
+        known += [
+            np.hstack([each[k + 1] for each in samples[name]])
+            for name in ("before", "middle")
+            if name in samples
+        ]
+        coefficients = np.polynomial.polynomial.polyfit(HOLDS[hold], known, len(known) - 1)
+
+        def rate(t: float, z: Array, coefficients: Array = coefficients) -> Array:
+            powers = (t / period) ** np.arange(len(coefficients))
+            y, u = np.split(powers @ coefficients, [2])
+            x = np.linalg.solve(Eo, z[2:] + gains.Ld @ z[:2])
+            moved = (system.A_tilde - gains.L @ C) @ x + gains.L @ z[:2]
+            return np.concatenate([system.Az @ (y - z[:2]), moved + 2 * u[0] * np.eye(6)[1]])
+
+        z = solve_ivp(rate, (0, period), z, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+
+
+def both_rates(z: Array, d: Array, w: Array, fa: Array, fs: Array, r: Array) -> list[Array]:
+    """Of plant and control, the filter, and (8) as it stands for both gains, with Y'."""
+    y, u = measured(z[:2], z[2:3], w, fs)
+    slope = y - z[3:5]
+    rates = [*loop_rates(z[:3], d, w, fa, fs, r), slope]
+    for gains, x in ((PI, z[5:11]), (PD_PI, z[11:])):
+        known = np.concatenate([MOTOR.A @ x[:2] + 2.0 * np.array([0, u[0] + x[4]]), np.zeros(4)])
+        known[2:4] = x[:2] - x[2:4] + np.array([x[5], 0.0])
+        # x^' = known + L (Y - Y^) + Ld (Y' - Y^'), and Y^' is a part of x^'.
+        right = known + gains.L @ (z[3:5] - x[2:4]) + gains.Ld @ slope
+        rates.append(np.linalg.solve(np.eye(6) + gains.Ld @ np.eye(2, 6, 2), right))
+    return rates
+
+
+@pytest.fixture(scope="module", params=[1.0, 0.0], ids=["disturbed", "undisturbed"])
+def truth(request: pytest.FixtureRequest) -> tuple[tuple[Array, Array], Array]:
+    d, w = held_inputs()
+    inputs = d * request.param, w * request.param
+    return inputs, integrated(both_rates, 17, inputs)
+
+
+@pytest.mark.parametrize("name", GAINS)
+def test_twenty_seconds_with_jumping_faults(
+    truth: tuple[tuple[Array, Array], Array], name: str
+) -> None:
+    inputs, expected = truth
+    step = 5e-4
+    run = observed(simulated(LOOP, step, inputs), GAINS[name], step)
+    places = np.array([0, 1, 4, 5]) + (5 if name == "PI" else 11)
+    assert np.abs(stacked(run)[:: round(HOLD / step / 2)] - expected[:, places]).max() < 1e-10
+
+
+@pytest.mark.parametrize(("hold", "order"), [("zero", 1), ("first", 2), ("second", 4)])
+def test_error_falls_with_the_period_as_the_hold_promises(
+    truth: tuple[tuple[Array, Array], Array], hold: str, order: int
+) -> None:
+    inputs, expected = truth
+    errors = []
+    for step in (5e-3, 2.5e-3):
+        run = observed(simulated(LOOP, step, inputs), PD_PI, step, hold)
+        rows = stacked(run)[:: round(HOLD / step / (2 if hold == "second" else 1))]
+        errors.append(np.abs(rows - expected[:, [11, 12, 15, 16]]).max())
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15
+
+
+# --- What the theory says -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
+def test_fault_estimates_depend_on_neither_control_nor_reference(gains: Gains) -> None:
+    # e' = Eo^-1 (Ao e + Bo dD): u is in the plant and in the observer, and drops out.
+    other = ControlledMotor(MOTOR, SpeedControl.placed(MOTOR, (-2, -5, -9)), **MATRICES)
+    step = 5e-4
+    runs = [simulated(LOOP, step), simulated(other, step, reference=constant(-3.0))]
+    found = [observed(run, gains, step) for run in runs]
+    assert np.abs(runs[0].state - runs[1].state).max() > 3
+    for name in ("actuator_fault", "sensor_fault"):
+        assert np.abs(getattr(found[0], name) - getattr(found[1], name)).max() < 1e-9
+    errors = [each.estimate - run.state[::2] for each, run in zip(found, runs, strict=True)]
+    assert np.abs(errors[0] - errors[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
+@pytest.mark.parametrize("hold", HOLDS)
+def test_constant_faults_are_estimated_exactly(gains: Gains, hold: str) -> None:
+    # At rest with u = 1: x from 0 = A x + B (u + fa).
+    fault, sensor = 0.3, -0.2
+    x = np.linalg.solve(-MOTOR.A, [0.0, 2 * (1.0 + fault)])
+    y, u = np.tile(x + np.array([sensor, 0.0]), (1000, 1)), np.ones((1000, 1))
+    observer = ExtendedStateObserver(SYSTEM, gains, 0.02, hold)
+    middle = (y, u) if hold == "second" else None
+    run = observer.run(y, u, observer.init(), middle=middle)
+    assert stacked(run)[-1] == pytest.approx([*x, fault, sensor], abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def long_run() -> MotorRun:
+    """2000 s without faults, at steps of 5 ms."""
+    return simulated(LOOP, 5e-3, held_inputs(11, 2000.0), NOTHING, NOTHING, NOTHING)
+
+
+@pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
+def test_deviations_agree_with_a_lyapunov_equation(gains: Gains, long_run: MotorRun) -> None:
+    # At the instants where held d and w change, e(k+1) = transition e(k) + effect [d, w].
+    mass = np.eye(6) + gains.Ld @ SYSTEM.C_tilde
+    Ao, Bo = np.linalg.solve(mass, SYSTEM.A_tilde - gains.L @ SYSTEM.C_tilde), SYSTEM.Bo[:, :3]
+    transition, effect = zero_order_hold(Ao, np.linalg.solve(mass, Bo), HOLD)
+    driven = effect @ np.diag([0.4**2 / 12, 0.2**2 / 12, 1e-3]) @ effect.T
+    covariance = solve_discrete_lyapunov(transition, driven)
+
+    error = stacked(observed(long_run, gains, 5e-3))
+    error[:, :2] -= long_run.state[::2]
+    settled = error[::10][100:]
+    for place, column in enumerate([0, 1, 4, 5]):
+        variance, lagged = covariance[column, column], covariance
+        correlations = []
+        for _ in range(100):
+            correlations.append(lagged[column, column] / variance)
+            lagged = transition @ lagged
+        spread = 2 * np.sum(np.square(correlations)) - 1
+        standard_error = np.sqrt(2 * spread / len(settled))
+        assert standard_error < 0.04
+        assert abs(np.mean(settled[:, place] ** 2) / variance - 1) < 4 * standard_error
+
+
+def test_the_printed_sign_turns_the_sensor_fault_round() -> None:
+    # -Az Fs in the lower block of F, and gains made for it: rows of fs with the other sign.
+    printed = AugmentedSystem(**{**_matrices(), "Fs": -SYSTEM.Fs})
+    assert np.array_equal(printed.F[2:, 1], -SYSTEM.F[2:, 1])
+    turned = Gains(SENSOR_ROWS * PD_PI.L, SENSOR_ROWS * PD_PI.Ld)
+    run, other = (
+        observer.run(**record("zero"), state=observer.init())
+        for observer in (
+            ExtendedStateObserver(SYSTEM, PD_PI, 0.01),
+            ExtendedStateObserver(printed, turned, 0.01),
+        )
+    )
+    assert other.sensor_fault == pytest.approx(-run.sensor_fault, rel=1e-11, abs=1e-12)
+    assert other.actuator_fault == pytest.approx(run.actuator_fault, rel=1e-11, abs=1e-12)
+    with pytest.raises(InputError, match=r"^L: and Ld give no stable observer"):
+        ExtendedStateObserver(printed, PD_PI, 0.01)
+
+
+def _matrices() -> dict[str, Array]:
+    return {name: getattr(SYSTEM, name) for name in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs")}
+
+
+def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
+    system = random_plant(4, states=14)
+    weight = np.eye(system.size)
+    P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, 0.1 * np.eye(2))
+    gains = Gains(10 * P @ system.C_tilde.T, np.zeros((system.size, 2)))
+    observer = ExtendedStateObserver(system, gains, 0.05)
+    samples = record("zero", rows=40)
+    run = observer.run(**samples, state=observer.init())
+    upper = np.hstack([-system.Az, np.zeros((2, system.size))])
+    lower = np.hstack([gains.L, system.A_tilde - gains.L @ system.C_tilde])
+    inputs = np.zeros((2 + system.size, 3))
+    inputs[:2, :2], inputs[2 : 4 + 14, 2:] = system.Az, system.Ba
+    transition, effect = zero_order_hold(np.vstack([upper, lower]), inputs, 0.05)
+    z = np.zeros(2 + system.size)
+    for k in range(39):
+        z = transition @ z + effect @ [*samples["output"][k], *samples["control"][k]]
+    assert run.estimate[-1] == pytest.approx(z[2:16], rel=1e-11)
+    assert stacked(run)[-1, 14:] == pytest.approx(z[18:], rel=1e-11)
+
+
+def test_the_filter_scales_with_its_rates() -> None:
+    # Az of unequal rates, known x, no error: the estimates stay at the truth.
+    system = dc_motor(Az=[[3.0, 1.0], [0.0, 0.5]])
+    weight, noise = np.eye(6), np.eye(2)
+    P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, noise)
+    gains = Gains(P @ system.C_tilde.T, PD_PI.Ld)
+    observer = ExtendedStateObserver(system, gains, 0.1)
+    x = np.linalg.solve(-MOTOR.A, [0.0, 2 * 1.3])
+    y = x + np.array([0.4, 0.0])
+    run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), observer.init([*x, *y, 0.3, 0.4], y))
+    assert np.abs(stacked(run) - [*x, 0.3, 0.4]).max() < 1e-12
+
+
+# --- One sample at a time -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_stepping_gives_the_bits_of_a_run(hold: str) -> None:
+    observer, whole = ExtendedStateObserver(SYSTEM, PD_PI, 0.01, hold), record(hold)
+    start = observer.init(np.linspace(0, 1, 6), [0.1, 0.2])
+    run = observer.run(**whole, state=start)
+    state, rows = start, []
+    for k in range(60):
+        state, estimate = observer.step(state, **part(whole, k))
+        rows.append(estimate)
+    assert np.array_equal(np.array(rows)[:, [0, 1, 4, 5]], stacked(run))
+    assert state.count == run.state.count == 60
+    first = observer.run(**part(whole, slice(0, 23)), state=start)
+    second = observer.run(**part(whole, slice(23, 60)), state=first.state)
+    assert np.array_equal(np.vstack([stacked(first), stacked(second)]), stacked(run))
+    for end in (state, second.state):
+        for name in ("filtered", "estimate", "sample"):
+            assert np.array_equal(getattr(end, name), getattr(run.state, name))
+    assert np.array_equal(start.estimate, np.linspace(0, 1, 6))
+
+
+def test_an_estimate_knows_no_later_sample() -> None:
+    for hold, reach in (("zero", 1), ("first", 0)):
+        observer = ExtendedStateObserver(SYSTEM, PI, 0.01, hold)
+        one, other = record(hold, rows=9), record(hold, rows=9)
+        other["output"] = one["output"].copy()
+        other["output"][5] += 1.0
+        if hold == "first":
+            del one["before"], other["before"]
+        runs = [stacked(observer.run(**each, state=observer.init())) for each in (one, other)]
+        differs = np.flatnonzero((runs[0] != runs[1]).any(axis=1))
+        assert differs[0] == 5 + reach
+
+
+def test_limits_let_a_straight_line_hold_the_control() -> None:
+    # What the zero-order hold holds, the first-order one holds if told that nothing changes.
+    samples = record("zero")
+    y, u = samples["output"], samples["control"]
+    before = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
+    runs = []
+    for hold, limits in (("zero", None), ("first", before)):
+        observer = ExtendedStateObserver(SYSTEM, PD_PI, 0.02, hold)
+        runs.append(stacked(observer.run(y, u, observer.init(), limits)))
+    assert runs[0] == pytest.approx(runs[1], rel=1e-11, abs=1e-12)
+
+
+def test_divergence_says_when() -> None:
+    observer = ExtendedStateObserver(SYSTEM, PI, 0.5)
+    y, u = np.zeros((9, 2)), np.zeros((9, 1))
+    y[4] = 1.7e308
+    run = observer.run(y, u, observer.init(), on_divergence="return")
+    assert run.diverged_at == 4 * 0.5
+    assert len(run.estimate) == len(run.sensor_fault) == 5
+    assert run.state.count == 0
+    early = observer.run(y[:5], u[:5], observer.init())
+    assert early.diverged_at is None
+    later = observer.run(y[5:], u[5:], early.state, on_divergence="return")
+    assert later.diverged_at == 4 * 0.5
+    assert len(later.estimate) == 0
+    with pytest.raises(DivergenceError, match=r"ExtendedStateObserver diverged: .* t = 2 s"):
+        observer.step(early.state, y[5], u[5])
+
+
+# --- Bad input ----------------------------------------------------------------------------------
+
+
+def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
+    with pytest.raises(InputError) as caught:
+        ExtendedStateObserver(SYSTEM, Gains(np.zeros((6, 2)), np.zeros((6, 2))), 0.01)
+    # A~ alone: two faults that nothing pulls, the filter and the motor.
+    assert caught.value.parameter == "L"
+    assert caught.value.problem.endswith("they are 0, 0, -1, -1, -2.0025, -9.9975")
+
+
+def test_poles_are_those_of_the_error() -> None:
+    expected = [-3.4974, -3.9891, -6.0148, -10.9973, -20.0468, -33.9546]
+    found = ExtendedStateObserver(SYSTEM, PI, 0.01).poles
+    assert found == pytest.approx(np.array(expected), abs=5e-5)
+
+
+def test_singular_mass_is_refused() -> None:
+    Ld = PD_PI.Ld.copy()
+    Ld[2:4] = -np.eye(2)
+    with pytest.raises(InputError, match=r"^Ld: makes Eo = I \+ Ld C~ singular: .* down to 0"):
+        ExtendedStateObserver(SYSTEM, Gains(PD_PI.L, Ld), 0.01)
+
+
+@pytest.mark.parametrize(
+    ("changed", "problem"),
+    [
+        ({"period": 0.0}, "period: 0 must be greater than zero"),
+        ({"hold": "third"}, "hold: 'third' must be one of zero, first, second"),
+        ({"gains": Gains(PI.L[:5], PI.Ld)}, r"L: has shape \(5, 2\), must be \(6, 2\)"),
+        ({"gains": Gains(PI.L, PI.Ld.T)}, r"Ld: has shape \(2, 6\), must be \(6, 2\)"),
+        ({"gains": Gains(PI.L * np.nan, PI.Ld)}, "L: .* not finite"),
+    ],
+)
+def test_observers_that_cannot_be(changed: dict[str, Any], problem: str) -> None:
+    good: dict[str, Any] = {"system": SYSTEM, "gains": PI, "period": 0.01}
+    with pytest.raises(InputError, match=f"^{problem}"):
+        ExtendedStateObserver(**{**good, **changed})
+
+
+Y, U = np.zeros((4, 2)), np.zeros((4, 1))
+HOLED = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, np.nan], [0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("hold", "changed", "problem"),
+    [
+        ("zero", {"output": HOLED}, r"output: sample 2 is \[0.0, nan\], must be finite"),
+        ("zero", {"output": Y[:, :1]}, r"output: has shape \(4, 1\), .* one row or more of 2 num"),
+        ("zero", {"output": Y[:0]}, r"output: has shape \(0, 2\), must have one row or more"),
+        ("zero", {"control": U[:3]}, "control: has 3 rows, must have 4 like output$"),
+        ("zero", {"control": "off"}, "control: is no array of numbers"),
+        ("zero", {"before": (Y, U)}, "before: must be left out: the zero-order hold"),
+        ("zero", {"middle": (Y, U)}, "middle: must be left out: the hold is 'zero'"),
+        ("second", {}, "middle: is missing: the hold is 'second'"),
+        ("first", {"before": (Y, U[:2])}, "before control: has 2 rows, must have 4 like before"),
+        ("second", {"middle": (HOLED, U)}, "middle output: sample 2"),
+        ("zero", {"state": State(np.zeros(2), np.zeros(5), np.zeros(3))}, "state: must be of an"),
+    ],
+)
+def test_records_that_cannot_be_read(hold: str, changed: dict[str, Any], problem: str) -> None:
+    observer = ExtendedStateObserver(SYSTEM, PI, 0.01, hold)
+    good: dict[str, Any] = {"output": Y, "control": U, "state": observer.init()}
+    with pytest.raises(InputError, match=f"^{problem}"):
+        observer.run(**{**good, **changed})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ({"estimate": [1.0]}, r"estimate: has shape \(1,\), must be a list of 6 numbers"),
+        ({"filtered": [1.0, np.inf]}, "filtered: .* not finite"),
+    ],
+)
+def test_states_that_cannot_be(arguments: dict[str, Any], problem: str) -> None:
+    with pytest.raises(InputError, match=f"^{problem}"):
+        ExtendedStateObserver(SYSTEM, PI, 0.01).init(**arguments)

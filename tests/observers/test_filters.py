@@ -1,0 +1,475 @@
+"""Kalman filter and SVSF: closed forms, 50 digits, the same bits by steps and by runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from reobserve.errors import DivergenceError
+from reobserve.models.linear import LinearModel
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import Belief, FilterRun, LinearFilter
+from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from tests.observers.actuator_models import (
+    ACTUATOR,
+    Reference,
+    exact,
+    kalman_law,
+    motion_model,
+    reference,
+    ripple,
+    rounded,
+    simulated,
+    square_wave,
+    switching_law,
+    velocity_model,
+)
+
+Array = NDArray[np.float64]
+
+PSI, GAMMA = [0.01, 0.3, 20.0], 0.1
+NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
+ONE = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.0, 4.0)
+NOISE = np.array([0.01, 0.5, 20.0])
+
+
+def svsf(model: LinearModel, psi: Any = PSI, gamma: float = GAMMA) -> Any:
+    return SmoothVariableStructureFilter(model, psi, gamma)
+
+
+def motion_record(rows: int) -> tuple[Array, Array]:
+    """Measurements and controls of the leaky actuator: a model in doubt has work to do."""
+    u = square_wave(rows, 12)
+    return simulated(motion_model("leakage"), u) + NOISE * ripple(rows, 3), u
+
+
+def same_bits(one: FilterRun, other: FilterRun) -> bool:
+    pairs = [
+        (one.estimate, other.estimate),
+        (one.variance, other.variance),
+        (one.innovation, other.innovation),
+        (one.log_likelihood, other.log_likelihood),
+        *zip(vars(one.belief).values(), vars(other.belief).values(), strict=True),
+    ]
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+
+def relative(found: Array, expected: Array) -> float:
+    """The largest error of a column over the largest value of that column."""
+    return float(np.max(np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)))
+
+
+# --- The Kalman filter --------------------------------------------------------------------------
+
+
+def test_the_information_of_measurements_of_a_constant_adds_up() -> None:
+    z = 3.0 + 2.0 * ripple(500)
+    kalman = KalmanFilter(ONE)
+    run = kalman.run(z, kalman.init([1.0], 9.0))
+    count = np.arange(1, 501)
+    information = 1 / 9 + count / 4.0
+    assert run.variance[:, 0] == pytest.approx(1 / information, rel=1e-13)
+    mean = (1.0 / 9 + np.cumsum(z[:, 0]) / 4.0) / information
+    assert run.estimate[:, 0] == pytest.approx(mean, rel=1e-13)
+
+
+def test_likelihoods_multiply_to_the_density_of_the_whole_record() -> None:
+    # z ~ N(1, 9 * ones + 4 I): determinant and inverse in closed form.
+    z = 3.0 + 2.0 * ripple(40)
+    kalman = KalmanFilter(ONE)
+    run = kalman.run(z, kalman.init([1.0], 9.0))
+    d = z[:, 0] - 1.0
+    distance = d @ d / 4 - 9 / (16 * (1 + 40 * 9 / 4)) * d.sum() ** 2
+    log_determinant = 40 * np.log(4) + np.log(1 + 40 * 9 / 4)
+    expected = -0.5 * (distance + log_determinant + 40 * np.log(2 * np.pi))
+    assert run.log_likelihood.sum() == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("mode", ACTUATOR)
+@pytest.mark.parametrize("build", [velocity_model, motion_model])
+def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any, mode: str) -> None:
+    model = build(mode)
+    A, _, H, _, Q, R = model.arrays
+    kalman = KalmanFilter(model)
+    rows, m = 3000, model.outputs
+    run = kalman.run(
+        np.zeros((rows, m)), kalman.init(np.zeros(model.states), 1.0), np.zeros((rows, 1))
+    )
+    expected = solve_discrete_are(A.T, H.T, Q, R)
+    found = kalman.predict(run.belief, [0.0]).covariance
+    assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((found - expected) / scale).max() < 1e-9
+
+
+def test_an_exact_model_without_noise_is_followed_from_any_start() -> None:
+    u = square_wave(800, 60)
+    z = simulated(NORMAL, u, [1.0, -2.0, 0.5, 1.0])
+    kalman = KalmanFilter(NORMAL)
+    run = kalman.run(z, kalman.init(np.zeros(4), 10.0), u)
+    assert abs(run.innovation[0, 0]) > 0.5
+    assert np.abs(run.innovation[-200:]).max() < 1e-8
+
+
+# --- Joseph's form ------------------------------------------------------------------------------
+
+CORRELATED = np.array(
+    [
+        [1.0, 0.5, -0.3, 0.2],
+        [0.5, 2.0, 0.4, -0.1],
+        [-0.3, 0.4, 1.5, 0.6],
+        [0.2, -0.1, 0.6, 1.2],
+    ]
+)
+
+
+def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_its_digits() -> None:
+    model = replace(NORMAL, R=1e-14)
+    kalman = KalmanFilter(model)
+    z, u = [0.7], [0.0]
+    found = kalman.correct(kalman.init(np.zeros(4), CORRELATED), z, u).belief.covariance
+    with mpmath.workdps(50):
+        P, H, R = exact(CORRELATED), exact(model.arrays.H), exact(model.arrays.R)
+        K = P * H.T * (H * P * H.T + R) ** -1
+        expected = rounded((mpmath.eye(4) - K * H) * P)
+    assert expected[0, 0] == pytest.approx(1e-14, rel=1e-13)
+    assert np.abs(found / expected - 1).max() < 1e-12
+    assert np.array_equal(found, found.T)
+    assert np.linalg.eigvalsh(found)[0] > 0
+
+    H = model.arrays.H
+    gain = CORRELATED @ H.T / (H @ CORRELATED @ H.T + model.arrays.R)
+    short = (np.eye(4) - gain @ H) @ CORRELATED
+    assert np.abs(short / expected - 1).max() > 5e-4
+
+
+def correlated(covariance: Array) -> Array:
+    """Covariances over the products of their deviations."""
+    deviation = np.sqrt(np.abs(np.diag(covariance)))
+    return covariance / np.outer(deviation, deviation)
+
+
+def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_does_not() -> None:
+    R = 1e-14 * np.diag(MOTION.arrays.H @ MOTION.arrays.H.T)
+    model = replace(MOTION, R=R, Q=1e-12)
+    A, _, H, _, Q, _ = model.arrays
+    kalman = KalmanFilter(model)
+    belief = kalman.init(np.zeros(5), 1.0)
+    short, P = np.eye(5), mpmath.eye(5)
+    errors, least_short = [], []
+    with mpmath.workdps(50):
+        a, _, h, _, q, r = map(exact, model.arrays)
+        for _ in range(12):
+            belief = kalman.step(belief, np.zeros(3), [0.0]).belief
+            P = a * P * a.T + q
+            P = P - P * h.T * (h * P * h.T + r) ** -1 * h * P
+            size = rounded(P) / correlated(rounded(P))
+            errors.append(float(np.abs((belief.covariance - rounded(P)) / size).max()))
+            assert np.linalg.eigvalsh(correlated(belief.covariance))[0] > 0.04
+            short = A @ short @ A.T + Q
+            short = short - short @ H.T @ np.linalg.inv(H @ short @ H.T + np.diag(R)) @ H @ short
+            least_short.append(np.linalg.eigvalsh(correlated(short))[0])
+    assert errors[0] < 1e-14
+    assert max(errors) < 1e-4
+    assert errors[-1] < 1e-14
+    assert min(least_short) < -1
+
+
+def test_the_svsf_needs_josephs_form() -> None:
+    # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
+    smooth = svsf(NORMAL, 1.0, 0.1)
+    found = smooth.correct(smooth.init(np.zeros(4), CORRELATED), [0.4], [0.0]).belief
+    K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.H
+    M = np.eye(4) - K @ H
+    whole = M @ CORRELATED @ M.T + 1e-4 * K @ K.T
+    assert found.covariance == pytest.approx(whole, rel=1e-14)
+    assert (M @ CORRELATED)[0, 0] == pytest.approx(0.6)
+    assert found.covariance[0, 0] == pytest.approx(0.36 + 0.16e-4)
+
+
+# --- 50 digits ----------------------------------------------------------------------------------
+
+
+def alone(model: LinearModel, law: Any, z: Array, u: Array) -> Reference:
+    """The reference of a bank of one."""
+    P0 = np.diag([18.0, 0.0038, 0.012, 0.0044, 0.0021])
+    return reference([model], [law], [[1.0]], np.zeros(5), P0, z, u)
+
+
+@pytest.mark.parametrize("kind", ["KF", "SVSF"])
+def test_a_filter_of_three_outputs_agrees_with_fifty_digits(kind: str) -> None:
+    z, u = motion_record(30)
+    law = kalman_law if kind == "KF" else switching_law(PSI, GAMMA)
+    made = KalmanFilter(MOTION) if kind == "KF" else svsf(MOTION)
+    run = made.run(z, made.init(np.zeros(5), [18.0, 0.0038, 0.012, 0.0044, 0.0021]), u)
+    expected = alone(MOTION, law, z, u)
+    variance = np.diagonal(expected.covariance, axis1=1, axis2=2)
+    assert relative(run.estimate, expected.estimate) < 1e-13
+    assert relative(run.variance, variance) < 1e-13
+    if kind == "SVSF":
+        share = (np.abs(run.innovation) > PSI).mean(axis=0)
+        assert np.all((share > 0.05) & (share < 0.95)), "inside of the layer and outside"
+
+
+# --- The smooth variable structure filter -------------------------------------------------------
+
+SQUARE = LinearModel(
+    [[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], [[2.0, 1.0], [-1.0, 3.0]], 0.01, 0.1
+)
+
+
+def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
+    """Outside of the layer e(k+1|k+1) = -sign(e(k+1|k)) gamma |e(k|k)| for each output."""
+    m = model.outputs
+    smooth = svsf(model, 1e-12, gamma)
+    belief = smooth.init(np.zeros(model.states), 1.0)
+    belief = Belief(belief.mean, belief.covariance, np.arange(1.0, m + 1))
+    z = 5.0 * ripple(rows, m)
+    for row in z:
+        told = smooth.step(belief, row, [0.3])
+        expected = -np.sign(told.innovation) * gamma * np.abs(belief.error)
+        scale = 1e-14 * (5.0 + np.abs(told.innovation).max())
+        assert np.abs(told.belief.error - expected).max() < scale
+        belief = told.belief
+    assert np.abs(belief.error) == pytest.approx(gamma**rows * np.arange(1.0, m + 1), abs=1e-12)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.1, 0.9])
+@pytest.mark.parametrize("model", [SQUARE, MOTION], ids=["square H", "fewer outputs than states"])
+def test_outside_of_the_layer_the_output_error_contracts_by_gamma(
+    model: LinearModel, gamma: float
+) -> None:
+    contraction(model, gamma)
+
+
+def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
+    z, u = motion_record(200)
+    A, B = MOTION.arrays.A, MOTION.arrays.B
+    x, rows = np.zeros(5), []
+    for held in u:
+        x = A @ x + B @ held
+        rows.append(x)
+    apart = []
+    for width in (1e5, 1e7, 1e9):
+        smooth = svsf(MOTION, width)
+        run = smooth.run(z, smooth.init(np.zeros(5), 1.0), u)
+        apart.append(float(np.abs(run.estimate - rows).max()))
+        largest = float(np.abs(run.innovation).max())
+        # Each sample corrects less than (1 + gamma) e^2 / psi, and 200 samples add up.
+        assert apart[-1] < 200 * 1.1 * largest**2 / width * 200
+    assert apart[0] / apart[1] == pytest.approx(100, rel=0.05)
+    assert apart[1] / apart[2] == pytest.approx(100, rel=0.01)
+    assert apart[0] > 1e-6
+
+
+def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
+    smooth = svsf(MOTION)
+    start = smooth.init(np.zeros(5), 1.0)
+    told = smooth.step(Belief(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
+    assert not told.innovation.any()
+    assert not told.belief.mean.any()
+    assert np.isfinite(told.belief.covariance).all()
+    # gamma |e(k|k)| / psi is left of the gain: it counts in the covariance.
+    P = MOTION.arrays.A @ start.covariance @ MOTION.arrays.A.T + MOTION.arrays.Q
+    K = np.linalg.pinv(MOTION.arrays.H) @ np.diag(GAMMA / np.array(PSI))
+    M = np.eye(5) - K @ MOTION.arrays.H
+    expected = M @ P @ M.T + K @ MOTION.arrays.R @ K.T
+    assert told.belief.covariance == pytest.approx(expected, rel=1e-12)
+
+
+def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
+    model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], 0.01, 0.1)
+    smooth = svsf(model, 0.5, 0.0)
+    belief = smooth.init([1.0, 2.0], 1.0)
+    predicted = smooth.predict(belief, [1.0])
+    moved = smooth.correct(predicted, [20.0], [1.0]).belief.mean - predicted.mean
+    assert predicted.mean == pytest.approx([1.2, 2.1])
+    assert moved == pytest.approx((20.0 - 12.0) * np.array([3.0, 4.0]) / 25, rel=1e-14)
+    inside = smooth.correct(predicted, [12.1], [1.0]).belief.mean - predicted.mean
+    assert inside == pytest.approx(0.1**2 / 0.5 * np.array([3.0, 4.0]) / 25, rel=1e-11)
+
+
+def test_the_gain_is_continuous_where_the_layer_ends() -> None:
+    smooth = svsf(ONE, 2.0, 0.5)
+    start = Belief(np.zeros(1), np.eye(1), np.ones(1))
+    found = [smooth.correct(start, [z]).belief.mean[0] for z in (2 - 1e-9, 2.0, 2 + 1e-9)]
+    assert found[1] == pytest.approx(2.5, rel=1e-15)
+    assert found == pytest.approx([2.5] * 3, abs=1e-8)
+
+
+# --- Steps, runs, and going on ------------------------------------------------------------------
+
+
+def by_steps(one: LinearFilter, z: Array, belief: Belief, u: Array) -> FilterRun:
+    rows = []
+    for measurement, control in zip(z, u, strict=True):
+        told = one.step(belief, measurement, control)
+        belief = told.belief
+        rows.append((belief.mean, np.diag(belief.covariance), told.innovation, told.log_likelihood))
+    parts = [np.array(part) for part in zip(*rows, strict=True)]
+    return FilterRun(
+        *parts, missing=int(np.isnan(z).any(axis=1).sum()), belief=belief, diverged_at=None
+    )
+
+
+@pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
+def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(made: LinearFilter) -> None:
+    z, u = motion_record(120)
+    z[40, 1] = z[41] = np.nan
+    start = made.init(np.zeros(5), 1.0)
+    run = made.run(z, start, u)
+    assert same_bits(by_steps(made, z, start, u), run)
+    first = made.run(z[:57], start, u[:57])
+    second = made.run(z[57:], first.belief, u[57:])
+    assert (first.missing, second.missing, run.missing) == (2, 0, 2)
+    joined = replace(
+        second,
+        **{
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("estimate", "variance", "innovation", "log_likelihood")
+        },
+    )
+    assert same_bits(joined, run)
+    assert not start.mean.any()
+    assert np.array_equal(start.covariance, np.eye(5)), "a belief is a value"
+
+
+@pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
+def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
+    z, u = motion_record(60)
+    z[20:30] = np.nan
+    z[45, 2] = np.nan  # one of three numbers: none of them is used
+    run = made.run(z, made.init(np.zeros(5), 1.0), u)
+    assert run.missing == 11
+    belief = made.run(z[:20], made.init(np.zeros(5), 1.0), u[:20]).belief
+    last = belief.error
+    for k in range(20, 30):
+        belief = made.predict(belief, u[k])
+        assert np.array_equal(run.estimate[k], belief.mean)
+        assert np.array_equal(run.variance[k], np.diag(belief.covariance))
+    assert np.array_equal(belief.error, last)
+    gaps = np.isnan(z).any(axis=1)
+    assert np.array_equal(np.isnan(run.innovation).all(axis=1), gaps)
+    assert np.array_equal(run.log_likelihood == 0.0, gaps)
+    told = made.correct(belief, [np.nan, 0.0, 0.0], u[0])
+    assert told.belief is belief
+    assert told.log_likelihood == 0.0
+    assert np.isnan(told.innovation_covariance).all()
+
+
+def test_a_correction_tells_what_was_foretold() -> None:
+    kalman = KalmanFilter(MOTION)
+    z, u = motion_record(5)
+    run = kalman.run(z[:4], kalman.init(np.zeros(5), 1.0), u[:4])
+    told = kalman.step(run.belief, z[4], u[4])
+    A, B, H, D, Q, R = MOTION.arrays
+    P = A @ run.belief.covariance @ A.T + Q
+    S = H @ P @ H.T + R
+    e = z[4] - H @ (A @ run.belief.mean + B @ u[4]) - D @ u[4]
+    assert told.innovation == pytest.approx(e, rel=1e-12)
+    assert told.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
+    logged = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
+    assert told.log_likelihood == pytest.approx(logged, rel=1e-13)
+
+
+# --- A user's own gain --------------------------------------------------------------------------
+
+
+@gain_law
+def _given_gain(
+    cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
+) -> None:
+    n, m = gain.shape
+    for a in range(n):
+        for o in range(m):
+            gain[a, o] = parameters[a * m + o]
+
+
+@dataclass(frozen=True, eq=False)
+class FixedGainFilter(LinearFilter):
+    """A Luenberger observer that keeps account of its covariance."""
+
+    gain: Array
+
+    @property
+    def law(self) -> Any:
+        return _given_gain
+
+    @property
+    def law_parameters(self) -> Array:
+        return self.gain.ravel()
+
+
+def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
+    z, u = motion_record(80)
+    A, B, H, D, Q, R = MOTION.arrays
+    K = np.linalg.pinv(H) @ np.diag([0.5, 0.3, 0.1])
+    fixed = FixedGainFilter(MOTION, K)
+    run = fixed.run(z, fixed.init(np.zeros(5), 1.0), u)
+    x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ H
+    means, variances = [], []
+    for measurement, control in zip(z, u, strict=True):
+        x, P = A @ x + B @ control, A @ P @ A.T + Q
+        x = x + K @ (measurement - H @ x - D @ control)
+        P = M @ P @ M.T + K @ R @ K.T
+        means.append(x)
+        variances.append(np.diag(P))
+    assert relative(run.estimate, np.array(means)) < 1e-12
+    assert relative(run.variance, np.array(variances)) < 1e-12
+
+
+def test_kalmans_gain_as_a_fixed_gain_is_the_kalman_filter() -> None:
+    kalman = KalmanFilter(NORMAL)
+    A, _, H, _, Q, R = NORMAL.arrays
+    P = solve_discrete_are(A.T, H.T, Q, R)
+    K = P @ H.T / (H @ P @ H.T + R)
+    posterior = (np.eye(4) - K @ H) @ P
+    fixed = FixedGainFilter(NORMAL, K)
+    u = square_wave(300, 40)
+    z = simulated(NORMAL, u) + 0.01 * ripple(300)
+    start = 0.5 * (posterior + posterior.T)
+    runs = [one.run(z, one.init(np.zeros(4), start), u) for one in (kalman, fixed)]
+    assert relative(runs[0].estimate, runs[1].estimate) < 1e-9
+    assert relative(runs[0].variance, runs[1].variance) < 1e-9
+
+
+# --- Divergence ---------------------------------------------------------------------------------
+
+# State 1 grows tenfold a sample, out of sight of the measurement of state 2.
+UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0)
+
+
+@pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
+def test_a_variance_that_overflows_is_reported_with_its_row(taken: bool) -> None:
+    smooth = svsf(UNSEEN, 1.0)
+    start = smooth.init([1.0, 1.0], 1.0)
+    # The variance after k rows is 100^k: beyond the greatest float, 1.8e308, after 155 of them.
+    run = smooth.run(np.full((400, 1), 0.3 if taken else np.nan), start, on_divergence="return")
+    assert run.diverged_at == 154
+    assert run.estimate.shape == (154, 2)
+    assert run.variance[-1, 0] == pytest.approx(1e308, rel=1e-12)
+    assert np.isfinite(run.variance).all()
+    assert run.missing == (0 if taken else 154)
+    assert run.belief is start
+
+
+def test_a_mean_that_overflows_is_reported_with_its_row() -> None:
+    # Without any doubt about state 1 its covariance stays zero, and the mean is 10^k.
+    smooth = svsf(UNSEEN, 1.0)
+    start = smooth.init([1.0, 1.0], [0.0, 1.0])
+    run = smooth.run(np.full((400, 1), 0.3), start, on_divergence="return")
+    assert run.diverged_at == 308
+    assert run.estimate[-1, 0] == pytest.approx(1e308, rel=1e-12)
+
+
+def test_a_step_that_diverges_says_so() -> None:
+    smooth = svsf(UNSEEN, 1.0)
+    with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
+        smooth.step(smooth.init([1e308, 0.0], 1.0), [0.0])

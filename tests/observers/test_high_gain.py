@@ -1,0 +1,459 @@
+"""Gains against Lyapunov solvers and exact fractions; the standard observer; bad input."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import comb
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.vector_field import vector_field
+from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
+
+Array = NDArray[np.float64]
+
+SIZES = range(1, 8)
+
+
+def shift(size: int) -> Array:
+    return np.eye(size, k=1)
+
+
+def first(size: int) -> Array:
+    return np.eye(size)[:1]
+
+
+# --- The algebraic equation ---------------------------------------------------------------------
+
+
+def solved(rows: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:
+    """Gauss-Jordan elimination in fractions."""
+    n = len(rows)
+    work = [[*row, value] for row, value in zip(rows, right, strict=True)]
+    for k in range(n):
+        pivot = next(i for i in range(k, n) if work[i][k] != 0)
+        work[k], work[pivot] = work[pivot], work[k]
+        work[k] = [entry / work[k][k] for entry in work[k]]
+        for i in range(n):
+            if i != k:
+                factor = work[i][k]
+                work[i] = [a - factor * b for a, b in zip(work[i], work[k], strict=True)]
+    return [row[n] for row in work]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_closed_forms_are_exact(size: int) -> None:
+    for rho in (Fraction(5), Fraction(5, 2), Fraction(7, 3)):
+        # The equation entry by entry: (A^T S + S A)_ij = S_(i-1)j + S_i(j-1). It has one solution,
+        # found here in the order of i + j.
+        S: dict[tuple[int, int], Fraction] = {}
+        for i, j in sorted(np.ndindex(size, size), key=sum):
+            above, left = S.get((i - 1, j), Fraction(0)), S.get((i, j - 1), Fraction(0))
+            S[i, j] = (Fraction(i == j == 0) - above - left) / rho
+            assert S[i, j] == (-1) ** (i + j) * comb(i + j, i) / rho ** (i + j + 1)
+        rows = [[S[i, j] for j in range(size)] for i in range(size)]
+        gain = solved(rows, [Fraction(i == 0) for i in range(size)])
+        assert gain == [comb(size, i) * rho**i for i in range(1, size + 1)]
+        found = lyapunov_matrix(size, float(rho))
+        assert found == pytest.approx(np.array(rows, dtype=float), rel=1e-14, abs=0)
+        assert high_gain(size, float(rho)) == pytest.approx(
+            np.array(gain, dtype=float), rel=1e-14, abs=0
+        )
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("rho", [0.7, 2.5, 5.0])
+def test_the_matrix_against_a_lyapunov_solver(size: int, rho: float) -> None:
+    A, C = shift(size), first(size)
+    half = A + 0.5 * rho * np.eye(size)
+    reference = solve_continuous_lyapunov(half.T, C.T @ C)
+    S = lyapunov_matrix(size, rho)
+    assert pytest.approx(reference, rel=1e-9) == S
+    assert np.array_equal(S, S.T)
+    np.linalg.cholesky(S)
+    assert np.linalg.solve(S, C[0]) == pytest.approx(high_gain(size, rho), rel=1e-6)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("rho", [0.5, 2.5, 5.0])
+def test_all_eigenvalues_are_minus_rho(size: int, rho: float) -> None:
+    closed = shift(size) - np.outer(high_gain(size, rho), first(size))
+    # N equal eigenvalues of one block move by eps^(1/N): look at the polynomial as well, which is
+    # (s + rho)^N, and at its matrix, which vanishes.
+    eigenvalues = np.linalg.eigvals(closed)
+    assert eigenvalues == pytest.approx(-rho, rel=10 * np.finfo(float).eps ** (1 / size))
+    power = np.linalg.matrix_power(closed / rho + np.eye(size), size)
+    scale = rho ** np.arange(size)
+    assert power * scale / scale[:, None] == pytest.approx(0.0, abs=1e-9)
+    assert np.poly(eigenvalues) == pytest.approx(
+        [comb(size, i) * rho**i for i in range(size + 1)], rel=1e-10
+    )
+
+
+def test_gains_of_the_paper() -> None:
+    assert np.array_equal(high_gain(2, 5.0), [10.0, 25.0])
+    assert np.array_equal(high_gain(3, 5.0), [15.0, 75.0, 125.0])
+    assert np.array_equal(high_gain(3, 2.5), [7.5, 18.75, 15.625])
+
+
+# --- The dynamic equation -----------------------------------------------------------------------
+
+
+def integrated(size: int, rho: float, initial: Array, times: Array) -> Array:
+    """S at the times, by a Runge-Kutta method of order 8."""
+    A, C = shift(size), first(size)
+
+    def rate(_: float, flat: Array) -> Array:
+        S = flat.reshape(size, size)
+        return (-rho * S - A.T @ S - S @ A + C.T @ C).ravel()
+
+    span = (0, times[-1])
+    flat = solve_ivp(rate, span, initial.ravel(), "DOP853", times, rtol=1e-13, atol=1e-16).y
+    return np.array(flat.T.reshape(-1, size, size))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_gains_over_time_against_an_integration(size: int) -> None:
+    root = np.random.default_rng(size).normal(size=(size, size))
+    times = np.array([0.0, 0.05, 0.3, 1.0, 2.0, 4.0])
+    for rho, initial in ((2.0, np.eye(size)), (0.8, root + root.T + 4 * size * np.eye(size))):
+        found = high_gain_over_time(size, rho, initial, times)
+        S = integrated(size, rho, initial, times)
+        if size <= 4:
+            expected = [np.linalg.solve(matrix, first(size)[0]) for matrix in S]
+            assert found == pytest.approx(np.array(expected), rel=1e-9)
+        # S becomes ill-conditioned with its size: what must be small is the residual of S k = C^T.
+        residual = np.einsum("tij,tj->ti", S, found) - first(size)
+        terms = np.einsum("tij,tj->ti", np.abs(S), np.abs(found))
+        assert np.all(np.abs(residual) < 1e-12 * terms.max(axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("rho", [0.5, 5.0, 40.0])
+def test_gains_over_time_start_at_the_matrix_and_end_at_the_constant_gain(
+    size: int, rho: float
+) -> None:
+    initial = np.diag(np.arange(2.0, size + 2)) + 0.1
+    start, end = high_gain_over_time(size, rho, initial, [0.0, 200 / rho])
+    assert start == pytest.approx(np.linalg.solve(initial, first(size)[0]), rel=1e-11)
+    assert end == pytest.approx(high_gain(size, rho), rel=1e-8)
+    # From S itself nothing moves.
+    still = high_gain_over_time(size, rho, lyapunov_matrix(size, rho), np.linspace(0, 9 / rho, 7))
+    assert still == pytest.approx(np.tile(high_gain(size, rho), (7, 1)), rel=1e-7)
+
+
+def test_gains_over_time_from_the_identity_of_the_paper() -> None:
+    gains = high_gain_over_time(3, 5.0, 1.0, [0.0, 3.0, 4.0])
+    assert np.array_equal(gains[0], [1.0, 0.0, 0.0])
+    assert gains[1] == pytest.approx([14.942, 74.381, 123.354], abs=1e-3)
+    assert np.abs(gains[2] / high_gain(3, 5.0) - 1).max() < 3e-4
+
+
+def test_gains_at_a_time_do_not_depend_on_the_other_times() -> None:
+    times = np.linspace(0, 5, 101)
+    whole = high_gain_over_time(3, 5.0, 1.0, times)
+    for k in (0, 17, 99):
+        assert np.array_equal(high_gain_over_time(3, 5.0, 1.0, times[k : k + 2]), whole[k : k + 2])
+    assert high_gain_over_time(2, 1.0, 1.0, []).shape == (0, 2)
+
+
+# --- The observer -------------------------------------------------------------------------------
+
+
+def pendulum_drift(x: Any, p: Any, out: Any) -> None:
+    out[0] = 0.0
+    out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1]
+
+
+def chain_drift(x: Any, p: Any, out: Any) -> None:
+    out[0] = -p[0] * x[0]
+    out[1] = np.sin(x[0]) - 0.2 * x[1]
+    out[2] = -x[0] * x[1] * 0.3 - np.tanh(x[2])
+
+
+def lag_drift(x: Any, p: Any, out: Any) -> None:
+    out[0] = -p[0] * x[0]
+
+
+def no_drift(x: Any, p: Any, out: Any) -> None:
+    for i in range(len(x)):
+        out[i] = 0.0
+
+
+def constant_gain(y: Any, p: Any, out: Any) -> None:
+    out[0] = p[len(p) - 1]
+
+
+def output_gain(y: Any, p: Any, out: Any) -> None:
+    out[0] = 1.0 + 0.5 * np.cos(y[0])
+
+
+def model(states: int, drift: Any, gain: Any, *parameters: float) -> TriangularModel:
+    return TriangularModel(states, vector_field(drift), vector_field(gain), np.array(parameters))
+
+
+DRIFTS = {1: lag_drift, 2: pendulum_drift, 3: chain_drift}
+GAINS = {1: constant_gain, 2: constant_gain, 3: output_gain}
+MODELS = {
+    1: model(1, lag_drift, constant_gain, 1.0, 1.0),
+    2: model(2, pendulum_drift, constant_gain, 19.62, 1.5, 20.0),
+    3: model(3, chain_drift, output_gain, 0.7),
+}
+each_size = pytest.mark.parametrize("n", MODELS)
+
+
+def jumping_record(steps: int) -> tuple[Array, Array, Array, Array]:
+    """y, u and their limits from the left, which differ at every second step."""
+    rng = np.random.default_rng(3)
+    output, known, by, also = rng.normal(scale=0.5, size=(4, 2 * steps + 1))
+    jumps = np.arange(2 * steps + 1) % 4 == 0
+    return output, known, output - jumps * by, known - jumps * also
+
+
+@each_size
+def test_stepping_gives_the_bits_of_a_run(n: int) -> None:
+    steps = 30
+    record = jumping_record(steps)
+    observer = HighGainObserver(MODELS[n], 3.0, 0.02)
+    start = observer.init(np.linspace(-1, 1, n))
+    kept = start.estimate.copy()
+    output, known, output_before, input_before = record
+    run = observer.run(output, known, start, output_before, input_before)
+    state, rows = start, []
+    for k in range(steps):
+        y, u, y_before, u_before = (part[2 * k : 2 * k + 3] for part in record)
+        state, estimate = observer.step(state, y, u, y_before, u_before)
+        rows.append(estimate)
+    assert np.array_equal(rows, run.estimate[1:])
+    assert np.array_equal(state.estimate, run.state.estimate)
+    assert state.count == run.state.count == steps
+    assert np.array_equal(start.estimate, kept)
+    # Both limits from the left matter.
+    for left in ((None, input_before), (output_before, None)):
+        other = observer.run(output, known, start, *left)
+        assert not np.array_equal(other.estimate, run.estimate)
+    # Two runs in a row are one.
+    parts = [part[:23] for part in record], [part[22:] for part in record]
+    one = observer.run(parts[0][0], parts[0][1], start, parts[0][2], parts[0][3])
+    two = observer.run(parts[1][0], parts[1][1], one.state, parts[1][2], parts[1][3])
+    assert np.array_equal(np.concatenate([one.estimate, two.estimate[1:]]), run.estimate)
+
+
+def y_of(time: Any, late: bool) -> Any:
+    return np.sin(1.3 * time) + (0.4 * np.cos(time) if late else 0.0)
+
+
+def u_of(time: Any, late: bool) -> Any:
+    return 0.3 * time + (-0.5 if late else 0.2 * np.sin(2 * time))
+
+
+def reference(n: int, rho: float, start: Array, jump: float, end: float) -> Array:
+    """The observer at ``end`` by a Runge-Kutta method of order 8, piece by piece."""
+    gain, out, driven = high_gain(n, rho), np.empty(n), np.empty(1)
+    parameters = MODELS[n].parameters
+    x = start
+    for begin, until, late in ((0.0, jump, False), (jump, end, True)):
+
+        def rate(time: float, x: Array, late: bool = late) -> Array:
+            y = y_of(time, late)
+            DRIFTS[n](x, parameters, out)
+            GAINS[n]([y], parameters, driven)
+            slope = shift(n) @ x + out - gain * (x[0] - y)
+            slope[-1] += driven[0] * u_of(time, late)
+            return slope
+
+        x = solve_ivp(rate, (begin, until), x, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    return np.asarray(x)
+
+
+@each_size
+def test_order_four_also_where_the_record_jumps(n: int) -> None:
+    rho, jump, end = 3.0, 1.0, 2.0
+    start = np.linspace(0.5, -0.5, n)
+    expected = reference(n, rho, start, jump, end)
+    steps, errors, without = [0.05, 0.025, 0.0125, 0.00625], [], []
+    for step in steps:
+        time = np.arange(round(2 * end / step) + 1) * step / 2
+        late, late_before = time > jump - 1e-9, time > jump + 1e-9
+        right = [np.where(late, f(time, True), f(time, False)) for f in (y_of, u_of)]
+        left = [np.where(late_before, f(time, True), f(time, False)) for f in (y_of, u_of)]
+        observer = HighGainObserver(MODELS[n], rho, step)
+        run = observer.run(right[0], right[1], observer.init(start), left[0], left[1])
+        errors.append(np.abs(run.estimate[-1] - expected).max())
+        run = observer.run(right[0], right[1], observer.init(start))
+        without.append(np.abs(run.estimate[-1] - expected).max())
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(4.0, abs=0.15)
+    assert errors[-1] < 1e-7
+    assert np.polyfit(np.log(steps), np.log(without), 1)[0] == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_the_error_of_a_chain_decays_as_its_matrix_says(n: int) -> None:
+    # x_n' = 6 t - 3, the states above are its integrals; the observer knows the true delay.
+    rho, step, end = 2.0, 0.005, 3.0
+    observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, step)
+    time = np.arange(round(2 * end / step) + 1) * step / 2
+    last = np.polynomial.Polynomial([1.0, -3.0, 3.0])
+    truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
+    offset = np.linspace(1.0, 2.0, n)
+    run = observer.run(truth[:, 0], last.deriv()(time), observer.init(truth[0] + offset))
+    closed = shift(n) - np.outer(high_gain(n, rho), first(n))
+    for k in (100, 300, 600):
+        expected = expm(closed * k * step) @ offset
+        assert run.estimate[k] - truth[2 * k] == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_a_wrong_delay_on_a_ramp_leaves_a_known_error(n: int) -> None:
+    # The error obeys e' = (A - S^-1 C^T C) e + (0, .., 0, slope (tau - tau_m)): at rest the i-th
+    # entry is binom(n, i-1) / rho^(n+1-i) times that.
+    rho, step, slope, delay, assumed = 5.0, 0.0025, 0.9, 0.6, 0.8
+    observer = HighGainObserver(model(n, no_drift, constant_gain, 1.0), rho, step)
+    time = np.arange(8001) * step / 2
+    last = np.polynomial.Polynomial([0.0, -slope * delay, slope / 2])
+    truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
+    run = observer.run(truth[:, 0], slope * (time - assumed), observer.init(truth[0]))
+    at_rest = [comb(n, i) / rho ** (n - i) for i in range(n)]
+    expected = slope * (delay - assumed) * np.array(at_rest)
+    assert run.estimate[-1] - truth[-1] == pytest.approx(expected, rel=1e-5)
+
+
+# --- Divergence and bad input -------------------------------------------------------------------
+
+
+def test_a_divergent_run_returns_the_finite_rows_and_their_time() -> None:
+    # The Runge-Kutta method itself is unstable here: rho times the step is 4.
+    observer = HighGainObserver(MODELS[2], 20.0, 0.2)
+    start = observer.init([1.0, 0.0])
+    record = np.zeros(4001)
+    run = observer.run(record, record, start, on_divergence="return")
+    rows = len(run.estimate)
+    assert 2 < rows < 2001
+    assert np.isfinite(run.estimate).all()
+    assert np.abs(run.estimate[-1]).max() > 1e250
+    assert run.diverged_at == pytest.approx((rows - 1) * 0.2)
+    assert run.state is start
+    shorter = observer.run(record[: 2 * rows - 1], record[: 2 * rows - 1], start)
+    assert shorter.diverged_at is None
+    assert np.array_equal(shorter.estimate, run.estimate)
+    with pytest.raises(DivergenceError, match=r"^HighGainObserver diverged: .* t = 1.4 s"):
+        observer.step(State(np.array([1e307, 0.0]), 7), np.zeros(3), np.zeros(3))
+
+
+def test_steps_below_the_limit_stay_stable() -> None:
+    record = np.zeros(2001)
+    sizes = []
+    for product in (2.7, 2.85):
+        observer = HighGainObserver(model(2, no_drift, constant_gain, 1.0), 10.0, product / 10)
+        sizes.append(np.abs(observer.run(record, record, observer.init([1.0, 0.0])).estimate[-1]))
+    assert sizes[0].max() < 1e-6
+    assert sizes[1].max() > 1e3
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"rho": 0.0}, "rho: 0 must be greater than zero"),
+        ({"rho": -5}, "rho: -5 must be greater than zero"),
+        ({"rho": float("inf")}, "rho: inf has an entry that is not finite"),
+        ({"rho": [1.0, 2.0]}, r"rho: .* must be one number, not an array of shape \(2,\)"),
+        ({"rho": 1e200}, "rho: 1e.200 1/s must keep S and the gains inside the float range"),
+        ({"step_size": 0.0}, "step_size: 0 must be greater than zero"),
+    ],
+)
+def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        HighGainObserver(**{"model": MODELS[2], "rho": 5.0, "step_size": 0.01, **changed})
+
+
+LIST = "must be a list of an odd number of samples, 3 or more"
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"output": np.zeros(4)}, rf"output: has shape \(4,\), {LIST}"),
+        ({"output": np.zeros(1)}, rf"output: has shape \(1,\), {LIST}"),
+        ({"output": np.zeros((5, 1))}, rf"output: has shape \(5, 1\), {LIST}"),
+        ({"output": 1.0}, rf"output: has shape \(\), {LIST}"),
+        ({"output": ["a"] * 5}, "output: is no array of numbers"),
+        ({"output": [0, 0, 0, np.nan, 0]}, "output: sample 3 is nan, must be finite"),
+        (
+            {"delayed_input": np.zeros(3)},
+            "delayed_input: has 3 rows, must have 5 like output",
+        ),
+        (
+            {"output_before": np.zeros(7)},
+            "output_before: has 7 rows, must have 5 like output",
+        ),
+        (
+            {"input_before": [0, 0, np.inf, 0, 0]},
+            "input_before: sample 2 is inf, must be finite",
+        ),
+    ],
+)
+def test_wrong_records_are_refused(changed: dict[str, Any], said: str) -> None:
+    observer = HighGainObserver(MODELS[2], 5.0, 0.01)
+    record = {"output": np.zeros(5), "delayed_input": np.zeros(5), **changed}
+    with pytest.raises(InputError, match=f"^{said}$"):
+        observer.run(**record, state=observer.init([0.0, 0.0]))
+
+
+def test_wrong_states_are_refused() -> None:
+    observer = HighGainObserver(MODELS[2], 5.0, 0.01)
+    with pytest.raises(InputError, match=r"^initial_estimate: has shape \(3,\)"):
+        observer.init([0.0, 0.0, 0.0])
+    with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):
+        observer.run(np.zeros(3), np.zeros(3), State(np.zeros(3)))
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: high_gain(0, 1.0), "size: 0 must be a whole number, 1 or more"),
+        (lambda: high_gain(2.0, 1.0), "size: 2.0 must be a whole number, 1 or more"),
+        (lambda: high_gain(2, -1.0), "rho: -1 must be greater than zero"),
+        (lambda: lyapunov_matrix(3, 0.0), "rho: 0 must be greater than zero"),
+        (
+            lambda: lyapunov_matrix(3, 1e-80),
+            "rho: 1e-80 1/s must keep S and the gains inside the float range",
+        ),
+        (lambda: high_gain_over_time(3, 0.0, 1.0, [0.0]), "rho: 0 must be greater than zero"),
+        (
+            lambda: high_gain_over_time(2, 1.0, [[1.0, 0.5], [0.4, 1.0]], [0.0]),
+            "initial: .* must be symmetric",
+        ),
+        (
+            lambda: high_gain_over_time(2, 1.0, [[1.0, 2.0], [2.0, 1.0]], [0.0]),
+            "initial: must be positive definite, its eigenvalues are -1, 3",
+        ),
+        (
+            lambda: high_gain_over_time(2, 1.0, np.eye(3), [0.0]),
+            r"initial: has shape \(3, 3\), must be .* or a 2 x 2 matrix",
+        ),
+        (
+            lambda: high_gain_over_time(2, 1.0, 1.0, [1.0, -0.5]),
+            "times: -0.5 s must not be before the start at 0 s",
+        ),
+        (
+            lambda: high_gain_over_time(2, 1.0, 1.0, [[1.0]]),
+            r"times: has shape \(1, 1\), must be a list of times",
+        ),
+        (
+            lambda: high_gain_over_time(2, 1.0, 1.0, [float("nan")]),
+            r"times: \[nan\] has an entry that is not finite",
+        ),
+    ],
+)
+def test_wrong_parameters_of_the_gains_are_refused(call: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        call()

@@ -1,0 +1,610 @@
+"""The three observers: stepping, limits of stability, accuracy, divergence, and bad input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.models.rigid_body import RigidBody, acceleration, product
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.ilo import IterativeLearningObserver
+from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.rigid_body_observer import (
+    RigidBodyObserver,
+    Run,
+    State,
+    whole_steps,
+)
+from reobserve.plants.satellite import Satellite
+from reobserve.synthesis.ilo_accuracy import (
+    error_transfer,
+    matched_integrator,
+    pi_error_transfer,
+    predicted_rms_error,
+)
+from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
+from reobserve.timeseries.signals import Signal
+
+Array = NDArray[np.float64]
+
+INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
+BODY = RigidBody(INERTIA)
+SKEWED = RigidBody(
+    INERTIA,
+    np.array([[1.0, 0.1, 0.0], [0.0, 0.9, -0.2], [0.05, 0.0, 1.1]]),
+    np.array([[0.9, 0.2, 0.0], [-0.1, 1.1, 0.1], [0.0, 0.15, 0.8]]),
+)
+FULL_K1 = np.array([[0.9, 0.05, 0.0], [-0.04, 0.85, 0.06], [0.02, 0.0, 0.8]])
+TURNING_K1 = np.array([[0.6, -0.5, 0.0], [0.5, 0.6, 0.0], [0.0, 0.0, 0.7]])
+FULL_K2 = np.array([[200.0, 20.0, -10.0], [15.0, 160.0, 12.0], [0.0, -25.0, 220.0]])
+FULL_DAMPING = np.array([[50.0, 8.0, -3.0], [8.0, 40.0, 5.0], [-3.0, 5.0, 60.0]])
+FULL_INTEGRAL = np.array([[900.0, 60.0, 0.0], [60.0, 700.0, -40.0], [0.0, -40.0, 800.0]])
+NOTHING = Signal(3, ())
+
+DELAY = 7  # steps in an interval
+OBSERVERS: dict[str, RigidBodyObserver] = {
+    "continuous": IterativeLearningObserver(
+        SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01
+    ),
+    "sampled": SampledIterativeLearningObserver(
+        SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01
+    ),
+    "adaptive": AdaptiveObserver(SKEWED, 0.01, FULL_DAMPING, FULL_INTEGRAL, 0.1 * FULL_K2),
+}
+each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS)
+
+
+# --- One step at a time -------------------------------------------------------------------------
+
+STEPS = 40
+Record = tuple[Array, Array, Array, Array]
+
+
+def jumping_record() -> Record:
+    """Rate and control with their limits from the left, which differ at every fifth sample."""
+    rng = np.random.default_rng(3)
+    rate, control, by, by_control = rng.normal(scale=0.3, size=(4, 2 * STEPS + 1, 3))
+    jumps = np.arange(2 * STEPS + 1)[:, None] % 5 == 4
+    return rate, rate - jumps * by, control, control - jumps * by_control
+
+
+def run_part(
+    observer: RigidBodyObserver, record: Record, state: State, first: int, last: int
+) -> Run:
+    part = slice(2 * first, 2 * last + 1)
+    rate, rate_before, control, control_before = (samples[part] for samples in record)
+    return observer.run(rate, control, state, rate_before, control_before)
+
+
+def same_state(one: State, other: State) -> bool:
+    return (
+        np.array_equal(one.rate, other.rate)
+        and np.array_equal(one.memory, other.memory)
+        and one.count == other.count
+    )
+
+
+@each_observer
+def test_stepping_gives_the_bits_of_a_run(observer: RigidBodyObserver) -> None:
+    record = jumping_record()
+    start = observer.init([0.1, -0.2, 0.3])
+    run = run_part(observer, record, start, 0, STEPS)
+    state, rates, faults = start, [], []
+    for k in range(STEPS):
+        rate, rate_before, control, control_before = (x[2 * k : 2 * k + 3] for x in record)
+        state, estimate = observer.step(state, rate, control, rate_before, control_before)
+        rates.append(estimate.rate)
+        faults.append(estimate.fault)
+    assert np.array_equal(rates, run.rate[1:])
+    assert np.array_equal(faults, run.fault[1:])
+    assert same_state(state, run.state)
+    assert state.count == STEPS
+    # The jumps matter: without the limits from the left the result is another.
+    smooth = observer.run(record[0], record[2], start)
+    assert not np.array_equal(smooth.rate, run.rate)
+
+
+@each_observer
+@pytest.mark.parametrize("cut", [1, DELAY - 1, DELAY, 2 * DELAY, 2 * DELAY + 3, STEPS - 1])
+def test_two_runs_in_a_row_give_the_bits_of_one(observer: RigidBodyObserver, cut: int) -> None:
+    record = jumping_record()
+    start = observer.init([0.1, -0.2, 0.3])
+    whole = run_part(observer, record, start, 0, STEPS)
+    first = run_part(observer, record, start, 0, cut)
+    second = run_part(observer, record, first.state, cut, STEPS)
+    # The cut belongs to both: its right limit to the second, its left limit to the first.
+    assert np.array_equal(first.rate[-1], second.rate[0])
+    assert np.array_equal(first.fault[-1], second.fault[0])
+    for name, joined in (
+        ("rate", [first.rate[:-1], second.rate]),
+        ("fault", [first.fault[:-1], second.fault]),
+        ("fault_before", [first.fault_before, second.fault_before[1:]]),
+    ):
+        assert np.array_equal(np.concatenate(joined), getattr(whole, name)), name
+    assert same_state(second.state, whole.state)
+
+
+@each_observer
+def test_states_are_values(observer: RigidBodyObserver) -> None:
+    record = jumping_record()
+    state = run_part(observer, record, observer.init([0.1, -0.2, 0.3]), 0, 10).state
+    kept = State(state.rate.copy(), state.memory.copy(), state.count)
+    once = run_part(observer, record, state, 10, 20)
+    assert same_state(state, kept)
+    rate, _, control, _ = (samples[20:23] for samples in record)
+    observer.step(state, rate, control)
+    assert same_state(state, kept)
+    again = run_part(observer, record, state, 10, 20)
+    assert np.array_equal(once.rate, again.rate)
+    assert np.array_equal(once.fault, again.fault)
+
+
+# --- Limit of stability of the sampled observer -------------------------------------------------
+
+EYE = np.eye(3)
+DESIGNS = [
+    # tau, Lambda, K1, direction of K2
+    (0.1, 1.0, 1.0, EYE),
+    (0.01, 1.0, 1.0, EYE),
+    (0.001, 1.0, 1.0, EYE),
+    (0.01, 100.0, 0.9, EYE),
+    (0.1, 1000.0, 0.9, EYE),
+    (0.05, FULL_DAMPING, FULL_K1, FULL_K2),
+    (0.1, 20 * FULL_DAMPING, FULL_K1, FULL_K2),
+    (0.02, FULL_DAMPING, 1.0, FULL_K2),
+    (0.05, FULL_DAMPING, TURNING_K1, FULL_K2),
+    (0.2, 10 * FULL_DAMPING, -0.5, np.diag([1.0, 2.0, 3.0])),
+    (0.03, 5 * FULL_DAMPING, 0.0, EYE),
+    (0.1, [10.0, 200.0, 30.0], FULL_K1.T, FULL_K2.T),
+]
+
+
+@pytest.mark.parametrize(("interval", "damping", "K1", "K2"), DESIGNS)
+def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
+    interval: float, damping: Any, K1: Any, K2: Array
+) -> None:
+    limit = sampled_limit_gain(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval)
+    resting = np.zeros((2 * 10 * 400 + 1, 3))
+    growth = []
+    for factor in (0.97, 1.03):
+        observer = SampledIterativeLearningObserver(
+            SKEWED, interval / 10, K1, factor * limit * K2, damping, interval, allow_unstable=True
+        )
+        # So small an error that the gyroscopic torque stays out of it whatever grows.
+        run = observer.run(resting, resting, observer.init([1e-90, -2e-90, 3e-90]))
+        assert run.diverged_at is None
+        size = np.linalg.norm(run.rate / 1e-90, axis=1)[:-1].reshape(4, -1).max(axis=1)
+        growth.append(size[3] / size[1])
+    # Below the limit slow modes may beat, and the largest values of two quarters differ a little.
+    assert growth[0] < 1.1
+    assert growth[1] > 2.0
+
+
+# --- Accuracy -----------------------------------------------------------------------------------
+
+INTERVALS = [0.003, 0.006, 0.0125, 0.025, 0.05, 0.1, 0.15, 0.2]
+OMEGA = 10.0
+
+
+def errors_under_a_sine(
+    observer: RigidBodyObserver, settle: float, periods: int
+) -> tuple[Array, NDArray[np.complex128]]:
+    """RMS of e, and its component at 10 rad/s, under the fault sin 10 t of thruster 1.
+
+    Body and observer start at rest and agree, so that the only start-up ripple is that of the
+    onset; it has ``settle`` seconds to decay. What is left of it lies near multiples of
+    2 pi / tau and is nearly orthogonal to the fitted sine and to a window of whole periods.
+    """
+    h = observer.step_size
+    steps = round((settle + periods * 2 * np.pi / OMEGA) / h)
+    fault = Signal.parse(
+        "fault", [{"kind": "sine", "axis": 1, "amplitude": 1.0, "frequency": OMEGA}], 3
+    )
+    rate = Satellite(INERTIA).simulate(np.zeros(3), NOTHING, fault, h / 2, 2 * steps)
+    run = observer.run(rate, np.zeros_like(rate), observer.init(np.zeros(3)))
+    first = round(settle / h)
+    time = np.arange(first, steps + 1) * h
+    torque = fault(time)
+    start = (torque - run.fault[first:])[:-1]
+    end = (torque - run.fault_before[first:])[1:]
+    # Simpson's rule is exact for the square of what is straight between start and end.
+    rms = np.sqrt(np.mean((start**2 + start * end + end**2) / 3, axis=0))
+    waves = np.column_stack([np.cos(OMEGA * time), np.sin(OMEGA * time), np.ones_like(time)])
+    cosine, sine, _ = np.linalg.lstsq(waves, torque - run.fault[first:], rcond=None)[0]
+    return rms, sine + 1j * cosine
+
+
+@pytest.mark.parametrize(("K1", "damping"), [(1.0, 100.0), (0.9, 100.0), (0.9, 10.0)])
+@pytest.mark.parametrize("interval", INTERVALS)
+def test_error_of_the_continuous_observer_is_as_predicted(
+    interval: float, K1: float, damping: float
+) -> None:
+    design = (K1, 2000.0, damping, interval)
+    step = interval / max(10, round(interval / 5e-4))
+    observer = IterativeLearningObserver(BODY, step, *design)
+    rms, component = errors_under_a_sine(observer, 10.0, 10)
+    theory = (INERTIA, damping, 1.0, K1, 2000.0, interval)
+    transfer = error_transfer(OMEGA, *theory)[0, :, 0]
+    assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
+    predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], *theory)
+    assert rms[:2] == pytest.approx(predicted[:2], rel=2e-3)
+
+
+@pytest.mark.parametrize("K1", [1.0, 0.9])
+@pytest.mark.parametrize("interval", INTERVALS)
+def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: float) -> None:
+    step = interval / max(10, round(interval / 5e-4))
+    observer = SampledIterativeLearningObserver(BODY, step, K1, 1000.0, 1000.0, interval)
+    rms, _ = errors_under_a_sine(observer, 10.0, 10)
+    predicted = predicted_rms_error(
+        [[1.0, 0.0, 0.0]],
+        [OMEGA],
+        *(INERTIA, 1000.0, 1.0, K1, 1000.0, interval),
+        reading="sampled",
+    )
+    # Held, v also carries the sine's images at the update rate, which beat inside the window.
+    assert rms[:2] == pytest.approx(predicted[:2], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("integral", "proportional", "damping"),
+    [(100.0, 0.0, 100.0), (1e4, 0.0, 1000.0), (1e5, 300.0, 500.0), (2e5, 1000.0, 100.0)],
+)
+def test_error_of_the_adaptive_observer_is_as_predicted(
+    integral: float, proportional: float, damping: float
+) -> None:
+    observer = AdaptiveObserver(BODY, 5e-4, damping, integral, proportional)
+    rms, component = errors_under_a_sine(observer, 15.0, 10)
+    transfer = pi_error_transfer(OMEGA, INERTIA, damping, 1.0, integral, proportional)[0, :, 0]
+    assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
+    assert rms[0] == pytest.approx(abs(transfer[0]) / np.sqrt(2), rel=2e-3)
+
+
+def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
+    # By 1 / (1 - exp(-x)) = 1/x + 1/2 + x/12 + ..., the two laws differ by K2 s tau / 12, applied
+    # to w~, which is s tau / K2 u_f; the loops divide by K2 / (s tau (J s + Lambda)). So the
+    # estimates differ by tau^3 / (12 K2) (J u_f'''' + Lambda u_f''') for a small tau.
+    gain, damping, step, horizon = 2000.0, 100.0, 1e-4, 4.0
+    # 16 sin^5 t starts with four vanishing derivatives: no ripple is stirred up at the onset.
+    waves = ((10.0, 1.0), (-5.0, 3.0), (1.0, 5.0))
+    terms = [{"kind": "sine", "axis": 1, "amplitude": a, "frequency": f} for a, f in waves]
+    steps = round(horizon / step)
+    fault = Signal.parse("fault", terms, 3)
+    rate = Satellite(INERTIA).simulate(np.zeros(3), NOTHING, fault, step / 2, 2 * steps)
+    control = np.zeros_like(rate)
+    time = np.arange(steps + 1) * step
+    third = sum(-a * f**3 * np.cos(f * time) for a, f in waves)
+    fourth = sum(a * f**4 * np.sin(f * time) for a, f in waves)
+    leading = np.outer(fourth, INERTIA[:, 0]) / (12 * gain)
+    leading[:, 0] += damping * third / (12 * gain)
+
+    intervals, sizes = [0.02, 0.01, 0.005], []
+    for interval in intervals:
+        learning = IterativeLearningObserver(BODY, step, 1.0, gain, damping, interval)
+        gains = matched_integrator(gain, interval)
+        matched = AdaptiveObserver(
+            BODY, step, damping, gains.integral_gain, gains.proportional_gain
+        )
+        late = time > 1.0
+        difference = (
+            learning.run(rate, control, learning.init(np.zeros(3))).fault
+            - matched.run(rate, control, matched.init(np.zeros(3))).fault
+        )[late]
+        sizes.append(np.abs(difference).max())
+        known = interval**3 * leading[late]
+    slope = np.polyfit(np.log(intervals), np.log(sizes), 1)[0]
+    assert slope == pytest.approx(3.0, abs=0.1)
+    assert np.abs(difference - known).max() < 0.03 * np.abs(known).max()
+
+
+# --- Divergence ---------------------------------------------------------------------------------
+
+FAST_BODY = RigidBody(np.diag([1.0, 2.0, 3.0]), fault_matrix=1e-3)
+DIVERGING: dict[str, RigidBodyObserver] = {
+    "continuous": IterativeLearningObserver(
+        BODY, 0.0025, 3.0, 200.0, 10.0, 0.01, allow_unstable=True
+    ),
+    "sampled": SampledIterativeLearningObserver(
+        BODY, 0.0025, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True
+    ),
+    "adaptive": AdaptiveObserver(BODY, 0.5, 1000.0, 1000.0, 10.0),  # far too large a step
+    # An estimate about the first axis alone, which the gyroscopic torque leaves linear: v, not
+    # the rate, is the first to overflow.
+    "continuous, fault first": IterativeLearningObserver(
+        FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True
+    ),
+    "sampled, fault first": SampledIterativeLearningObserver(
+        FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True
+    ),
+    "adaptive, fault first": AdaptiveObserver(FAST_BODY, 0.5, 1000.0, 1.0, 1e5),
+}
+
+
+def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run:
+    record = np.zeros((2 * steps + 1, 3))
+    first = [0.1, 0.0, 0.0] if "first" in name else [0.1, 0.2, -0.1]
+    return observer.run(record, record, observer.init(first), on_divergence="return")
+
+
+@pytest.mark.parametrize("name", DIVERGING)
+def test_a_divergent_run_returns_the_finite_rows_and_their_time(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Whatever the loop leaves unwritten is to be seen, and not what the memory held before.
+    monkeypatch.setattr(np, "empty", lambda shape: np.full(shape, np.nan))
+    observer = DIVERGING[name]
+    run = run_at_rest(observer, name, 4000)
+    assert run.diverged_at is not None
+    rows = len(run.rate)
+    assert len(run.fault) == len(run.fault_before) == rows < 4001
+    assert run.diverged_at == pytest.approx((rows - 1) * observer.step_size, rel=1e-12)
+    for values in (run.rate, run.fault, run.fault_before):
+        assert np.isfinite(values).all()
+    assert np.max(np.abs([run.rate[-1], run.fault[-1]])) > 1e10
+    # A record that ends there gives the same rows and no divergence, one step more diverges.
+    shorter = run_at_rest(observer, name, rows - 1)
+    assert shorter.diverged_at is None
+    for field in ("rate", "fault", "fault_before"):
+        assert np.array_equal(getattr(shorter, field), getattr(run, field)), field
+    assert run_at_rest(observer, name, rows).diverged_at == run.diverged_at
+
+
+def test_divergence_comes_when_the_linear_law_overflows() -> None:
+    # The law on one axis by hand, scaled after every interval so that it cannot overflow itself.
+    inertia, damping, fault, K1, K2, interval = 1.0, 10.0, 1e-3, 3.0, 1000.0, 0.01
+    decay = np.exp(-damping * interval / inertia)
+    error, v, logarithm, updates = -0.1, 0.0, 0.0, 0
+    while logarithm + np.log(max(abs(v), abs(error))) < np.log(np.finfo(float).max):
+        v = K1 * v + K2 * error
+        error = decay * error - (1 - decay) / damping * fault * v
+        scale = max(abs(v), abs(error))
+        error, v, logarithm, updates = (
+            error / scale,
+            v / scale,
+            logarithm + np.log(scale),
+            updates + 1,
+        )
+    # v overflows at the last update above: the row one step earlier is the last finite one.
+    name = "sampled, fault first"
+    run = run_at_rest(DIVERGING[name], name, 4000)
+    assert run.diverged_at == pytest.approx((updates - 1) * interval - 0.0025)
+
+
+@each_observer
+def test_a_step_that_diverges_says_when(observer: RigidBodyObserver) -> None:
+    rate = np.full((3, 3), 1e200)
+    state = State(np.zeros(3), observer.init(np.zeros(3)).memory, 11)
+    said = rf"^{type(observer).__name__} diverged: .* up to t = {11 * observer.step_size:g} s"
+    with pytest.raises(DivergenceError, match=said):
+        observer.step(state, rate, np.full((3, 3), 1e308))
+
+
+# --- Rigid-body arithmetic ----------------------------------------------------------------------
+
+
+def test_acceleration_by_hand() -> None:
+    # w x J w = (1, 1, 1) x (1, 2, 3) = (1, -2, 1); its sign decides that of every component.
+    inertia = np.diag([1.0, 2.0, 3.0])
+    found = acceleration(inertia, np.linalg.inv(inertia), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+    assert found == pytest.approx((-1.0, 1.0, -1.0 / 3.0), abs=1e-15)
+
+
+def test_kernels_against_cross_products() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        root = rng.normal(size=(3, 3))
+        inertia = root @ root.T + np.eye(3)
+        rate, torque = rng.normal(size=(2, 3))
+        assert product(root, *rate) == pytest.approx(root @ rate, rel=1e-12, abs=1e-12)
+        expected = np.linalg.solve(inertia, torque - np.cross(rate, inertia @ rate))
+        found = acceleration(inertia, np.linalg.inv(inertia), tuple(rate), tuple(torque))
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+# --- Bad input ----------------------------------------------------------------------------------
+
+Build = Callable[[], object]
+RECORD = np.zeros((5, 3))
+
+
+def continuous(**changed: Any) -> RigidBodyObserver:
+    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "interval": 0.01, **changed}
+    step = settings.pop("step_size", 0.0025)
+    return IterativeLearningObserver(BODY, step, **settings)
+
+
+def sampled(**changed: Any) -> RigidBodyObserver:
+    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "interval": 0.01, **changed}
+    step = settings.pop("step_size", 0.0025)
+    return SampledIterativeLearningObserver(BODY, step, **settings)
+
+
+def adaptive(**changed: Any) -> RigidBodyObserver:
+    settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
+    step = settings.pop("step_size", 0.0025)
+    return AdaptiveObserver(BODY, step, **settings)
+
+
+def with_nan(row: int, axis: int) -> Array:
+    samples = RECORD.copy()
+    samples[row, axis] = np.nan
+    return samples
+
+
+def run_with(observer: RigidBodyObserver, **changed: Any) -> Run:
+    samples = {"rate": RECORD, "control": RECORD, **changed}
+    return observer.run(state=observer.init(np.zeros(3)), **samples)
+
+
+def plant(step: float = 0.1, steps: int = 10, rate: Any = (0.0, 0.0, 0.0)) -> Array:
+    return Satellite(INERTIA).simulate(rate, NOTHING, NOTHING, step, steps)
+
+
+SHAPE = r"has shape \({}\), must be one number \(times the identity\), 3 numbers .* 3 x 3"
+BAD_BODIES: list[tuple[Any, str]] = [
+    (
+        np.diag([1.0, 2.0, -3.0]),
+        r"^inertia: must be positive definite, .* eigenvalues are -3, 1, 2$",
+    ),
+    (np.diag([1.0, 2.0, 0.0]), r"^inertia: must be positive definite, .* eigenvalues are 0, 1, 2$"),
+    ([[2, 1, 0], [0, 2, 0], [0, 0, 2]], r"^inertia: \[\[2.0, 1.0, 0.0\].* must be symmetric$"),
+    (np.eye(2), "^inertia: " + SHAPE.format("2, 2")),
+    ([1.0, 2.0], "^inertia: " + SHAPE.format("2,")),
+    ([[1, 2, 3], [4, 5]], r"^inertia: .* is not a number or an array of numbers$"),
+    ("heavy", r"^inertia: 'heavy' is not a number"),
+    ([1.0, np.inf, 1.0], r"^inertia: \[1.0, inf, 1.0\] has an entry that is not finite$"),
+]
+
+
+@pytest.mark.parametrize(("inertia", "sentence"), BAD_BODIES)
+@pytest.mark.parametrize("kind", [RigidBody, Satellite])
+def test_bad_inertia(kind: type[RigidBody], inertia: Any, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        kind(inertia)
+
+
+BAD_INPUT: list[tuple[Build, str]] = [
+    # The body and the plant
+    (lambda: RigidBody(INERTIA, np.ones((3, 2))), "^input_matrix: " + SHAPE.format("3, 2")),
+    (lambda: RigidBody(INERTIA, 1.0, np.ones(4)), "^fault_matrix: " + SHAPE.format("4,")),
+    (lambda: plant(step=0.0), r"^step: 0 must be greater than zero$"),
+    (lambda: plant(step=-0.1), r"^step: -0.1 must be greater than zero$"),
+    (lambda: plant(steps=0), r"^steps: 0 must be a whole number, 1 or more$"),
+    (lambda: plant(rate=[1, 2]), r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"),
+    (lambda: plant(rate=[1, 2, np.nan]), r"^initial_rate: .*nan.* not finite$"),
+    # Steps and intervals
+    (lambda: whole_steps(0.1, 0.03), r"^interval: 0.1 s must be a whole multiple .* 0.03 s$"),
+    (lambda: whole_steps(0.1, 0.3), r"^interval: 0.1 s must be a whole multiple .* 0.3 s$"),
+    # Gains
+    *[
+        case
+        for build in (continuous, sampled)
+        for case in (
+            (lambda b=build: b(interval=0.0), r"^interval: 0 must be greater than zero$"),
+            (lambda b=build: b(interval=-0.01), r"^interval: -0.01 must be greater than zero$"),
+            (lambda b=build: b(interval=0.011), r"^interval: 0.011 s .* multiple .* 0.0025 s$"),
+            (lambda b=build: b(interval=[0.01]), r"^interval: \[0.01\] must be one number"),
+            (lambda b=build: b(step_size=0), r"^step_size: 0 must be greater than zero$"),
+            (lambda b=build: b(K1=np.eye(2)), "^K1: " + SHAPE.format("2, 2")),
+            (lambda b=build: b(K2=[1.0, 2.0]), "^K2: " + SHAPE.format("2,")),
+            (lambda b=build: b(K2=np.nan), r"^K2: nan has an entry that is not finite$"),
+            (lambda b=build: b(damping=-1.0), r"^damping: .* positive definite, .* -1, -1, -1$"),
+            (
+                lambda b=build: b(damping=[[9, 1, 0], [0, 9, 0], [0, 0, 9]]),
+                r"^damping: .* must be symmetric$",
+            ),
+        )
+    ],
+    (lambda: adaptive(step_size=-1.0), r"^step_size: -1 must be greater than zero$"),
+    (lambda: adaptive(damping=0.0), r"^damping: must be positive definite, .* 0, 0, 0$"),
+    (lambda: adaptive(integral_gain=[1, 1, -2]), r"^integral_gain: .* eigenvalues are -2, 1, 1$"),
+    (lambda: adaptive(proportional_gain=[1, 2]), "^proportional_gain: " + SHAPE.format("2,")),
+    # ln(1.05) / 0.01 s = 4.879 1/s
+    (
+        lambda: continuous(K1=1.05),
+        r"^K1, K2: must give stable error dynamics, .* spectral radius 1.05 > 1, .*exp\(4.879 t\)$",
+    ),
+    # At K1 = 0.9 and Lambda = 100 the limit is 1.9 * 100 / tanh(100 * 0.01 / (2 * 16.882322)),
+    # with the smallest moment of inertia 26.5 - sqrt(9.5^2 + 1.5^2): 6417.15, a tenth of this K2.
+    (
+        lambda: sampled(K2=64171.526),
+        r"^K1, K2: must give stable error dynamics, .* radius .*; the limit is 0.1 times this K2$",
+    ),
+    (lambda: sampled(K1=1.05), r"^K1, K2: .*; the limit is 0 times this K2$"),
+]
+
+
+@pytest.mark.parametrize(("build", "sentence"), BAD_INPUT)
+def test_bad_input_is_refused_in_a_sentence(build: Build, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        build()
+
+
+ROWS = r"must have an odd number of rows, 3 or more, of 3 numbers$"
+BAD_RECORDS: list[tuple[dict[str, Any], str]] = [
+    ({"rate": RECORD[0]}, r"^rate: has shape \(3,\), " + ROWS),
+    ({"rate": RECORD[:4]}, r"^rate: has shape \(4, 3\), " + ROWS),
+    ({"rate": RECORD[:1]}, r"^rate: has shape \(1, 3\), " + ROWS),
+    ({"rate": RECORD[:, :2]}, r"^rate: has shape \(5, 2\), " + ROWS),
+    ({"control": RECORD[:3]}, r"^control: has 3 rows, must have 5 like the measured rate$"),
+    ({"rate_before": RECORD[:3]}, r"^rate_before: has 3 rows, must have 5 like"),
+    ({"control_before": np.zeros((7, 3))}, r"^control_before: has 7 rows, must have 5 like"),
+    ({"rate": with_nan(3, 1)}, r"^rate: sample 3 is \[0.0, nan, 0.0\], must be finite$"),
+    ({"control": with_nan(4, 0)}, r"^control: sample 4 is \[nan, 0.0, 0.0\], must be finite$"),
+    ({"rate_before": with_nan(0, 2)}, r"^rate_before: sample 0 is \[0.0, 0.0, nan\]"),
+    ({"control_before": with_nan(2, 2)}, r"^control_before: sample 2 is \[0.0, 0.0, nan\]"),
+]
+
+
+@each_observer
+@pytest.mark.parametrize(("changed", "sentence"), BAD_RECORDS)
+def test_bad_records_are_refused(
+    observer: RigidBodyObserver, changed: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(InputError, match=sentence):
+        run_with(observer, **changed)
+
+
+@each_observer
+def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
+    with pytest.raises(
+        InputError, match=r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"
+    ):
+        observer.init([1.0, 2.0])
+    with pytest.raises(InputError, match=r"^initial_rate: \[0.0, 0.0, inf\] has an entry"):
+        observer.init([0.0, 0.0, np.inf])
+
+
+def test_an_estimate_that_starts_right_stays_right() -> None:
+    """The true rate and a constant fault known from the start: K1 = I and integrators keep them."""
+    body, step, torque = RigidBody(INERTIA), 1e-3, [0.3, -0.2, 0.1]
+    terms = [{"kind": "constant", "axis": i + 1, "size": f} for i, f in enumerate(torque)]
+    none = Signal.parse("control", [], 3)
+    rate = Satellite(INERTIA).simulate(
+        [0.1, 0.2, -0.1], none, Signal.parse("fault", terms, 3), step / 2, 2000
+    )
+    for observer in (
+        IterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
+        SampledIterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
+        AdaptiveObserver(body, step, 50.0, 100.0, 20.0),
+    ):
+        run = observer.run(rate, np.zeros_like(rate), observer.init(rate[0], torque))
+        assert np.max(np.abs(run.fault - torque)) < 1e-9
+        assert np.max(np.abs(run.fault_before - torque)) < 1e-9
+
+
+@each_observer
+@pytest.mark.parametrize("samples", ["fast", [[0, 0, 0], [0, 0], [0, 0, 0]]])
+def test_a_record_that_is_no_table_is_refused(observer: RigidBodyObserver, samples: Any) -> None:
+    with pytest.raises(InputError, match=r"^rate: "):
+        run_with(observer, rate=samples, control=np.zeros((3, 3)))
+
+
+def test_unstable_gains_are_accepted_on_demand() -> None:
+    assert continuous(K1=1.05, allow_unstable=True)
+    assert sampled(K2=64171.526, allow_unstable=True)
+
+
+def test_the_refused_sampled_gain_is_just_above_the_limit_and_the_accepted_one_below() -> None:
+    limit = 1.9 * 100 / np.tanh(100 * 0.01 / (2 * (26.5 - np.sqrt(9.5**2 + 1.5**2))))
+    assert sampled(K2=(1 - 1e-9) * limit)
+    with pytest.raises(InputError, match="the limit is 1 times this K2"):
+        sampled(K2=(1 + 1e-9) * limit)
+
+
+def test_a_divergent_plant_says_until_when_it_was_finite() -> None:
+    # A step far too large for this spin: every step raises the rate until it overflows.
+    plant_ = Satellite(np.diag([1.0, 2.0, 3.0]))
+    with pytest.raises(
+        DivergenceError, match=r"^satellite diverged: .* finite up to t = "
+    ) as found:
+        plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, 100)
+    last = round(found.value.time)
+    assert np.isfinite(plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, last)).all()
+    with pytest.raises(DivergenceError):
+        plant_.simulate([10.0, 11.0, 12.0], NOTHING, NOTHING, 1.0, last + 1)

@@ -1,0 +1,169 @@
+"""What the paper proves about delay and input: observability, the remainder, and its errata."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+from numpy.typing import NDArray
+
+from reobserve.timeseries.signals import Signal
+from tests.plants.test_delayed_plants import PROFILE, RAMP, SINE
+
+Array = NDArray[np.float64]
+
+FREQUENCY, LARGEST_DELAY = 0.2, 1.5
+
+
+# --- The remainder (6) and its bound (7) --------------------------------------------------------
+
+
+def remainder(control: Signal, order: int, time: Array, delay: float) -> Array:
+    """gamma_m(t, -tau) = u(t - tau) - sum over i = 0..m of (-tau)^i / i! u^(i)(t)."""
+    value = control(time - delay)[:, 0]
+    factor = 1.0
+    for i in range(order + 1):
+        value = value - factor * control(time)[:, 0]
+        control = control.derivative("control")
+        factor *= -delay / (i + 1)
+    return value
+
+
+def bound(order: int, delay: float, largest: float) -> float:
+    """The right-hand side of (7): tau^(m+1) / (m+1)! U_(m+1)."""
+    return delay ** (order + 1) / float(sympy.factorial(order + 1)) * largest
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_remainder_keeps_its_bound(order: int) -> None:
+    time = np.linspace(0, 120, 6001)
+    for delay in np.linspace(0.05, LARGEST_DELAY, 30):
+        gamma = np.abs(remainder(SINE, order, time, delay))
+        # Differences of numbers of size one carry some 1e-16, whatever the bound is.
+        assert np.max(gamma) <= bound(order, delay, FREQUENCY ** (order + 1)) + 1e-15
+
+
+@pytest.mark.parametrize(("order", "printed"), [(1, 0.045), (2, 0.0045), (3, 0.0003375)])
+def test_the_bound_for_the_largest_delay_is_nearly_reached(order: int, printed: float) -> None:
+    """The remainder of a sine is one too, of amplitude |exp(-i w tau) - its Taylor polynomial|."""
+    limit = bound(order, LARGEST_DELAY, FREQUENCY ** (order + 1))
+    assert limit == pytest.approx(printed)
+    turn = -1j * FREQUENCY * LARGEST_DELAY
+    polynomial = sum(turn**i / float(sympy.factorial(i)) for i in range(order + 1))
+    amplitude = abs(np.exp(turn) - polynomial)
+    time = np.linspace(0, 10 * np.pi, 20001)
+    largest = np.max(np.abs(remainder(SINE, order, time, LARGEST_DELAY)))
+    assert largest == pytest.approx(amplitude, rel=1e-6)
+    assert 0.995 < largest / limit < 1
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_bound_is_reached_as_the_delay_goes_to_zero(order: int) -> None:
+    """At the instants at which |u^(m+1)| is largest, with 50 digits against cancellation."""
+    with mpmath.workdps(50):
+        w = mpmath.mpf(FREQUENCY)
+        instant = (mpmath.pi / 2 if order % 2 else mpmath.pi) / w
+        gaps = []
+        for delay in (mpmath.mpf(1), mpmath.mpf("0.1"), mpmath.mpf("0.01")):
+            taylor = sum(
+                (-delay) ** i / mpmath.factorial(i) * mpmath.diff(mpmath.sin, w * instant, i) * w**i
+                for i in range(order + 1)
+            )
+            gamma = abs(mpmath.sin(w * (instant - delay)) - taylor)
+            gaps.append(1 - gamma * mpmath.factorial(order + 1) / (w * delay) ** (order + 1))
+        assert all(gap > 0 for gap in gaps)
+        # An even derivative meets its peak in the middle of a parabola: the gap falls as tau^2.
+        assert gaps[2] < 1e-6
+        assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.01)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_power_reaches_the_bound_exactly(order: int) -> None:
+    """Of u = t^(m+1) the remainder is (-tau)^(m+1), and U_(m+1) = (m+1)!."""
+    t, tau = sympy.symbols("t tau", positive=True)
+    u = t ** (order + 1)
+    taylor = sum((-tau) ** i / sympy.factorial(i) * u.diff(t, i) for i in range(order + 1))
+    gamma = sympy.expand(u.subs(t, t - tau) - taylor)
+    largest = u.diff(t, order + 1)
+    assert gamma == (-tau) ** (order + 1)
+    assert tau ** (order + 1) / sympy.factorial(order + 1) * largest == tau ** (order + 1)
+
+
+def test_a_ramp_has_no_remainder() -> None:
+    time = np.linspace(0, 120, 1201)
+    for order in (1, 2, 3):
+        assert np.max(np.abs(remainder(RAMP, order, time, LARGEST_DELAY))) < 1e-15
+
+
+# --- Observability (Theorem 1) ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_determinant_of_the_observability_jacobian(n: int) -> None:
+    """It is -G(y) u'(t - tau) for every f of lower-triangular form, and any motion of the delay.
+
+    Time enters through u alone: y to y^(n-1) do not know the input, so that u is derived by the
+    delay and never by time, and the unknown rate of the delay does not appear.
+    """
+    t, tau = sympy.symbols("t tau")
+    x = sympy.symbols(f"x1:{n + 1}")
+    u, G = sympy.Function("u"), sympy.Function("G")
+    f = [sympy.Function(f"f{i + 1}")(*x[: i + 1]) for i in range(n)]
+    rates = [(x[i + 1] if i + 1 < n else G(x[0]) * u(t - tau)) + f[i] for i in range(n)]
+    outputs = [x[0]]
+    for _ in range(n):
+        assert not outputs[-1].has(u)
+        outputs.append(sum(outputs[-1].diff(x[i]) * rates[i] for i in range(n)))
+    jacobian = sympy.Matrix(outputs).jacobian([*x, tau])
+    for j in range(1, n):  # y^(j) = x_(j+1) + a function of x1 to xj, j = 1 included
+        assert sympy.simplify(jacobian[j, j]) == 1
+    for row in range(n + 1):
+        for column in range(row + 1, n + 1):
+            assert sympy.simplify(jacobian[row, column]) == 0
+    s = sympy.Symbol("s")
+    slope = sympy.Subs(u(s).diff(s), s, t - tau)
+    assert sympy.simplify((jacobian.det() + G(x[0]) * slope).doit()) == 0
+    # A closed form says the same without formal derivatives.
+    assert jacobian.det().subs(u, sympy.Lambda(s, sympy.sin(s / 5))).doit().equals(
+        -G(x[0]) * sympy.cos((t - tau) / 5) / 5
+    )  # fmt: skip
+
+
+# --- Errata -------------------------------------------------------------------------------------
+
+
+def test_the_singular_instants_of_the_sine() -> None:
+    """The condition u' = 0 reads 0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
+    slope = SINE.derivative("control")
+    singular = np.pi / 2 / 0.2 + np.pi / 0.2 * np.arange(8)
+    assert singular[:2] == pytest.approx([7.854, 23.562], abs=1e-3)
+    assert singular[-1] < 120 < singular[-1] + np.pi / 0.2
+    assert np.max(np.abs(slope(singular))) < 1e-15
+    # They are all: u' has one sign in between and changes it at each.
+    between = np.concatenate([[0.0], (singular[:-1] + singular[1:]) / 2, [120.0]])
+    assert np.all(np.diff(np.sign(slope(between)[:, 0])) != 0)
+    printed = np.pi / 2 / 0.15 + 2 * np.pi / 0.15 * np.arange(3)
+    assert printed == pytest.approx([10.472, 52.360, 94.248], abs=1e-3)
+    assert slope(printed)[:, 0] == pytest.approx([-0.1, -0.1, 0.2], abs=1e-15)
+    # Nor is one frequency or one period of the two right by itself.
+    assert abs(slope(np.array([np.pi / 2 / 0.15]))[0, 0]) > 0.09
+    other_half = np.array([3 * np.pi / 2 / 0.2])
+    assert slope(other_half)[0, 0] == pytest.approx(0, abs=1e-15)
+
+
+def test_the_delay_is_not_continuous_as_assumption_3_wants() -> None:
+    at = np.array([20.0, 40.0, 60.0])
+    left, right = PROFILE(at, before=True)[:, 0], PROFILE(at)[:, 0]
+    assert left.tolist() == [0.6, 1.2, 0.3]
+    assert right == pytest.approx([1.2, 0.3, 0.5585], abs=5e-5)
+    assert PROFILE.jumps == (20.0, 40.0, 60.0)
+
+
+def test_the_delay_of_the_last_minute_keeps_the_assumption() -> None:
+    time = np.linspace(60, 120, 60001)
+    delay, rate = PROFILE(time)[:, 0], PROFILE.derivative("delay")(time)[:, 0]
+    assert np.min(delay) == pytest.approx(0.35, abs=1e-6)
+    assert np.max(delay) == pytest.approx(1.25, abs=1e-6)
+    assert np.max(np.abs(rate)) == pytest.approx(0.09, abs=1e-6)
+    assert np.max(PROFILE(np.linspace(0, 120, 12001))) <= LARGEST_DELAY

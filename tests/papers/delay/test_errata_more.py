@@ -1,0 +1,188 @@
+"""What the paper prints of its model, its proof and its settings, and what fails as it stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.papers.delay.theory_gains import lag_per_rate
+from reobserve.synthesis.high_gain import lyapunov_matrix
+from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
+from tests.papers.delay.test_delay_theory import bound, remainder
+from tests.papers.delay.test_errata import delay_error, seconds
+from tests.plants.test_delayed_plants import RAMP, SINE
+
+Array = NDArray[np.float64]
+
+
+def scaling(size: int, xi: float) -> Array:
+    """lambda(xi)."""
+    return np.diag([*np.ones(size - 1), xi])
+
+
+def shrinking(size: int, rho: float) -> Array:
+    """Delta_rho of (22)."""
+    return np.diag(rho ** -np.arange(size, dtype=np.float64))
+
+
+def extended(size: int, xi: float) -> Array:
+    """Lambda_ext(xi)."""
+    matrix = np.eye(size, k=1)
+    matrix[-2, -1] = xi
+    return matrix
+
+
+# --- The model and the expansion ----------------------------------------------------------------
+
+
+def test_the_output_row_is_printed_as_a_column() -> None:
+    x, column = np.array([0.3, -1.0]), np.array([[1.0], [0.0]])
+    with pytest.raises(ValueError, match="mismatch"):
+        column @ x
+    assert (column.T @ x).tolist() == [0.3]
+    # C^T C of (9) would be a number, and the Lyapunov equation none of matrices.
+    assert (column.T @ column).shape == (1, 1)
+    S, shift = lyapunov_matrix(2, 2.5), np.eye(2, k=1)
+    residual = 2.5 * S + shift.T @ S + S @ shift - column @ column.T
+    assert np.max(np.abs(residual)) < 1e-15
+
+
+def test_without_the_first_derivative_of_the_output_the_rank_is_not_full() -> None:
+    """For n = 2 the printed list j = 2..n-1 is empty: y and y'' are left, for three unknowns."""
+    xi = GAIN * 0.2
+    rows = {"y": [1, 0, 0], "y'": [0, 1, 0], "y''": [-G_OVER_L, -A, xi]}
+    printed = np.array([rows["y"], rows["y''"]])
+    assert np.linalg.matrix_rank(printed) == 2
+    assert np.linalg.matrix_rank(np.array(list(rows.values()))) == 3
+
+
+def test_before_t_0_the_expansion_asks_for_an_input_that_is_not_defined() -> None:
+    """u is given from -tau_max on, so u(t - tau) is from t = 0 on and not from -tau_max."""
+    early, later = np.array([-1.0]), np.array([0.0])
+    for order in (1, 2):
+        assert abs(remainder(RAMP, order, later, 1.5)[0]) < 1e-15
+        assert abs(remainder(RAMP, order, early, 1.5)[0]) > 0.01 > bound(order, 1.5, 0.0)
+
+
+def test_the_remainder_is_no_function_of_the_delayed_time_alone() -> None:
+    """(32) prints gamma'_m(t - tau); here t - tau is 4 s in both."""
+    one, other = (remainder(SINE, 2, np.array([4.0 + tau]), tau)[0] for tau in (0.5, 1.5))
+    assert abs(other) > 10 * abs(one) > 0
+
+
+# --- The proof of Theorem 2 ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_the_change_of_coordinates_wants_the_other_decomposition(size: int) -> None:
+    """(17) pairs Lambda_ext with e; lambda(xi^) makes A of Lambda_ext(xi^) only, as in (23)."""
+    estimated, true = 4.0, 2.5
+    into, back = scaling(size, estimated), scaling(size, 1 / estimated)
+    shift = np.eye(size, k=1)
+    assert np.array_equal(into @ extended(size, estimated) @ back, shift)
+    gap = into @ extended(size, true) @ back - shift
+    assert np.max(np.abs(gap)) == pytest.approx(abs(true / estimated - 1))
+    # Both decompositions are right by themselves.
+    rng = np.random.default_rng(5)
+    estimate, state = rng.normal(size=(2, size))
+    whole = extended(size, estimated) @ estimate - extended(size, true) @ state
+    change, error = extended(size, estimated) - extended(size, true), estimate - state
+    assert change @ estimate + extended(size, true) @ error == pytest.approx(whole)
+    assert change @ state + extended(size, estimated) @ error == pytest.approx(whole)
+
+
+def test_vector_functions_have_no_single_point_of_the_mean_value_theorem() -> None:
+    """f = (sin x1, cos x1) is Lipschitz and lower-triangular; (20) asks for one kappa."""
+    start, end = 0.0, 2 * np.pi
+    change = np.array([np.sin(end) - np.sin(start), np.cos(end) - np.cos(start)])
+    assert np.max(np.abs(change)) < 1e-15
+    kappa = np.linspace(start, end, 1001)
+    slopes = np.stack([np.cos(kappa), -np.sin(kappa)])
+    assert np.min(np.linalg.norm(slopes, axis=0)) == pytest.approx(1.0)
+    # The mean of the Jacobian over the segment is what holds.
+    assert np.max(np.abs(slopes[:, :-1].mean(axis=1) * (end - start) - change)) < 1e-12
+
+
+def test_the_bound_of_the_expansion_has_a_factor_rho_too_little_for_one_state() -> None:
+    """(26) prints c0 / rho for all n; row n is scaled by rho^(1-n), so for (39) it is c0."""
+    rho, c0 = 5.0, 0.7
+    for n in (1, 2, 3):
+        product = np.zeros(n + 1)
+        product[n - 1] = c0
+        size = np.linalg.norm(scaling(n + 1, 0.2) @ shrinking(n + 1, rho) @ product)
+        assert size == pytest.approx(c0 / rho ** (n - 1))
+        assert (size <= c0 / rho * (1 + 1e-12)) == (n > 1)
+
+
+def test_the_scaling_is_below_one_for_large_gains_only() -> None:
+    """||lambda Delta|| <= 1 asks for rho^n >= |xi|, not for rho >= 1; xi of Fig. 2 is up to 4."""
+    xi = GAIN * 0.2
+    assert xi == pytest.approx(4)
+    size = {rho: np.linalg.norm(scaling(3, xi) @ shrinking(3, rho), 2) for rho in (1, 1.5, 2, 2.5)}
+    assert size[1] == pytest.approx(4)
+    assert size[1.5] == pytest.approx(4 / 2.25)
+    assert size[2] == size[2.5] == pytest.approx(1)
+
+
+def test_the_constant_of_the_jacobian_is_not_the_one_of_the_expansion() -> None:
+    """Before (25) it is called c0, as in (19), where for m = 1 zero will do."""
+    rng = np.random.default_rng(6)
+    (true, estimate), rate = rng.uniform(0, 1.5, (2, 100)), 0.2
+    # (18) for m = 1: the powers of the delays are of order zero and cancel.
+    assert np.max(np.abs(estimate * GAIN * rate * (estimate**0 - true**0))) == 0
+    jacobian = np.zeros((3, 3))
+    jacobian[1, :2] = -G_OVER_L, -A
+    for rho in (1.0, 5.0):
+        scaled = shrinking(3, rho) @ jacobian @ np.linalg.inv(shrinking(3, rho))
+        assert np.linalg.norm(scaled, 2) == pytest.approx(np.hypot(G_OVER_L / rho, A))
+
+
+def test_the_radius_of_the_proof_does_not_fall_with_rho() -> None:
+    """r of (31), back from the scaled error by rho^n / alpha: in proportion to rho for n = 2.
+
+    With the constants of the ramp: xi = 0.18 = alpha, nu = 0, c0 = 0 for m = 1, Gamma = 0.09.
+    """
+    spread = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0))
+    radii = []
+    for rho in (1e4, 2e4, 4e4):
+        c3 = (rho * spread[0] - 2 * np.hypot(G_OVER_L, A) * spread[-1]) / spread[-1]
+        c4 = 2 * spread[-1] * 0.09 / np.sqrt(spread[0])
+        radii.append(rho**2 / (GAIN * 0.009) * c4 / c3 / np.sqrt(spread[0]))
+    assert np.divide(radii[1:], radii[:-1]) == pytest.approx(2, rel=0.3)
+
+
+def test_a_delay_that_jumps_breaks_the_bound_of_theorem_2() -> None:
+    """The list of Theorem 2 leaves out Assumption 3, without which eta has no bound.
+
+    All that is listed holds on the ramp, and the error does not return to the ball that it has
+    reached: it leaves it by the jump of the delay.
+    """
+    error = np.abs(delay_error("ramp", 5.0, 2, 0.0, 106.0))
+    settled = np.max(seconds(error, 15, 20))
+    assert settled < 1e-7
+    assert np.max(seconds(error, 20, 21)) == pytest.approx(0.6, abs=0.01)
+    assert np.max(seconds(error, 80, 105)) < 0.08  # where the delay keeps the assumption
+
+
+# --- Settings that contradict each other ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("rho", [2.5, 5.0])
+def test_the_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: float) -> None:
+    """(34) is algebraic and has one solution; S(0) = I asks for a differential equation."""
+    shift, first = np.eye(3, k=1), np.diag([1.0, 0.0, 0.0])
+
+    def residual(S: Array) -> float:
+        return float(np.max(np.abs(rho * S + shift.T @ S + S @ shift - first)))
+
+    assert residual(lyapunov_matrix(3, rho)) < 1e-13
+    assert residual(np.eye(3)) >= 1.0
+
+
+def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
+    """Section 4.1 and Table I give 5 to both observers, the caption of Fig. 2 has 2.5."""
+    hanging = {rho: abs(lag_per_rate(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
+    assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
+    assert hanging[2.5] == pytest.approx((11.25 + 18.75 + 19.62) / 15.625)
+    assert hanging[2.5] > 3 * hanging[5.0]

@@ -1,0 +1,111 @@
+"""What else is printed wrong, or twice and differently: symbols, shapes, signs and numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.ledger.ledger import Ledger
+from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve.synthesis.extended_state import pd_pi
+from reobserve.synthesis.h_infinity_norm import h_infinity_norm
+from reobserve.timeseries.signals import Signal
+from tests.papers.eso.plants import dc_motor
+
+ROOT = Path(__file__).parents[3]
+SYSTEM = dc_motor()
+
+
+def test_z_of_3_is_no_state_of_the_filter() -> None:
+    """z stands for the state of the dual (22), of six entries, and y has two."""
+    y, x = np.array([1.1, 10.0]), np.array([1.0, 10.0])
+    z = np.ones(SYSTEM.size)
+    with pytest.raises(ValueError, match="broadcast"):
+        y - z
+    # With xz for it (3) is its own second half.
+    xz, fault = np.array([0.3, -0.2]), np.array([0.0, 0.1])
+    rate = SYSTEM.Az @ (y - xz)
+    second = SYSTEM.Aa[2:] @ [*x, *xz] + SYSTEM.F[2:] @ fault
+    assert rate == pytest.approx(second, abs=1e-15)
+
+
+def test_az_itself_must_not_be_stable() -> None:
+    """xz' = Az (y - xz) is stable if -Az is."""
+    with pytest.raises(InputError, match=r"^Az: has an eigenvalue of real part -1, must be above"):
+        dc_motor(Az=-1.0)
+    assert np.linalg.eigvals(dc_motor(Az=1.0).Aa).real.max() < 0
+
+
+def test_dd_of_4_has_too_few_rows_for_the_augmented_state() -> None:
+    state = SYSTEM.Aa @ np.ones(4)
+    with pytest.raises(ValueError, match="broadcast"):
+        state + SYSTEM.Dd @ np.ones(2)
+    above = np.vstack([SYSTEM.Dd, np.zeros((2, 2))])
+    assert np.array_equal(above, SYSTEM.Da[:, :2])
+
+
+def test_noise_need_not_have_as_many_entries_as_sensor_faults_nor_d_as_x() -> None:
+    system = dc_motor(Dd=[[1.0], [2.0]], Dw=np.eye(2))
+    assert (system.Dw.shape[1], system.Fs.shape[1]) == (2, 1)
+    assert (system.Dd.shape[1], system.states) == (1, 2)
+    assert pd_pi.design(system, gamma=3.0).certificate.holds
+
+
+def test_the_fault_that_is_called_the_sensors_does_not_touch_the_output() -> None:
+    """Section IV calls fa the sensor fault and fs the actuator fault, beside Fs = [1 0]^T."""
+    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
+    control = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
+    loop = ControlledMotor(motor, control, np.diag([1.0, 2.0]), [[1.0], [0.0]], [[1.0], [0.0]])
+    none = Signal(1, ())
+    step = Signal.parse("fault", [{"kind": "constant", "axis": 1, "from": 0.5, "size": 0.1}], 1)
+    jumps = []
+    for faults in ((step, none), (none, step)):
+        run = loop.simulate(none, *faults, np.zeros((200, 2)), np.zeros((200, 1)), 5e-3)
+        jumps.append((run.after.output - run.before.output)[100, 0])
+    assert jumps == pytest.approx([0.0, 0.1], abs=1e-14)
+
+
+def test_e_is_no_input_matrix() -> None:
+    """E = B of Section IV: there is no E in (1), and that of Lemma 1 is square."""
+    with pytest.raises(InputError, match=r"^E: .*\(2, 1\)"):
+        h_infinity_norm(SYSTEM.A, SYSTEM.Fa, np.eye(2), E=SYSTEM.B)
+    assert np.array_equal(SYSTEM.Fa, SYSTEM.B)
+
+
+def test_figures_are_one_further_than_the_text_counts() -> None:
+    """The text has the noise in Figs 3 and 4, and the first without it in Fig. 1."""
+    stated = Ledger.load(ROOT, "eso")
+    text = {
+        1: ("actuator", False),
+        2: ("sensor", False),
+        3: ("actuator", True),
+        4: ("sensor", True),
+    }
+    captions = {}
+    for number in (2, 3, 4, 5):
+        body = stated.section("figures", f"fig{number}")
+        noise = stated.section("scenarios", body["scenario"])["noise_power"]
+        assert body["source"] == f"Fig. {number}"
+        captions[number] = (body["layout"], noise > 0)
+    assert all(captions[number] != text[number] for number in (2, 3, 4))
+    assert captions == {number + 1: shown for number, shown in text.items()}
+
+
+def test_the_integral_is_of_one_output_and_its_gain_is_negative() -> None:
+    """y - r has two entries for the one r and the one u, and Ki > 0 is unstable for any Kc."""
+    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
+    law = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
+    assert law.integral == pytest.approx(-84.375, rel=1e-12)
+    stream = np.random.default_rng(1)
+    for Kc in 100 * stream.standard_normal((50, 2)):
+        loop = np.zeros((3, 3))
+        loop[:2, :2], loop[2, 0] = motor.A - motor.B @ Kc[None], 1.0
+        loop[:2, 2:] = motor.B * 84.375
+        # The product of the three eigenvalues is 2 Ki > 0: one of them is not to the left.
+        assert np.linalg.det(loop) == pytest.approx(2 * 84.375, rel=1e-9)
+        assert np.linalg.eigvals(loop).real.max() > 0
+    with pytest.raises(ValueError, match="could not broadcast"):
+        np.zeros(1)[:] = np.ones(2) - 1.0  # the one integral of u, and both entries of y - r

@@ -1,0 +1,319 @@
+"""What is refused, by one sentence that names the key and the value."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from tests.observers.actuator_models import continuous, motion_model, velocity_model
+
+NAN, INF = float("nan"), float("inf")
+MODEL: dict[str, Any] = {
+    "A": [[1.0, 0.1], [0.0, 0.9]],
+    "B": [[0.0], [0.1]],
+    "H": [[1.0, 0.0]],
+    "Q": 0.01,
+    "R": 0.1,
+}
+PLAIN = LinearModel(**MODEL)
+NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
+NO_INPUT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
+
+
+def bank(size: int = 2) -> InteractingMultipleModel:
+    chain = np.full((size, size), 1 / size)
+    return InteractingMultipleModel([KalmanFilter(PLAIN)] * size, chain)
+
+
+# --- Models -------------------------------------------------------------------------------------
+
+DISCRETE = "it must be the transition over one sample"
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"A": [[1.0, 0.1]]}, r"A: has shape \(1, 2\), must be square"),
+        ({"A": 0.5}, r"A: has shape \(\), must be square"),
+        ({"A": np.empty((0, 0))}, r"A: has shape \(0, 0\), must be square"),
+        ({"A": [[1.0, NAN], [0.0, 1.0]]}, r"A: \[\[1.0, nan\], .* has an entry that is not finite"),
+        ({"B": [0.0, 0.1]}, r"B: has shape \(2,\), must have 2 rows like A, \(2, 2\)"),
+        ({"B": [[0.1]]}, r"B: has shape \(1, 1\), must have 2 rows like A, \(2, 2\)"),
+        ({"H": [[1.0]]}, r"H: has shape \(1, 1\), must have 2 columns like A, \(2, 2\)"),
+        ({"H": np.empty((0, 2))}, r"H: has shape \(0, 2\), must have 2 columns like A, .*"),
+        ({"D": [1.0]}, r"D: has shape \(1,\), must be \(1, 1\), as H and B ask for"),
+        ({"Q": [[1.0, 0.2], [0.1, 1.0]]}, r"Q: \[\[1.0, 0.2\], \[0.1, 1.0\]\] must be symmetric"),
+        (
+            {"Q": [[1.0, 2.0], [2.0, 1.0]]},
+            "Q: must be positive semidefinite, its eigenvalues are -1, 3",
+        ),
+        ({"Q": -1e-9}, "Q: must be positive semidefinite, its eigenvalues are -1e-09, -1e-09"),
+        ({"Q": [1.0, 2.0, 3.0]}, r"Q: has shape \(3,\), must be one number .*"),
+        ({"R": 0.0}, "R: must be positive definite, its eigenvalues are 0"),
+        ({"R": -2.0}, "R: must be positive definite, its eigenvalues are -2"),
+        ({"R": INF}, "R: inf has an entry that is not finite"),
+        ({"R": "wide"}, "R: 'wide' is not a number or an array of numbers"),
+    ],
+)
+def test_wrong_models_are_refused(changed: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        LinearModel(**{**MODEL, **changed})
+
+
+def test_a_covariance_of_several_outputs_is_checked_like_any() -> None:
+    A, B, H, D, Q, R = MOTION.arrays
+    skew = R.copy()
+    skew[0, 1] = 1e-6
+    with pytest.raises(InputError, match=r"^R: .* must be symmetric$"):
+        LinearModel(A, B, H, Q, skew, D)
+    with pytest.raises(InputError, match=r"^R: must be positive definite, .* are 0, 1, 1$"):
+        LinearModel(A, B, H, Q, [1.0, 0.0, 1.0], D)
+
+
+def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
+    direction = np.array([[0.1], [0.3]])
+    Q = direction @ direction.T
+    assert np.array_equal(LinearModel(**{**MODEL, "Q": Q}).arrays.Q, Q)
+    assert not LinearModel(**{**MODEL, "Q": 0.0}).arrays.Q.any()
+
+
+@pytest.mark.parametrize(
+    ("A", "eigenvalue"),
+    [
+        ([[0.0, 1.0], [-2.0, -3.0]], "-2"),
+        ([[0.0, 1.0], [0.0, 0.0]], "0"),
+        ([[0.0, 1.0], [-4.0, 0.0]], r"-?0[+-]2j"),
+        ([[0.5, 0.0], [0.0, -1.5]], "-1.5"),
+        (continuous("normal")[0], r"-379.7"),
+        (continuous("leakage")[0], r"-.*j"),
+    ],
+    ids=["stable", "double integrator", "oscillator", "flips", "normal", "leakage"],
+)
+def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> None:
+    n = len(A)
+    given = {"A": A, "B": np.zeros((n, 1)), "H": np.eye(1, n), "Q": 0.1, "R": 1.0}
+    said = f"A: has the eigenvalue {eigenvalue}, as A of continuous time has; {DISCRETE}"
+    with pytest.raises(InputError, match=rf"^{said} \(sample it by zero_order_hold, .*\)$"):
+        LinearModel(**given)
+    assert LinearModel(**given, unusual=True).states == n
+    sampled = zero_order_hold(A, given["B"], 1e-3)[0]
+    assert LinearModel(**{**given, "A": sampled}).states == n
+
+
+def test_the_motion_of_the_actuator_is_refused_too_though_one_eigenvalue_is_zero() -> None:
+    A = np.zeros((5, 5))
+    A[0, 1], A[1:, 1:] = 200.0, continuous("normal")[0]
+    with pytest.raises(InputError, match=r"^A: has the eigenvalue -379.7, as"):
+        LinearModel(A, np.zeros((5, 1)), np.eye(3, 5), 0.1, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "period", "said"),
+    [
+        ([[1.0, 2.0]], [[1.0]], 0.1, r"A: has shape \(1, 2\), must be square"),
+        ([[1.0]], [1.0], 0.1, r"B: has shape \(1,\), must have 1 rows like A"),
+        ([[1.0]], [[1.0], [2.0]], 0.1, r"B: has shape \(2, 1\), must have 1 rows like A"),
+        ([[1.0]], [[1.0]], 0.0, "period: 0 must be greater than zero"),
+        ([[1.0]], [[1.0]], -1.0, "period: -1 must be greater than zero"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(A: Any, B: Any, period: float, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        zero_order_hold(A, B, period)
+
+
+# --- Filters ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"boundary_layer": 0.0}, r"boundary_layer: \[0.0, 0.0, 0.0\] must all be greater .*"),
+        ({"boundary_layer": [1, -2, 3]}, r"boundary_layer: \[1.0, -2.0, 3.0\] must all be .* zero"),
+        ({"boundary_layer": [1, 2]}, r"boundary_layer: has shape \(2,\), must be a list of 3 .*"),
+        ({"boundary_layer": NAN}, "boundary_layer: nan has an entry that is not finite"),
+        ({"memory": 1.0}, "memory: 1 must be from 0 to below 1"),
+        ({"memory": -0.1}, "memory: -0.1 must be from 0 to below 1"),
+        ({"memory": NAN}, "memory: nan has an entry that is not finite"),
+        ({"memory": [0.1]}, r"memory: \[0.1\] must be one number, not an array of shape \(1,\)"),
+    ],
+)
+def test_a_wrong_layer_or_memory_is_refused(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"boundary_layer": 1.0, "memory": 0.1, **changed}
+    with pytest.raises(InputError, match=f"^{said}$"):
+        SmoothVariableStructureFilter(MOTION, **given)
+
+
+def test_an_svsf_of_dependent_outputs_is_refused() -> None:
+    twice = LinearModel(**{**MODEL, "H": [[1.0, 2.0], [2.0, 4.0]]})
+    said = r"^model: H has 2 rows but rank 1: no gain corrects all outputs at once$"
+    with pytest.raises(InputError, match=said):
+        SmoothVariableStructureFilter(twice, 1.0, 0.1)
+    more = LinearModel(**{**MODEL, "H": [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]})
+    with pytest.raises(InputError, match=r"^model: H has 3 rows but rank 2: "):
+        SmoothVariableStructureFilter(more, 1.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("mean", "covariance", "said"),
+    [
+        ([0.0], 1.0, r"mean: has shape \(1,\), must be a list of 2 numbers"),
+        ([0.0, INF], 1.0, r"mean: \[0.0, inf\] has an entry that is not finite"),
+        ([0.0, 0.0], -1.0, "covariance: must be positive semidefinite, its .* are -1, -1"),
+        ([0.0, 0.0], [[1.0, 0.0], [0.5, 1.0]], r"covariance: \[\[.*\]\] must be symmetric"),
+        ([0.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], "covariance: must be positive .* are -1, 3"),
+    ],
+)
+def test_wrong_beliefs_are_refused(mean: Any, covariance: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}$"):
+        KalmanFilter(PLAIN).init(mean, covariance)
+
+
+RECORDS = [
+    ([[1.0, 2.0]], [[0.0]], r"measurements: has shape \(1, 2\), must have .* more of 1 number"),
+    ([1.0, 2.0], [[0.0]], r"measurements: has shape \(2,\), must have .*"),
+    (np.empty((0, 1)), np.empty((0, 1)), r"measurements: has shape \(0, 1\), must have one .*"),
+    ([[1.0], [INF]], [[0.0]] * 2, r"measurements: sample 1 is \[inf\], must be finite, or nan .*"),
+    ([[1.0], ["x"]], [[0.0]] * 2, "measurements: is no array of numbers"),
+    ([[1.0], [2.0, 3.0]], [[0.0]] * 2, "measurements: is no array of numbers"),
+    ([[1.0], [1.0]], [[0.0], [NAN]], r"controls: sample 1 is \[nan\], must be finite"),
+    ([[1.0], [1.0]], [[INF], [0.0]], r"controls: sample 0 is \[inf\], must be finite"),
+    ([[1.0], [1.0]], [[0.0]], "controls: has 1 rows, must have 2 like the measurements"),
+    ([[1.0]], [[0.0, 0.0]], r"controls: has shape \(1, 2\), must have one row or more of 1 number"),
+    ([[1.0]], None, r"controls: are left out, must have shape \(1, 1\)"),
+    ([[1.0]], [["x"]], "controls: is no array of numbers"),
+]
+
+
+@pytest.mark.parametrize(("measurements", "controls", "said"), RECORDS)
+def test_wrong_records_are_refused(measurements: Any, controls: Any, said: str) -> None:
+    kalman, both = KalmanFilter(PLAIN), bank()
+    with pytest.raises(InputError, match=f"^{said}$"):
+        kalman.run(measurements, kalman.init([0.0, 0.0], 1.0), controls)
+    with pytest.raises(InputError, match=f"^{said}$"):
+        both.run(measurements, both.init([0.0, 0.0], 1.0), controls)
+
+
+def test_controls_of_a_model_without_inputs_are_refused() -> None:
+    kalman = KalmanFilter(NO_INPUT)
+    with pytest.raises(
+        InputError, match=r"^controls: has shape \(1, 1\), must have one row or more of 0 numbers$"
+    ):
+        kalman.run([[1.0]], kalman.init([0.0], 1.0), [[0.0]])
+
+
+def test_wrong_samples_of_a_step_are_refused() -> None:
+    kalman, both = KalmanFilter(PLAIN), bank()
+    belief, state = kalman.init([0.0, 0.0], 1.0), both.init([0.0, 0.0], 1.0)
+    with pytest.raises(InputError, match=r"^measurements: has shape \(1, 2\), must have"):
+        kalman.step(belief, [1.0, 2.0], [0.0])
+    with pytest.raises(InputError, match=r"^measurements: sample 0 is \[inf\]"):
+        kalman.step(belief, [INF], [0.0])
+    with pytest.raises(InputError, match=r"^control: \[nan\] has an entry that is not finite$"):
+        kalman.step(belief, [1.0], [NAN])
+    with pytest.raises(InputError, match=r"^control: has shape \(0,\), must be a list of 1 number"):
+        kalman.step(belief, [1.0])
+    with pytest.raises(InputError, match=r"^measurements: has shape \(1, 2\), must have"):
+        both.step(state, [1.0, 2.0], [0.0])
+    with pytest.raises(InputError, match=r"^control: \[nan\] has an entry that is not finite$"):
+        both.step(state, [1.0], [NAN])
+    with pytest.raises(
+        InputError, match=r"^controls: has shape \(1, 0\), must have one row or more of 1 number$"
+    ):
+        both.step(state, [1.0])
+
+
+def test_a_belief_of_another_filter_is_refused() -> None:
+    # A compiled loop would read and write beyond its end.
+    kalman = KalmanFilter(PLAIN)
+    other = KalmanFilter(NO_INPUT).init([0.0], 1.0)
+    said = (
+        r"^belief: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
+        r"must be of 2 states, 1 outputs$"
+    )
+    with pytest.raises(InputError, match=said):
+        kalman.run([[1.0]], other, [[0.0]])
+    with pytest.raises(InputError, match=said):
+        kalman.predict(other, [0.0])
+    with pytest.raises(InputError, match=said):
+        kalman.correct(other, [1.0], [0.0])
+    state = bank(2).init([0.0, 0.0], 1.0)
+    with pytest.raises(InputError, match=r"^state: has 2 beliefs, must have 3$"):
+        bank(3).run([[1.0]], state, [[0.0]])
+    filters = InteractingMultipleModel([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
+    with pytest.raises(InputError, match=r"^state.beliefs\[0\]: has arrays of shapes "):
+        filters.run([[1.0]], state)
+
+
+# --- Banks --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("transition", "said"),
+    [
+        (
+            [[0.9, 0.2], [0.1, 0.9]],
+            r"row 0 is \[0.9, 0.2\] and sums to 1.1, must be probabilities that sum to 1",
+        ),
+        (  # columns that sum to one: the transpose of what is asked for
+            [[0.9, 0.3], [0.1, 0.7]],
+            r"row 0 is \[0.9, 0.3\] and sums to 1.2, must be probabilities that sum to 1",
+        ),
+        (
+            [[0.9, 0.1], [-0.1, 1.1]],
+            r"row 1 is \[-0.1, 1.1\] and sums to 1, must be probabilities that sum to 1",
+        ),
+        ([[0.9, 0.1], [0.0, 0.0]], r"row 1 is \[0.0, 0.0\] and sums to 0, must be .*"),
+        ([[1.0]], r"has shape \(1, 1\), must be \(2, 2\)"),
+        (0.95, r"has shape \(\), must be \(2, 2\)"),
+        ([[NAN, 1.0], [0.0, 1.0]], r"\[\[nan, 1.0\], .* has an entry that is not finite"),
+    ],
+)
+def test_wrong_transitions_are_refused(transition: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^transition: {said}$"):
+        InteractingMultipleModel([KalmanFilter(PLAIN)] * 2, transition)
+
+
+def test_no_filters_and_filters_of_different_sizes_are_refused() -> None:
+    with pytest.raises(InputError, match=r"^filters: are none, must be one or more$"):
+        InteractingMultipleModel([], np.empty((0, 0)))
+    said = (
+        r"^filters\[1\]: has \(4, 1, 1\) states, inputs and outputs, the first filter \(2, 1, 1\)$"
+    )
+    with pytest.raises(InputError, match=said):
+        InteractingMultipleModel([KalmanFilter(PLAIN), KalmanFilter(NORMAL)], np.eye(2))
+    said = r"^filters\[2\]: has \(1, 0, 1\) states, inputs and outputs, the first .* \(2, 1, 1\)$"
+    filters = [KalmanFilter(PLAIN), KalmanFilter(PLAIN), KalmanFilter(NO_INPUT)]
+    with pytest.raises(InputError, match=said):
+        InteractingMultipleModel(filters, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (
+            {"probabilities": [0.5, 0.6]},
+            r"probabilities: \[0.5, 0.6\] must be 0 or more and sum to 1, not 1.1",
+        ),
+        ({"probabilities": [1.5, -0.5]}, r"probabilities: \[1.5, -0.5\] must be 0 or more .*"),
+        ({"probabilities": [1.0]}, r"probabilities: has shape \(1,\), must be a list of 2 numbers"),
+        ({"probabilities": [NAN, 1.0]}, r"probabilities: \[nan, 1.0\] has an entry .* not finite"),
+        ({"means": [0.0]}, r"means: has shape \(1,\), must be \(2,\) or \(2, 2\)"),
+        ({"means": np.zeros((3, 2))}, r"means: has shape \(3, 2\), must be \(2,\) or \(2, 2\)"),
+        ({"covariances": np.ones((3, 2, 2))}, "covariances: are 3, must be one, or 2 like filters"),
+        ({"covariances": [1.0, -1.0]}, "covariances: must be positive semidefinite, .* -1, 1"),
+        ({"covariances": [[1.0, 0.2], [0.1, 1.0]]}, "covariances: .* must be symmetric"),
+    ],
+)
+def test_wrong_starts_of_a_bank_are_refused(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"means": [0.0, 0.0], "covariances": 1.0, **changed}
+    with pytest.raises(InputError, match=f"^{said}$"):
+        bank().init(**given)

@@ -1,0 +1,309 @@
+"""What is printed wrong in Gadsden, McCullough & Habibi 2011: how it fails, and what holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from reobserve.models.linear import LinearModel
+from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import Belief
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from tests.observers.actuator_models import (
+    motion_model,
+    ripple,
+    simulated,
+    square_wave,
+    velocity_model,
+)
+
+Array = NDArray[np.float64]
+
+NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
+STICKY = 0.023 * np.ones((3, 3)) + 0.931 * np.eye(3)  # p_ii = 0.954
+THIRDS = np.full(3, 1 / 3)
+FULL = LinearModel([[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], np.eye(2), 0.01, 0.1)
+
+
+def scalar(H: float = 1.0, Q: float = 0.0, A: float = 1.0) -> LinearModel:
+    return LinearModel([[A]], np.empty((1, 0)), [[H]], Q, 1.0)
+
+
+# --- (8): the sum ends at j, must end at r ------------------------------------------------------
+
+
+def printed_sums(transition: Array, mu: Array) -> Array:
+    return np.array([transition[: j + 1, j] @ mu[: j + 1] for j in range(len(mu))])
+
+
+def mixing(transition: Array, mu: Array) -> tuple[Array, Array]:
+    """Our mu(i|j) and c_j."""
+    weights, predicted = np.empty_like(transition), np.empty_like(mu)
+    mixing_probabilities(transition, np.log(mu), weights, predicted)
+    return weights, np.exp(predicted)
+
+
+def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
+    c = printed_sums(STICKY, THIRDS)
+    assert c == pytest.approx([0.318, 0.977 / 3, 1 / 3])
+    assert c.sum() < 0.98
+    weights = STICKY * THIRDS[:, None] / c
+    assert weights.sum(axis=0) == pytest.approx([1.0482, 1.0235, 1.0], abs=5e-5)
+    # Three filters that agree on a state of 1 are then mixed to this:
+    assert (weights.T @ np.ones(3))[0] - 1 > 0.048
+
+    weights, c = mixing(STICKY, THIRDS)
+    assert c == pytest.approx(THIRDS, rel=1e-14)
+    assert weights.sum(axis=0) == pytest.approx(np.ones(3), rel=1e-14)
+    assert weights == pytest.approx(STICKY, rel=1e-14)
+
+
+# --- (10): its limit is a prime, must be r ------------------------------------------------------
+
+
+def test_10_must_sum_over_all_modes_or_the_mixture_is_too_narrow() -> None:
+    # Two densities N(-1, 1) and N(3, 4), one half each: mean 1, variance 2.5 + 4.
+    half = np.full((2, 2), 0.5)
+    bank = InteractingMultipleModel([KalmanFilter(scalar())] * 2, half)
+    start = bank.init([[-1.0], [3.0]], [[[1.0]], [[4.0]]])
+    run = bank.run([[np.nan]], start)
+    for belief in run.state.beliefs:
+        assert belief.mean == pytest.approx([1.0])
+        assert belief.covariance == pytest.approx(np.array([[6.5]]))
+    x, P, mean = np.array([-1.0, 3.0]), np.array([1.0, 4.0]), 1.0
+    to_j = [0.5 * np.sum(P[: j + 1] + (x[: j + 1] - mean) ** 2) for j in range(2)]
+    assert to_j == pytest.approx([2.5, 6.5]), "the first filter would trust itself too much"
+
+
+# --- (12) and (13): what is printed instead of a transpose --------------------------------------
+
+
+@pytest.mark.parametrize("model", [NORMAL, MOTION], ids=["velocity", "motion"])
+def test_12_without_the_transpose_gives_no_covariance(model: LinearModel) -> None:
+    A, Q, P = model.arrays.A, model.arrays.Q, np.eye(model.states)
+    printed = A @ P @ A + Q
+    asymmetry = np.abs(printed - printed.T).max() / np.abs(printed).max()
+    assert asymmetry > 0.5
+    assert np.linalg.eigvals(printed).imag.max() > 0.05
+    kalman = KalmanFilter(model)
+    found = kalman.predict(kalman.init(np.zeros(model.states), P), [0.0]).covariance
+    assert np.array_equal(found, found.T)
+    assert found == pytest.approx(A @ P @ A.T + Q, rel=1e-13, abs=1e-15)
+    assert np.linalg.eigvalsh(found)[0] > 0
+
+
+def test_13_with_a_power_of_one_for_the_transpose_fits_no_shape_or_is_not_symmetric() -> None:
+    H, R, P = MOTION.arrays.H, MOTION.arrays.R, np.eye(5)
+    with pytest.raises(ValueError, match="mismatch"):
+        H @ P @ H + R
+    square = np.array([[2.0, 1.0], [-1.0, 3.0]])
+    printed = square @ np.eye(2) @ square + 0.1 * np.eye(2)
+    assert np.abs(printed - printed.T).max() == pytest.approx(10.0)
+    kalman = KalmanFilter(MOTION)
+    told = kalman.correct(kalman.init(np.zeros(5), P), np.zeros(3), [0.0])
+    assert told.innovation_covariance == pytest.approx(H @ P @ H.T + R, rel=1e-14)
+
+
+# --- (14): "=" for the minus ---------------------------------------------------------------------
+
+
+def test_14_with_the_measurement_for_the_innovation_the_estimate_runs_away() -> None:
+    kalman = KalmanFilter(scalar(Q=0.25))
+    z = np.ones((200, 1))
+    run = kalman.run(z, kalman.init([0.0], 1.0))
+    assert run.estimate[-1, 0] == pytest.approx(1.0, rel=1e-12)
+    x, P = 0.0, 1.0
+    for measurement in z[:, 0]:
+        P += 0.25
+        K = P / (P + 1)
+        x += K * measurement  # e = z
+        P *= 1 - K
+    # Kalman's gain tends to (sqrt(17) - 1) / 8, and each sample adds that much.
+    assert x == pytest.approx(200 * (np.sqrt(17) - 1) / 8, rel=0.01)
+
+
+# --- (15): the SVSF's gain ----------------------------------------------------------------------
+
+
+def printed_gain(e: Array, last: Array, psi: Array, gamma: float) -> Array:
+    """(15), with K_{k+1} on its left."""
+    saturated = np.clip(e / psi, -1, 1)
+    return np.diag((np.abs(e) + gamma * np.abs(last)) * saturated) @ np.linalg.inv(np.diag(e))
+
+
+def smooth(model: LinearModel, psi: Any, gamma: float = 0.1) -> SmoothVariableStructureFilter:
+    return SmoothVariableStructureFilter(model, psi, gamma)
+
+
+def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() -> None:
+    e = np.array([0.1, -0.4, 3.0])
+    gain = printed_gain(e, np.zeros(3), np.ones(3), 0.1)
+    with pytest.raises(ValueError, match="broadcast"):
+        np.zeros(5) + gain @ e
+    found = smooth(MOTION, 1.0).init(np.zeros(5), 1.0)
+    told = smooth(MOTION, 1.0).correct(found, e, [0.0])
+    expected = np.linalg.pinv(MOTION.arrays.H) @ gain @ e
+    assert told.belief.mean == pytest.approx(expected, rel=1e-13)
+
+
+def test_15_agrees_with_ours_for_the_identity() -> None:
+    psi, last = np.array([0.5, 20.0]), np.array([0.3, -2.0])
+    filters, belief = smooth(FULL, psi), Belief(np.zeros(2), np.eye(2), last)
+    for e in ([0.2, 3.0], [-4.0, -30.0], [1e-9, 1e9]):
+        told = filters.correct(belief, e, [0.0])
+        gain = printed_gain(np.array(e), last, psi, 0.1)
+        assert told.belief.mean == pytest.approx(gain @ np.array(e), rel=1e-14)
+        vector = (np.abs(e) + 0.1 * np.abs(last)) * np.clip(e / psi, -1, 1)
+        assert told.belief.mean == pytest.approx(vector, rel=1e-14), "(4) and (5) as well"
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0, 3.0])
+def test_15_without_the_inverse_contracts_no_error_but_for_the_identity(scale: float) -> None:
+    # e(k+1|k+1) = (1 - h) e(k+1|k) without gamma: for h = 3 it doubles.
+    model = scalar(scale)
+    e = np.array([0.7])
+    printed = e - scale * printed_gain(e, np.zeros(1), np.array([0.1]), 0.0) @ e
+    assert printed == pytest.approx((1 - scale) * e)
+    told = smooth(model, 0.1, 0.0).correct(smooth(model, 0.1).init([0.0], 1.0), e)
+    assert told.belief.error == pytest.approx([0.0], abs=1e-15)
+
+
+def test_15_divides_by_an_innovation_of_zero() -> None:
+    with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="Singular"):
+        printed_gain(np.array([0.0, 1.0]), np.ones(2), np.ones(2), 0.1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        entry = np.float64(0.1) * 0.0 / np.float64(0.0)
+    assert np.isnan(entry)
+    filters = smooth(FULL, 1.0)
+    told = filters.correct(Belief(np.zeros(2), np.eye(2), np.ones(2)), [0.0, 1.0], [0.0])
+    assert told.belief.mean == pytest.approx([0.0, 1.1])
+    assert np.isfinite(told.belief.covariance).all()
+    near = filters.correct(Belief(np.zeros(2), np.eye(2), np.ones(2)), [1e-200, 1.0], [0.0])
+    assert near.belief.covariance == pytest.approx(told.belief.covariance, rel=1e-14)
+
+
+def test_15_with_the_gain_of_the_sample_before_comes_a_sample_late() -> None:
+    # The left-hand side is K_k, and (16) uses K_{k+1}: with the former a step of the plant finds
+    # a gain that was made for no error, and leaves all of it.
+    model = scalar()
+    filters = smooth(model, 0.5, 0.1)
+    e = np.array([2.0])
+    before = printed_gain(np.array([1e-6]), np.zeros(1), np.array([0.5]), 0.1)
+    assert e - before @ e == pytest.approx(e, rel=1e-5)
+    told = filters.correct(filters.init([0.0], 1.0), e)
+    assert told.belief.error == pytest.approx([0.0], abs=1e-15)
+
+
+# --- (19): a product of vectors over a matrix ---------------------------------------------------
+
+
+def test_19_has_a_matrix_for_an_exponent_and_must_have_a_quadratic_form() -> None:
+    kalman = KalmanFilter(MOTION)
+    belief = kalman.init(np.zeros(5), np.diag([9.0, 0.3, 2e-3, 1e-3, 1e-3]))
+    e = np.array([0.02, 0.5, -20.0])
+    told = kalman.correct(belief, e, [0.0])
+    S = told.innovation_covariance
+    with np.errstate(divide="ignore"):
+        exponent = -0.5 * (e @ e) / S
+    assert exponent.shape == (3, 3), "no likelihood is a number"
+    assert not np.isfinite(exponent).all()
+    root = np.sqrt(np.linalg.det(2 * np.pi * S))
+    assert np.exp(told.log_likelihood) == pytest.approx(
+        np.exp(-0.5 * e @ np.linalg.inv(S) @ e) / root, rel=1e-12
+    )
+
+
+def test_19_is_ours_for_one_output() -> None:
+    kalman = KalmanFilter(NORMAL)
+    told = kalman.correct(kalman.init(np.zeros(4), 0.1), [0.3], [0.0])
+    e, S = told.innovation[0], told.innovation_covariance[0, 0]
+    printed = np.exp(-0.5 * e * e / S) / np.sqrt(abs(2 * np.pi * S))
+    assert np.exp(told.log_likelihood) == pytest.approx(printed, rel=1e-14)
+
+
+# --- (20) and (21): c_j is one number c ---------------------------------------------------------
+
+
+def test_20_over_the_c_of_each_mode_would_leave_likelihoods_and_no_probabilities() -> None:
+    # c_j is the letter of (8) too. Over that, mu_j = Lambda_j; over the sum (21), one number for
+    # all j, they are probabilities.
+    mu, likelihood = np.array([0.6, 0.3, 0.1]), np.array([0.8, 2.5, 7.0])
+    c = mu @ STICKY
+    printed = likelihood * c / c
+    assert printed == pytest.approx(likelihood)
+    assert printed.sum() == pytest.approx(10.3)
+    log_mu = np.empty(3)
+    whole = update_probabilities(np.log(c), np.log(likelihood), log_mu)
+    assert np.exp(whole) == pytest.approx(likelihood @ c, rel=1e-14)
+    assert np.exp(log_mu) == pytest.approx(likelihood * c / (likelihood @ c), rel=1e-14)
+    assert np.exp(log_mu).sum() == pytest.approx(1.0, rel=1e-14)
+
+
+# --- (2) and (14) have no D u -------------------------------------------------------------------
+
+
+def test_without_feedthrough_the_acceleration_is_foretold_wrong_by_all_of_d_u() -> None:
+    u = np.full((1, 1), 1.5)
+    z = simulated(MOTION, u)
+    without = motion_model("normal", feedthrough=False)
+    told = {}
+    for model in (MOTION, without):
+        kalman = KalmanFilter(model)
+        told[model] = kalman.step(kalman.init(np.zeros(5), 0.0), z[0], u[0]).innovation
+    assert np.abs(told[MOTION]).max() < 1e-12
+    assert told[without] == pytest.approx([0.0, 0.0, 27.03 * 1.5], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("build", "bias"),
+    [(KalmanFilter, 0.5033), (lambda model: smooth(model, [0.01, 0.3, 20.0]), 0.0579)],
+    ids=["KF", "SVSF"],
+)
+def test_without_feedthrough_estimates_are_biased(
+    build: Callable[[LinearModel], Any], bias: float
+) -> None:
+    # At rest under u = 1.5 the velocity is 0.9101 * 1.5 and the acceleration zero.
+    u = np.full((600, 1), 1.5)
+    z = simulated(MOTION, u)
+    velocity = []
+    for model in (MOTION, motion_model("normal", feedthrough=False)):
+        one = build(model)
+        run = one.run(z, one.init(np.zeros(5), 0.01), u)
+        velocity.append(run.estimate[:, 1])
+    assert velocity[0] == pytest.approx(z[:, 1], abs=1e-9)
+    assert velocity[0][-1] == pytest.approx(0.9101 * 1.5, rel=1e-4)
+    assert velocity[1][-1] - z[-1, 1] == pytest.approx(bias, rel=1e-3)
+
+
+def test_the_bias_of_the_kalman_filter_is_that_of_its_steady_gain() -> None:
+    # The position grows without end, so the error moves: e+ = (I - K H)(A e) - K D u at rest.
+    A, _, H, D, Q, R = MOTION.arrays
+    P = solve_discrete_are(A.T, H.T, Q, R)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    error = np.linalg.solve(np.eye(5) - (np.eye(5) - K @ H) @ A, K @ D @ [1.5])
+    assert error[1] == pytest.approx(0.5033, rel=1e-3)
+
+
+def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one() -> None:
+    # What is left out is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one.
+    u = square_wave(200, 20)
+    noise = np.array([0.01, 0.2, 8.0]) * ripple(200, 3)
+    z = simulated(MOTION, u) + noise
+    found = []
+    for feedthrough in (True, False):
+        models = [motion_model(mode, feedthrough) for mode in ("normal", "friction", "leakage")]
+        bank = InteractingMultipleModel(
+            [KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY
+        )
+        run = bank.run(z, bank.init(np.zeros(5), 0.01), u)
+        found.append(run.probability[50:, 0].mean())
+    assert found[0] > 0.98
+    assert found[1] < 0.02

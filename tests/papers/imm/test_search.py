@@ -1,0 +1,298 @@
+"""The search for the unstated numbers: reproducible, and kept as it was found."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.types import read_job
+from reobserve.papers.imm import keys, plant, search
+from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
+from reobserve.pipeline.common import signed
+from reobserve.plain_data.typed_tree import parse
+from reobserve.timeseries.series import Series
+from tests.papers.imm.test_paper import SEED, Tree, ledger, record
+from tests.papers.imm.test_studies import KEPT
+
+Array = NDArray[np.float64]
+
+# A second of the step, with the leak in its middle, two banks, and two generations.
+SMALL: Tree = {
+    "plant": {"horizon": 1.4},
+    "scenarios": {"step": {"onset": 1.0}},
+    "metrics": {"before": [0.7, 1.0], "after": [1.2, 1.4], "overshoot": [1.1, 1.2]},
+    "searches": {
+        "calibrated": {
+            "population": 1, "generations": 2, "neighbour_pairs": 0,
+            "observers": ["kalman_tuned", "svsf_thin_tuned"],
+        }
+    },
+}  # fmt: skip
+
+
+@cache
+def small_ledger() -> Ledger:
+    return ledger(SMALL)
+
+
+@cache
+def small_record() -> Series:
+    return plant.simulate(small_ledger().settings("plant", "step"))
+
+
+def write_record(path: Path, of: Ledger) -> None:
+    settings = of.settings("plant", "step")
+    signed(plant.simulate(settings), of, "plant", "step", settings).write(path)
+
+
+def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
+    settings = deepcopy(small_ledger().settings("search", "calibrated"))
+    settings["search"].update(stated)
+    told: list[str] = [] if lines is None else lines
+    return search.run(settings, small_record(), told.append)
+
+
+@cache
+def first() -> tuple[dict[str, Any], list[str]]:
+    lines: list[str] = []
+    return found(lines), lines
+
+
+def calibration(of: Ledger, series: Series) -> Calibration:
+    job = read_job(keys.Ledger, of.settings("search", "calibrated"))
+    return Calibration(job.plant, job.observers, job.metrics, series)
+
+
+def targets(of: Ledger) -> int:
+    observers = of.settings("search", "calibrated")["observers"].values()
+    return sum(len(body["quoted"]) + body["quoted_high"] for body in observers)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_bits_each_time_and_on_any_number_of_threads(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(search, "THREADS", threads)
+    assert json.dumps(found()) == json.dumps(first()[0])
+
+
+def test_what_was_found_is_what_its_numbers_give() -> None:
+    one = first()[0]
+    numbers = np.array([one["found"][name] for name in TUNED])
+    trial = calibration(small_ledger(), small_record()).try_out(numbers)
+    assert one["distance"] == trial.distance
+    assert one["means"] == {name: list(means) for name, means in trial.means.items()}
+    assert (one["tuned"], one["targets"]) == (9, 5) == (len(TUNED), targets(small_ledger()))
+    # Without neighbours the worst is the choice itself.
+    assert one["worst_nearby"] == pytest.approx(one["distance"], rel=1e-6)
+
+
+def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
+    body = small_ledger().section("searches", "calibrated")
+    low, high = search.bounds(parse(keys.Search, body))
+    values = np.array([first()[0]["found"][name] for name in TUNED])
+    assert np.all((values >= 0.99 * 10.0**low) & (values <= 1.01 * 10.0**high))
+    assert [float(f"{value:.3g}") for value in values] == values.tolist()
+    names = dict(zip(TUNED, zip(10.0**low, 10.0**high, strict=True), strict=True))
+    for name, key in (
+        ("process_noise_1", "process_noise"), ("process_noise_5", "process_noise"),
+        ("measurement_noise_1", "position_noise"), ("measurement_noise_2", "velocity_noise"),
+        ("measurement_noise_3", "acceleration_noise"), ("leave", "leave"),
+    ):  # fmt: skip
+        assert names[name] == pytest.approx(body[key], rel=1e-12)
+
+
+def test_progress_is_told_after_each_generation() -> None:
+    one, lines = first()
+    assert lines == [f"{count} trials, best distance {best:.4f}" for count, best in one["history"]]
+    assert len(lines) == 2
+    counts, best = zip(*one["history"], strict=True)
+    # The first generation is judged with the start, 16 of Sobol's sequence for nine numbers.
+    assert counts == (32, 48)
+    assert one["trials"] == 48
+    assert list(best) == sorted(best, reverse=True)
+
+
+# --- On a distance that is known ----------------------------------------------------------------
+
+BEST = np.array([1e-6, 1e-5, 1e-7, 1e-4, 1e-3, 1e-5, 0.3, 5e3, 0.02])
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
+    """The distance from BEST in decades, of no bank; none where the ninth is above 0.05.
+
+    All numbers that are tried are kept.
+    """
+    found: list[Array] = []
+
+    def try_out(_: Calibration, numbers: Array) -> Trial:
+        found.append(numbers)
+        off = float(np.sqrt(np.mean(np.log10(numbers / BEST) ** 2)))
+        return Trial({}, off if numbers[-1] <= 0.05 else float("nan"))
+
+    monkeypatch.setattr(search, "THREADS", 1)
+    monkeypatch.setattr(Calibration, "try_out", try_out)
+    return found
+
+
+def test_the_search_comes_to_the_best_there_is(tried: list[Array]) -> None:
+    one = found(population=3, generations=120)
+    np.testing.assert_allclose(np.log10(list(one["found"].values())), np.log10(BEST), atol=0.05)
+    assert one["distance"] < 0.02
+    assert one["trials"] == one["history"][-1][0] == len(tried) - 2
+    assert max(numbers[-1] for numbers in tried) > 0.05
+
+
+def test_another_seed_takes_another_way(tried: list[Array]) -> None:
+    settings = small_ledger().settings("search", "calibrated")
+    for seed in (SEED, SEED + 1, SEED):
+        search.run({**settings, "seed": seed}, small_record(), str)
+    ways = np.reshape(tried, (3, -1))
+    np.testing.assert_array_equal(ways[0], ways[2])
+    assert np.any(ways[0] != ways[1])
+
+
+def test_each_choice_is_judged_by_the_worst_of_itself_and_opposite_corners(
+    tried: list[Array],
+) -> None:
+    one = found(neighbour_pairs=2, spread=0.25)
+    # The last trials are of what was found alone, and of it with its neighbours.
+    base = np.array(list(one["found"].values()))
+    judged = np.array(tried[:-6]).reshape(-1, 5, 9)
+    ratios = judged / judged[:, :1]
+    np.testing.assert_allclose(ratios[0, 0], 1.0)
+    np.testing.assert_allclose(np.abs(np.log(ratios[0, 1:])), np.log(1.25), rtol=1e-9)
+    np.testing.assert_allclose(ratios[0, 1:3] * ratios[0, 3:], 1.0, rtol=1e-9)
+    # The same corners for all choices.
+    np.testing.assert_allclose(ratios, np.broadcast_to(ratios[0], ratios.shape), rtol=1e-9)
+    np.testing.assert_allclose(tried[-6], base, rtol=0)
+    np.testing.assert_allclose(tried[-5:], base * ratios[0], rtol=1e-9)
+    worst = max(np.sqrt(np.mean(np.log10(base * ratio / BEST) ** 2)) for ratio in ratios[0])
+    assert one["worst_nearby"] == pytest.approx(worst, rel=1e-9)
+    assert one["worst_nearby"] > one["distance"]
+
+
+@pytest.mark.parametrize(
+    ("bad", "key", "said"),
+    [
+        ({"process_noise": [1e-2, 1e-8]}, "process_noise", r"\[0.01, 1e-08\] must be above 0 and"),
+        ({"position_noise": [0.0, 1.0]}, "position_noise", r"\[0, 1\] must be above 0 and rise"),
+        ({"velocity_noise": [1.0, 1.0]}, "velocity_noise", r"\[1, 1\] must be above 0 and rise"),
+        ({"acceleration_noise": [1, 2, 3]}, "acceleration_noise", "must be a list of 2 numbers"),
+        ({"leave": "seldom"}, "leave", "'seldom' must be a list of numbers"),
+    ],
+)
+def test_bad_bounds_are_refused_before_any_trial(
+    bad: Tree, key: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Calibration, "try_out", lambda *_: pytest.fail("a bank was run"))
+    with pytest.raises(InputError, match=said) as caught:
+        found(**bad)
+    assert caught.value.parameter == f"search.{key}"
+
+
+# --- The search that was run --------------------------------------------------------------------
+
+
+@cache
+def kept() -> dict[str, Any]:
+    stored: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8"))
+    return stored
+
+
+def test_the_kept_numbers_are_those_of_the_ledger() -> None:
+    stated = calibration(ledger(), record("step")).stated()
+    assert list(kept()["search"]["found"]) == list(TUNED)
+    np.testing.assert_allclose(list(kept()["search"]["found"].values()), stated, rtol=1e-12)
+
+
+def test_the_kept_distance_is_what_the_numbers_give() -> None:
+    one = kept()["search"]
+    trial = calibration(ledger(), record("step")).try_out(np.array(list(one["found"].values())))
+    assert one["distance"] == pytest.approx(trial.distance, abs=1e-9)
+    for name, means in one["means"].items():
+        assert means == pytest.approx(trial.means[name], abs=1e-9)
+    assert set(one["means"]) == set(trial.means)
+
+
+def test_the_kept_search_counts_right() -> None:
+    one = kept()["search"]
+    assert (one["tuned"], one["targets"]) == (len(TUNED), targets(ledger()))
+    assert one["trials"] == one["history"][-1][0]
+    counts, best = zip(*one["history"], strict=True)
+    assert len(set(np.diff(counts))) == 1
+    assert list(best) == sorted(best, reverse=True)
+    # Only the rounding to three digits lies between the last generation and what is kept.
+    assert one["worst_nearby"] == pytest.approx(best[-1], abs=1e-3)
+    assert one["worst_nearby"] >= one["distance"]
+
+
+def test_the_kept_search_is_the_one_that_the_ledger_states() -> None:
+    was, now = kept()["provenance"]["settings"], ledger().settings("search", "calibrated")
+    for part in ("plant", "scenario", "search", "seed"):
+        assert was[part] == now[part], part
+    assert len(kept()["search"]["history"]) == now["search"]["generations"]
+    for name, body in now["observers"].items():
+        for key, value in body.items():
+            if key not in ("process_noise", "measurement_noise", "stay"):
+                assert was["observers"][name][key] == value, (name, key)
+
+
+def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [str(Path(sys.executable).parent / "reobserve"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) -> None:
+    (tmp_path / "ledger.json").write_text(small_ledger().text(), encoding="utf-8")
+    write_record(tmp_path / "plant.parquet", small_ledger())
+    output = tmp_path / "found.search.json"
+    files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
+    done = reobserve("search", *files, "calibrated", "--output", output)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == first()[1]
+    stored = json.loads(output.read_text(encoding="utf-8"))
+    assert stored["search"] == first()[0]
+    assert stored["provenance"]["stage"] == "search"
+    assert stored["provenance"]["settings"] == small_ledger().settings("search", "calibrated")
+
+
+def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path) -> None:
+    bad = ledger({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
+    (tmp_path / "ledger.json").write_text(bad.text(), encoding="utf-8")
+    write_record(tmp_path / "plant.parquet", bad)
+    files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
+    output = tmp_path / "found.search.json"
+    for name, said in (
+        ("calibrated", "reobserve: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),
+        ("calibratd", "reobserve: imm.searches: there is no 'calibratd'; did you mean 'calibrated"),
+    ):
+        done = reobserve("search", *files, name, "--output", output)
+        assert done.returncode == 1
+        assert done.stderr.startswith(said)
+        assert done.stderr.count("\n") == 1
+        assert not output.exists()
+
+
+def test_a_search_over_what_its_banks_do_not_share_is_refused() -> None:
+    """Before the first trial: it would give all of them one noise, whatever was stated."""
+    settings = deepcopy(small_ledger().settings("search", "calibrated"))
+    noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]
+    settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]
+    told: list[str] = []
+    with pytest.raises(InputError, match="must have the noise of the others tuned"):
+        search.run(settings, small_record(), told.append)
+    assert told == []

@@ -1,0 +1,269 @@
+"""The numbers of the theory by closed forms and by other ways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import product
+from math import isnan
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.ledger.overrides import OVERRIDDEN
+from reobserve.ledger.types import read_job
+from reobserve.numerics.random_streams import random_stream
+from reobserve.papers.lie import design as design_stage
+from reobserve.papers.lie import keys
+from reobserve.papers.lie import metrics as metrics_stage
+from reobserve.papers.lie import theory as theory_stage
+from reobserve.papers.lie.theory_cases import random_problem
+from reobserve.papers.lie.theory_runs import Case, deviation_from_linear, difference_of_forms
+from reobserve.papers.lie.theory_series import (
+    Roads,
+    ad_matrix,
+    lowest_degree,
+    solvable,
+    sums_of_eigenvalues,
+    transformation_by_triangle,
+)
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.power_series.maps import PolynomialMap
+from tests.observers.test_normal_form_observers import form
+from tests.papers.lie.test_errata_series import GENERIC, matrix_of_ad, triangle
+from tests.papers.lie.test_paper import evaluator, measured
+from tests.synthesis.normal_form import systems
+from tests.synthesis.normal_form.systems import (
+    QQ,
+    difference,
+    parts,
+    to_polynomials,
+    van_der_pol,
+    variables,
+)
+
+Array = NDArray[np.float64]
+
+
+@cache
+def theory() -> dict[tuple[str, str], float]:
+    return {(m.observer, m.metric): m.value for m in evaluator().theory()}
+
+
+def test_numbers_that_are_known() -> None:
+    value = theory()
+    # trace and determinant: -1 and 3 for A, 3 and -1 for F - L0 H
+    assert value["linear", "eigenvalue_real"] == pytest.approx(-0.5, abs=1e-14)
+    assert value["linear", "eigenvalue_imaginary"] == pytest.approx(np.sqrt(11) / 2, abs=1e-14)
+    assert value["identity", "largest_real_part"] == pytest.approx(-0.5, abs=1e-14)
+    root = (3 + np.sqrt(13)) / 2
+    assert value["identity_as_printed", "largest_real_part"] == pytest.approx(root, abs=1e-12)
+    assert value["linear", "coefficients_printed"] == 10
+    assert value["linear", "coefficients_agreeing"] == 10
+    assert value["triangle_as_printed", "first_wrong_degree"] == 7
+    assert value["triangle_as_printed", "first_wrong_degree_random"] == 4
+    assert isnan(value["triangle", "first_wrong_degree"])
+    assert isnan(value["triangle", "first_wrong_degree_random"])
+    # m lambda - lambda for one state: -2 (m - 1); 3 (-1) - (-3) for the other
+    assert value["regular", "smallest_eigenvalue"] == 2.0
+    assert value["singular", "smallest_eigenvalue"] == pytest.approx(0.0, abs=1e-12)
+    assert (value["regular", "solvable"], value["singular", "solvable"]) == (0, 1)
+    assert value["nonlinear", "inverse_radius"] == 0
+    assert value["random", "lowest_degree_generator"] == 2
+    assert value["random", "lowest_degree_transformation"] == 2
+
+
+def test_what_is_exact_is_zero() -> None:
+    value = theory()
+    for name in ("linear", "random", "hidden"):
+        assert value[name, "largest_residual"] == 0
+    for name in ("linear", "random"):
+        assert value[name, "largest_difference"] == 0
+    assert value["ad", "off_diagonal"] == 0
+
+
+def test_the_printed_eigenvalues_leave_one_output() -> None:
+    """Two equations for the two entries of H, whose only solution is y = x1."""
+    h1, h2 = sympy.symbols("h1 h2")
+    A = sympy.Matrix([[0, 1], [-1, 1]]) + sympy.Matrix([-2, -4]) * sympy.Matrix([[h1, h2]])
+    real, imaginary = sympy.Rational(-1, 2), sympy.sqrt(11) / 2
+    found = sympy.solve([A.trace() - 2 * real, A.det() - real**2 - imaginary**2], [h1, h2])
+    assert found == {h1: 1, h2: 0}
+    settings = evaluator().ledger.settings("design", "linear")
+    settings["plant"]["output"] = [{"component": 1, "powers": [0, 1], "coefficient": 1}]
+    with pytest.raises(InputError, match="all real parts must be negative"):
+        design_stage.compute(settings)
+
+
+def test_the_injection_error_is_that_of_the_figure() -> None:
+    figure = measured("fig1")
+    wanted = figure["injection", "ise"] / figure["order4", "ise"]
+    assert theory()["injection", "ise_ratio"] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_another_form_of_the_injection() -> None:
+    """S and T end at degree 3, so that the identity form with (dS/dx)^-1 errs as much."""
+    tree = evaluator().ledger.tree
+    entry = {**tree["theory"]["injection_form"], "value": "jacobian", "source": OVERRIDDEN}
+    other = {**tree, "theory": {**tree["theory"], "injection_form": entry}}
+    ledger = type(evaluator().ledger)("lie", other, 1)
+    found = {(m.observer, m.metric): m.value for m in Evaluator(ledger).theory()}
+    wanted = theory()["injection", "ise_ratio"]
+    assert found["injection", "ise_ratio"] == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_the_matrix_of_ad_by_another_arithmetic(degree: int) -> None:
+    A = [[QQ(-2), QQ(1)], [QQ(-5), QQ(1)]]
+    wanted = np.array(matrix_of_ad(A, degree), dtype=float)
+    np.testing.assert_array_equal(ad_matrix(np.array([[-2.0, 1.0], [-5.0, 1.0]]), degree), wanted)
+
+
+def test_sums_of_eigenvalues_by_hand() -> None:
+    found = np.sort(sums_of_eigenvalues(np.diag([-1.0, -3.0]), 2).real)
+    # -2, -4, -6 plus 1 or plus 3
+    np.testing.assert_allclose(found, [-5, -3, -3, -1, -1, 1])
+
+
+@pytest.mark.parametrize("literal", [False, True])
+def test_the_triangle_by_another_arithmetic(literal: bool) -> None:
+    for case, degree in ((van_der_pol(), 7), (GENERIC, 5)):
+        problem = case.problem(degree)
+        roads = Roads(problem)
+        U = to_polynomials(PolynomialMap(problem.basis, roads.lie.U))
+        U_i = [[parts(p, d, d) for p in U] for d in range(2, degree + 1)]
+        wanted = list(U[0].ring.gens)
+        for m, part in enumerate(triangle(U_i, literal=literal)):
+            factor = QQ(1, int(sympy.factorial(m + 1)))
+            wanted = [t + factor * p for t, p in zip(wanted, part, strict=True)]
+        T = transformation_by_triangle(problem, roads.lie.U, literal=literal)
+        assert to_polynomials(PolynomialMap(problem.basis, T)) == wanted
+        assert np.array_equal(T, roads.T) is not literal
+
+
+def test_the_lowest_degree_of_a_series() -> None:
+    problem = van_der_pol().problem(5)
+    S = Roads(problem).S
+    assert lowest_degree(problem, S) == 1
+    higher = S.copy()
+    higher[:, problem.basis.part(1)] = 0
+    assert lowest_degree(problem, higher) == 3  # f is odd
+    assert lowest_degree(problem, 0 * S) == 0
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_random_problems(hidden: bool) -> None:
+    for k in range(3):
+        problem = random_problem(random_stream(7, "t", str(k)), 3, 3, hidden=hidden)
+        system = problem.system
+        case = systems.Case(
+            to_polynomials(system.dynamics),
+            to_polynomials(system.output),
+            to_polynomials(problem.injection),
+        )
+        A = problem.A.astype(float)
+        assert np.all(A.diagonal() < -(np.abs(A).sum(axis=1) - np.abs(A.diagonal())))
+        seen = np.concatenate([system.H @ np.linalg.matrix_power(system.F, j) for j in range(3)])
+        assert (sympy.Matrix(seen).rank() < 3) == hidden
+        S = to_polynomials(PolynomialMap(problem.basis, Roads(problem).S))
+        left = case.residual_of_s(S)
+        assert systems.lowest_degree(left) == 4
+        assert systems.lowest_degree(difference(S, variables(3))) == 2
+
+
+def test_a_wrong_series_is_found_out() -> None:
+    problem = van_der_pol().problem(5)
+    right = Roads(problem)
+    assert (right.difference(), right.residual()) == (0, 0)
+    wrong = Roads(problem)
+    wrong.__dict__["S"] = right.S.copy()
+    wrong.S[1, problem.basis.place((3, 0))] += 1
+    assert wrong.difference() >= 1
+    assert wrong.residual() >= 1
+    assert wrong.first_wrong_degree(literal=True) != 3  # T is right
+    wrong.__dict__["T"] = right.T + 0
+    wrong.T[0, problem.basis.place((2, 1))] += 1
+    assert wrong.first_wrong_degree(literal=False) == 3
+
+
+def test_solvable_is_what_the_roots_say() -> None:
+    """x' = -x + x^2 with A = -2 or -3 has no series from degree 2 or 3 on; with -5/2 it has."""
+    (x,) = variables(1)
+    known = ((-2, 2, False), (-3, 2, True), (-3, 3, False), (QQ(-5, 2), 6, True))
+    for pole, degree, wanted in known:
+        case = systems.Case([-x + x**2], [x], [(pole + 1) * x])
+        assert solvable(case.problem(degree)) is wanted
+
+
+def test_runs_tell_a_linear_error_from_another() -> None:
+    case = Case([2.0, 0.5], [0.0, 0.0], 5.0, 2e-3)
+    exact, cut_off = form(5, with_cubic=True), form(5)
+    assert deviation_from_linear(exact, 2, case) < 1e-11
+    assert difference_of_forms(exact, 2, case) < 1e-9
+    assert deviation_from_linear(cut_off, 4, case) > 0.1
+    assert difference_of_forms(cut_off, 4, case) > 1.0
+    near = [
+        deviation_from_linear(cut_off, 4, Case([radius, 0.0], [0.0, 0.0], 1.0, 1e-3))
+        for radius in (0.1, 0.05)
+    ]
+    # What S leaves out begins with degree 7, beside an error of degree 1.
+    assert np.log2(near[0] / near[1]) == pytest.approx(6.0, abs=0.3)
+
+
+def test_the_share_of_pole_choices_by_another_count() -> None:
+    stated = read_job(keys.Ledger, evaluator().ledger.settings("theory")).theory
+    rules = replace(stated, seed=5, printed_degree=3, poles=[-3.0, -1.0], choices=40)
+    stream = random_stream(5, "lie", "poles")
+    far = 0
+    for _ in range(40):
+        alpha = np.linalg.eigvals(stream.standard_normal((2, 2)))
+        poles = stream.uniform(-3.0, -1.0, 2)
+        sums = [
+            m1 * alpha[0] + m2 * alpha[1]
+            for m1, m2 in product(range(4), repeat=2)
+            if 2 <= m1 + m2 <= 3
+        ]
+        distances = [(abs(m - pole), max(abs(m), abs(pole))) for m in sums for pole in poles]
+        distance, size = min(distances)
+        far += distance >= 0.01 * size
+    assert theory_stage._share_nonresonant(rules) == pytest.approx(far / 40)
+    assert 0 < far < 40
+
+
+def test_the_least_ratio_is_over_initial_states() -> None:
+    def row(name: str, order: int, quantity: str, value: float) -> dict[str, Any]:
+        return {"form": name, "order": order, "quantity": quantity, "value": value}
+
+    study = []
+    for name, order, errors in (("constant", 0, [2.0, 4.0]), ("series", 4, [1.0, 4.0]),
+                                ("series", 2, [float("nan"), 3.0])):  # fmt: skip
+        for error in errors:
+            study += [row(name, order, "ise", error), row(name, order, "settled", 1.0),
+                      row(name, order, "diverged", 0.0)]  # fmt: skip
+    found = {(m.observer, m.metric): m.value for m in metrics_stage._ensemble({}, study)}
+    assert found["series", "least_ise_ratio_4"] == 0.5
+    assert found["series", "median_ise_ratio_4"] == 0.75
+    assert found["series", "least_ise_ratio_2"] == 0.75
+    assert isnan(found["series", "median_ise_ratio_2"])
+    assert found["constant", "least_ise_ratio_0"] == 1.0
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_one_degree_with_a_wrong_spectrum_shows(
+    monkeypatch: pytest.MonkeyPatch, degree: int
+) -> None:
+    """The number of the ledger's degrees is the worst of them, whichever that is."""
+    assert theory()["ad", "spectrum_difference"] < 1e-6
+    right = theory_stage.spectrum_difference
+    monkeypatch.setattr(
+        theory_stage,
+        "spectrum_difference",
+        lambda A, d: right(A, d) + (0.5 if d == degree else 0.0),
+    )
+    found = list(theory_stage._series(read_job(keys.Ledger, evaluator().ledger.settings("theory"))))
+    (worst,) = (m.value for m in found if m.metric == "spectrum_difference")
+    assert worst == pytest.approx(0.5, abs=1e-6)

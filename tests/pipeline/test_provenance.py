@@ -1,0 +1,42 @@
+"""Which modules a statement imports: what decides which results an edit makes stale."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from reobserve.pipeline import provenance
+
+MODULE = "reobserve.papers.ilo.plant"
+FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
+
+
+@pytest.mark.parametrize(
+    ("statement", "path", "names"),
+    [
+        ("import a.b, c as d", FILE, ["a.b", "c"]),
+        ("from a.b import c, d", FILE, ["a.b", "a.b.c", "a.b.d"]),
+        ("from . import setup", FILE, ["reobserve.papers.ilo", "reobserve.papers.ilo.setup"]),
+        (
+            "from .setup import grid",
+            FILE,
+            ["reobserve.papers.ilo.setup", "reobserve.papers.ilo.setup.grid"],
+        ),
+        ("from ..lie import plot", FILE, ["reobserve.papers.lie", "reobserve.papers.lie.plot"]),
+        ("from . import setup", PACKAGE, [MODULE, f"{MODULE}.setup"]),
+        ("from .. import lie", PACKAGE, ["reobserve.papers.ilo", "reobserve.papers.ilo.lie"]),
+        ("x = 1", FILE, []),
+    ],
+)
+def test_the_names_of_an_import(statement: str, path: Path, names: list[str]) -> None:
+    (node,) = ast.parse(statement).body
+    assert list(provenance._names(node, MODULE, path)) == names
+
+
+def test_the_closure_holds_what_is_imported_and_what_that_imports() -> None:
+    assert provenance.import_closure(["reobserve.errors"]) == ["reobserve", "reobserve.errors"]
+    closure = provenance.import_closure(["reobserve.ledger.config"])
+    assert {"reobserve.plain_data.files", "reobserve.errors"} <= set(closure)
+    assert closure == sorted(closure)

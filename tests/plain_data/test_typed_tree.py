@@ -1,0 +1,208 @@
+"""Keys as types: what a tree must be to be read into a declaration, told with the dotted key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.ledger.conditions import (
+    Count,
+    Names,
+    NotNegative,
+    Positive,
+    Share,
+    Window,
+    array,
+    items,
+    matrix,
+    positive_definite,
+    signal,
+    vector,
+    within,
+)
+from reobserve.plain_data.typed_tree import parse
+
+
+@dataclass(frozen=True)
+class Plant:
+    step: Positive
+    noise: NotNegative
+    start: Annotated[list[float], vector(3)]
+    runs: Count = 1
+
+
+@dataclass(frozen=True)
+class Kalman:
+    algorithm: Literal["kalman"]
+    stay: Share
+
+
+@dataclass(frozen=True)
+class SlidingMode:
+    algorithm: Literal["sliding", "relay"]
+    layer: Positive
+    smooth: bool = False
+
+
+@dataclass(frozen=True)
+class Whole:
+    plant: Plant
+    observers: Mapping[str, Kalman | SlidingMode]
+
+
+PLANT = {"step": 0.5, "noise": 0, "start": [1, 2.5, 3]}
+TREE = {
+    "plant": PLANT,
+    "observers": {
+        "a": {"algorithm": "kalman", "stay": 0.9},
+        "b": {"algorithm": "relay", "layer": 2},
+    },
+}
+
+
+def test_a_tree_becomes_its_types_and_keeps_its_values() -> None:
+    found = parse(Whole, TREE)
+    assert found == Whole(
+        Plant(0.5, 0, [1, 2.5, 3]), {"a": Kalman("kalman", 0.9), "b": SlidingMode("relay", 2)}
+    )
+    # A whole number stays one: what is hashed and kept must be what was stated.
+    assert isinstance(found.plant.noise, int)
+    assert found.plant.runs == 1
+
+
+def test_what_is_read_already_stays_as_it_is() -> None:
+    plant = parse(Plant, PLANT)
+    assert parse(Plant, plant) is plant
+    assert parse(Whole, {**TREE, "plant": plant}).plant is plant
+    observer = Kalman("kalman", 0.5)
+    read = parse(Whole, {**TREE, "observers": {"a": observer}})
+    assert read.observers["a"] is observer
+
+
+def changed(*path: str, **values: Any) -> dict[str, Any]:
+    """The tree with some keys of one branch other; None leaves a key out."""
+    tree: dict[str, Any] = {"plant": {**PLANT}, "observers": {}}
+    tree["observers"] = {name: {**body} for name, body in TREE["observers"].items()}
+    branch: Any = tree
+    for key in path:
+        branch = branch[key]
+    branch.update(values)
+    for key in [key for key, value in values.items() if value is None]:
+        del branch[key]
+    return tree
+
+
+BAD: dict[str, tuple[Any, str]] = {
+    "no mapping": (3, "x: 3 must be a mapping of keys to values"),
+    "a section missing": ({"plant": PLANT}, "x.observers: is missing; the whole needs it"),
+    "a key missing": (changed("plant", step=None), "x.plant.step: is missing; the plant needs it"),
+    "a key misspelt": (
+        changed("plant", stepp=1),
+        "x.plant.stepp: unknown key; did you mean 'step'?",
+    ),
+    "a key of a form missing": (
+        changed("observers", "a", stay=None),
+        "x.observers.a.stay: is missing; the algorithm kalman needs it",
+    ),
+    "a key of another form": (
+        changed("observers", "a", layer=1),
+        "x.observers.a.layer: unknown key; there are: algorithm, stay",
+    ),
+    "no form": (
+        changed("observers", "a", algorithm=None),
+        "x.observers.a.algorithm: is missing, must be one of kalman, sliding, relay",
+    ),
+    "an unknown form": (
+        changed("observers", "a", algorithm="kalmann"),
+        "x.observers.a.algorithm: 'kalmann' must be one of kalman, sliding, relay",
+    ),
+    "a form that is no word": (
+        changed("observers", "a", algorithm=[]),
+        "x.observers.a.algorithm: [] must be one of kalman, sliding, relay",
+    ),
+    "a branch that is none": (
+        changed("observers", a=[1]),
+        "x.observers.a: [1] must be a mapping of keys to values",
+    ),
+    "a word": (changed("plant", step="x"), "x.plant.step: 'x' is not a number"),
+    "true": (changed("plant", step=True), "x.plant.step: True is not a number"),
+    "not a number": (changed("plant", step=float("nan")), "x.plant.step: nan is not a number"),
+    "endless": (changed("plant", step=float("inf")), "x.plant.step: inf is not a number"),
+    "2^64": (changed("plant", step=2**64), "x.plant.step: 18446744073709551616 is not a number"),
+    "zero": (changed("plant", step=0), "x.plant.step: 0 must be greater than zero"),
+    "negative": (changed("plant", noise=-1), "x.plant.noise: -1 must not be negative"),
+    "half": (changed("plant", runs=0.5), "x.plant.runs: 0.5 must be a whole number"),
+    "none": (changed("plant", runs=0), "x.plant.runs: 0 must be from 1 to 1000000"),
+    "one": (changed("observers", "a", stay=1), "x.observers.a.stay: 1 must be between 0 and 1"),
+    "no list": (changed("plant", start=1), "x.plant.start: 1 must be a list of numbers"),
+    "a short list": (
+        changed("plant", start=[1, 2]),
+        "x.plant.start: has shape (2,), must be a list of 3 numbers",
+    ),
+    "a word in a list": (
+        changed("plant", start=[1, "y", 3]),
+        "x.plant.start.1: 'y' is not a number",
+    ),
+    "a word for a truth": (
+        changed("observers", "b", smooth="yes"),
+        "x.observers.b.smooth: 'yes' must be one of true and false",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_wrong_is_told_with_its_key(case: str) -> None:
+    tree, said = BAD[case]
+    with pytest.raises(InputError) as caught:
+        parse(Whole, tree, "x")
+    assert str(caught.value).startswith(said)
+
+
+CONDITIONS: dict[str, tuple[Any, Any, str]] = {
+    "an empty list": (Names, [], "x: has 0 items, must have 1 to 10000"),
+    "a list too long": (Names, ["a"] * 10_001, "x: has 10001 items"),
+    "named twice": (Names, ["a", "b", "a"], "x: ['a', 'b', 'a'] must not name anything twice"),
+    "a window that falls": (Window, [2, 1], "x: [2, 1] must be 0 or more, rising"),
+    "a window before zero": (Window, [-1, 1], "x: [-1, 1] must be 0 or more, rising"),
+    "beyond an end": (Annotated[int, within(0, 5)], 6, "x: 6 must be from 0 to 5"),
+    "too many": (Annotated[list[float], items(1, 2)], [1, 2, 3], "x: has 3 items, must have 1 to"),
+    "another shape": (Annotated[Any, array(2, 1)], [1, 2], "x: has shape (2,), must be (2, 1)"),
+    "no matrix": (Annotated[Any, matrix(2)], [1, 2, 3], "x: has shape (3,), must be one number"),
+    "indefinite": (Annotated[Any, positive_definite(2)], [1, -1], "x: must be positive definite"),
+    "no signal": (Annotated[list[Any], signal(1)], [{"kind": "x"}], "x[0].kind: 'x' must be one"),
+}
+
+
+@pytest.mark.parametrize("case", CONDITIONS)
+def test_conditions_say_what_is_allowed(case: str) -> None:
+    kind, value, said = CONDITIONS[case]
+    with pytest.raises(InputError) as caught:
+        parse(kind, value, "x")
+    assert str(caught.value).startswith(said)
+
+
+def test_conditions_take_what_meets_them() -> None:
+    for kind, value in (
+        (Names, ["a", "b"]),
+        (Window, [0, 1e-9]),
+        (Annotated[int, within(0, 5)], 5),
+        (Annotated[Any, array(2, 1)], [[1], [2]]),
+        (Annotated[Any, matrix(2)], 3),
+        (Annotated[list[Any], signal(1)], []),
+        (float | None, None),
+        (float | str, "1/3"),
+    ):
+        assert parse(kind, value) == value
+
+
+def test_an_echo_is_bounded() -> None:
+    with pytest.raises(InputError) as caught:
+        parse(Plant, {**PLANT, "step": "y" * 20_000})
+    assert len(str(caught.value)) < 300
+    with pytest.raises(InputError) as caught:
+        parse(Plant, {**PLANT, "y" * 20_000: 1})
+    assert len(str(caught.value)) < 800

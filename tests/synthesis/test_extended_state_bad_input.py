@@ -1,0 +1,95 @@
+"""What a design refuses, in one sentence each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.synthesis.extended_state import pd_pi, pi, start, structured
+from tests.papers.eso.plants import dc_motor, random_plant
+
+
+@pytest.mark.parametrize("design", [pd_pi.design, pi.design, structured.design])
+def test_a_gamma_below_the_floor_is_refused_with_the_floor(design: Any) -> None:
+    with pytest.raises(InputError, match=r"gamma: 1 must be above 1\.00503781018428, which no"):
+        design(dc_motor(), gamma=1.0)
+    with pytest.raises(InputError, match=r"factor: 0.99 of the floor .* must be above one"):
+        design(dc_motor(), 0.99)
+    with pytest.raises(InputError, match="gamma: -1 must be greater than zero"):
+        design(dc_motor(), gamma=-1.0)
+
+
+def test_a_floor_of_zero_has_no_multiple() -> None:
+    with pytest.raises(InputError, match=r"factor: has no floor .* it is zero: give gamma"):
+        pd_pi.design(random_plant(0, 4, 4))
+
+
+def test_an_unknown_solver_is_refused() -> None:
+    with pytest.raises(InputError, match="solver: 'MOSEK' must be one of CLARABEL, SCS"):
+        pd_pi.design(dc_motor(), solver="MOSEK")
+
+
+def test_poles_must_have_room() -> None:
+    with pytest.raises(InputError, match="decay: 5 must be at least zero and below the bound 5"):
+        pd_pi.design_least_gamma(dc_motor(), 5.0, 5.0)
+    with pytest.raises(InputError, match="decay: -1 must be at least zero"):
+        pi.design_feasible(dc_motor(), -1.0)
+    with pytest.raises(InputError, match=r"radius: 0.5 must be above \d.*: no matrices fit"):
+        pd_pi.design_least_gamma(dc_motor(), radius=0.5)
+    with pytest.raises(InputError, match="radius: 0 must be greater than zero"):
+        pd_pi.design_least_gamma(dc_motor(), radius=0.0)
+
+
+def test_a_gap_beyond_floats_is_refused_and_a_larger_one_is_proved() -> None:
+    system = random_plant(0, 2)
+    with pytest.raises(InputError, match=r"gap: 1e-10 is not reached .*: raise it"):
+        pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-10)
+    found = pd_pi.design_least_gamma(system, 0.0, 30.0, gap=1e-3)
+    assert found.lower == pytest.approx(found.objective - 1e-3, abs=1e-9)
+
+
+def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
+    """The mode at -3 is not seen, so that no gain moves it."""
+    system = dc_motor(A=[[-3.0, 0.0], [0.0, -2.0]], C=[[0.0, 1.0], [0.0, 2.0]])
+    assert pi.design_feasible(system, 1.0).certificate.holds
+    with pytest.raises(InputError, match="solver: CLARABEL ended with status 'infeasible', not"):
+        pi.design_feasible(system, 4.0)
+
+
+def test_a_solution_that_is_not_accurate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(start.SOLVERS, "SCS", {"max_iters": 30})
+    with pytest.raises(InputError, match="SCS ended with status 'optimal_inaccurate', not"):
+        pd_pi.design(dc_motor(), solver="SCS")
+
+
+def test_a_solver_that_fails_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(start.SOLVERS, "CLARABEL", {"max_iter": 2})
+    with pytest.raises(InputError, match=r"solver: CLARABEL (failed|ended with status)"):
+        pd_pi.design(dc_motor())
+
+
+def test_a_noise_that_hides_the_faults_is_refused() -> None:
+    with pytest.raises(InputError, match=r"noise: 2 allows no observer with gamma 1\.055"):
+        structured.design(dc_motor(), noise=2.0)
+    with pytest.raises(InputError, match="noise: 0 must be greater than zero"):
+        structured.design(dc_motor(), noise=0.0)
+
+
+def test_a_gamma_that_a_zero_to_the_right_forbids_is_refused() -> None:
+    """From fa to y1 is (s - 1) / (s^2 + 5 s + 6): at s = 1 an fa' of 1 leaves an error of 1."""
+    system = dc_motor(
+        A=[[0.0, 1.0], [-6.0, -5.0]],
+        C=[[-1.0, 1.0], [1.0, 0.0]],
+        Fa=[[0.0], [1.0]],
+        Fs=[[0.0], [1.0]],
+        Dd=[[0.0], [1e-3]],
+        Dw=np.zeros((2, 0)),
+    )
+    with pytest.raises(InputError, match=r"gamma: .* is reached by no observer of this kind"):
+        structured.design(system)
+    with pytest.raises(InputError):
+        structured.design(system, gamma=0.99)
+    assert structured.design(system, gamma=20.0).certificate.norm_lower > 1
