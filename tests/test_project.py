@@ -128,6 +128,15 @@ def test_files_that_comments_and_texts_name_are_there() -> None:
     assert {(name, path) for name, path in found if not (ROOT / path).exists()} == set()
 
 
+def test_rules_quote_what_they_hand_to_a_shell() -> None:
+    """Names of users stand in paths; an option without a value of theirs may be nothing at all."""
+    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    shells = re.findall(r"^    shell:\n((?:        .*\n)+)", rules, re.MULTILINE)
+    assert len(shells) == len(re.findall(r"^rule ", rules, re.MULTILINE))
+    filled = re.findall(r"\{([^{}]+)\}", "".join(shells))
+    assert {name for name in filled if not name.endswith(":q")} == {"params.flips"}
+
+
 def test_metadata_agrees() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     project = (ROOT / "pyproject.toml").read_text()
