@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -108,19 +109,45 @@ def test_the_locks_pin_by_hash_and_name_no_host(name: str) -> None:
     assert all("--hash=sha256:" in block for block in blocks)
 
 
-def test_nothing_tracked_names_a_place_of_one_machine() -> None:
+def tracked() -> Iterator[tuple[str, str]]:
+    """The names and texts of what git tracks, without pictures, tables and locks."""
     listed = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
-    absolute = re.compile(r"(?<![\w.$}/:-])/(?:home|root|work|tmp|Users)/\w")
     for name in listed:
         path = ROOT / name
-        if (
-            path.is_file()
-            and path.suffix not in (".lock", ".csv", ".png")
-            and path != Path(__file__)
-        ):
-            assert not absolute.search(path.read_text(encoding="utf-8")), name
+        if path.is_file() and path.suffix not in (".lock", ".csv", ".png"):
+            yield name, path.read_text(encoding="utf-8")
+
+
+def test_nothing_tracked_names_a_place_of_one_machine() -> None:
+    absolute = re.compile(r"(?<![\w.$}/:-])/(?:home|root|work|tmp|Users)/\w")
+    for name, text in tracked():
+        assert ROOT / name == Path(__file__) or not absolute.search(text), name
+
+
+def test_files_that_comments_and_texts_name_are_there() -> None:
+    """Tests are left out: they name files of projects that they make."""
+    folders = r"\.ci|\.github|benchmarks|config|profiles|src|tests|workflow"
+    kinds = "md|py|rst|sh|smk|toml|yaml|yml"
+    named = re.compile(rf"(?<![\w/.$<}}*-])(?:{folders})/[\w./-]*\w\.(?:{kinds})\b")
+    found = {
+        (name, path)
+        for name, text in tracked()
+        if not name.startswith("tests/")
+        for path in named.findall(text)
+    }
+    assert ("profiles/default/config.yaml", "workflow/rules/before.smk") in found
+    assert {(name, path) for name, path in found if not (ROOT / path).exists()} == set()
+
+
+def test_rules_quote_what_they_hand_to_a_shell() -> None:
+    """Names of users stand in paths; an option without a value of theirs may be nothing at all."""
+    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    shells = re.findall(r"^    shell:\n((?:        .*\n)+)", rules, re.MULTILINE)
+    assert len(shells) == len(re.findall(r"^rule ", rules, re.MULTILINE))
+    filled = re.findall(r"\{([^{}]+)\}", "".join(shells))
+    assert {name for name in filled if not name.endswith(":q")} == {"params.flips"}
 
 
 def test_metadata_agrees() -> None:

@@ -100,6 +100,18 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "delay", {"observers": {"new": {"algorithm": "relay", "label": "x"}}},
         "delay.observers.new.relay_gain: is missing; the algorithm relay needs it",
     ),
+    "a missing key of a filter of one's own": (
+        "imm", {"observers": {"new": {"algorithm": "kalman", "label": "x"}}},
+        "imm.observers.new.realisation: is missing; the algorithm kalman needs it",
+    ),
+    "a missing key of an extended state observer of one's own": (
+        "eso", {"observers": {"new": {"algorithm": "extended_state", "label": "x"}}},
+        "eso.observers.new.design: is missing; the observer needs it",
+    ),
+    "a misspelt key of an observer": (
+        "eso", {"observers": {"new": {"like": "pi", "desing": "pd_pi"}}},
+        "eso.observers.new.desing: unknown key; did you mean 'design'?",
+    ),
     "derivatives without a differentiator": (
         "delay", {"observers": {"order2": {"derivatives": "levant"}}},
         "delay.observers.order2.L: is missing; derivatives by levant need it",
@@ -158,7 +170,9 @@ def test_an_interval_of_2_to_the_63() -> None:
 NAMES = ("`touch x`", "a b", "../../../../escaped", "$x", "x$", "a|b", "a\n", "", "ä", "1a", "-a",
          "a.b", "x" * 61)  # fmt: skip
 MODELS = {
-    "scenarios": "constant", "observers": "sampled", "studies": "matching", "figures": "fig1",
+    "scenarios": ("ilo", "constant"), "observers": ("ilo", "sampled"),
+    "studies": ("ilo", "matching"), "figures": ("ilo", "fig1"), "designs": ("eso", "pd_pi"),
+    "searches": ("imm", "calibrated"), "tables": ("lie", "table_coefficients"),
 }  # fmt: skip
 
 
@@ -166,8 +180,9 @@ MODELS = {
 @pytest.mark.parametrize("section", MODELS)
 def test_a_name_that_is_more_than_a_name(section: str, name: str) -> None:
     """Backticks ran a command, dots left the project, a space broke it, $ never matched."""
-    said = refused("ilo", {section: {name: {"like": MODELS[section]}}})
-    assert said.startswith(f"ilo.{section}")
+    paper, model = MODELS[section]
+    said = refused(paper, {section: {name: {"like": model}}})
+    assert said.startswith(f"{paper}.{section}")
     assert "letters" in said
 
 

@@ -15,8 +15,12 @@ from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.matrices import as_floats, as_numbers, as_samples
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
+from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.timeseries.signals import Signal
 
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
@@ -63,6 +67,7 @@ OTHERS = {
     "masked": np.ma.masked_array(ROWS, ROWS > 5),
     "text": [["1", "2"]],
     "text among numbers": [[1.0, "2"]],
+    "a number as text": "1.5",
     "bytes": b"12",
     "booleans": np.array([[True, False]]),
     "a boolean among numbers": [[1.0, True]],
@@ -119,6 +124,8 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
     body = RigidBody(np.eye(3))
     observer = SampledIterativeLearningObserver(body, 0.01, 0.5, 10.0, 30.0, 0.1)
     start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
+    one, none, gain = np.ones((1, 1)), np.empty((1, 0)), np.ones((3, 1))
+    system = AugmentedSystem(-one, one, one, none, none, one, none)
     calls: list[tuple[Any, str]] = [
         (lambda: observer.run(record, start, start), "control"),
         (lambda: observer.run(record, record, record), "state"),
@@ -127,6 +134,8 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: SampledIterativeLearningObserver(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
         (lambda: SampledIterativeLearningObserver(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
         (lambda: KalmanFilter(body), "model"),
+        (lambda: ExtendedStateObserver(system, {"L": gain, "Ld": gain}, 0.01), "gains"),
+        (lambda: ExtendedStateObserver(gain, Gains(gain, gain), 0.01), "system"),
         (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
         (lambda: vector_field(3), "function"),
         (lambda: vector_field(lambda x, p, f: open("y")), "function"),  # noqa: SIM115
@@ -135,6 +144,15 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         with pytest.raises(InputError, match=rf"^{name}: ") as told:
             call()
         assert len(str(told.value)) < 300
+
+
+def test_parameters_of_a_model_may_be_a_list() -> None:
+    lag = first_order_lag(1.5, 2.0)
+    listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
+    y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
+    first, second = (HighGainObserver(model, 2.0, 0.01) for model in (lag, listed))
+    found, wanted = (one.run(y, u, one.init([0.0])).estimate for one in (second, first))
+    assert np.array_equal(found, wanted)
 
 
 def test_a_signal_beyond_numbers_is_refused() -> None:

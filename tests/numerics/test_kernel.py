@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import pty
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import reobserve
 
 # Saves the code of one signature in step with a process that saves another: both read the index,
 # the float's is written, then index and code of the integer, then the code of the float: under one
@@ -136,6 +139,24 @@ def test_folders_that_cannot_be_written_cost_time_only(sums: Path) -> None:
     # Somebody else might have put code there: it is left alone, and nothing is kept.
     folder.chmod(0o777)
     assert run(sums, HITS, **temporary) == COMPILED
+
+
+def test_a_package_and_a_home_that_cannot_be_written_cost_time_only(sums: Path) -> None:
+    """As where one user installs and another, who has no home, runs: it ended at the import."""
+    package = sums / "reobserve"
+    package.mkdir()
+    for module in ("__init__", "kernel", "kernel_cache"):
+        shutil.copy(Path(reobserve.__file__).with_name(f"{module}.py"), package)
+    for folder in (sums, package):
+        (folder / "__pycache__").write_text("a file where a folder must be: that stops root, too")
+    (sums / "tmp").mkdir()
+    nowhere = {"HOME": f"{sums}/__pycache__", "XDG_CACHE_HOME": f"{sums}/__pycache__/cache"}
+    environment = {**nowhere, "NUMBA_CACHE_DIR": "", "TMPDIR": str(sums / "tmp")}
+    assert run(sums, HITS, **environment) == COMPILED
+    assert run(sums, HITS, **environment) == LOADED, "kept among the temporary files"
+    (folder,) = (sums / "tmp").iterdir()
+    folder.chmod(0o777)
+    assert run(sums, HITS, **environment) == COMPILED
 
 
 FULL = """

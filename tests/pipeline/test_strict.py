@@ -39,6 +39,49 @@ def test_a_name_from_a_file_neither_runs_nor_leaves(fresh: Project, name: str) -
     assert (files(fresh.folder), {path.name for path in fresh.folder.parent.iterdir()}) == around
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("mine.yaml", "seed: 2\nilo: {}\nseed: 3\n", "line 3, column 1: the key 'seed' twice"),
+        ("mine.json", '{"seed": 2, "seed": 3}', "has the key 'seed' twice"),
+    ],
+)
+def test_a_key_that_stands_twice_in_a_file_of_the_call(
+    fresh: Project, name: str, text: str, said: str
+) -> None:
+    """Snakemake takes the last of them and says nothing."""
+    (fresh.folder / name).write_text(text, encoding="utf-8")
+    target = "results/ilo/constant/plant.parquet"
+    done = fresh.snakemake(target, "--dry-run", "--configfile", name, check=False)
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve: ")
+    assert name in last
+    assert last.endswith(said)
+    assert not (fresh.folder / "results/ilo").exists()
+
+
+@pytest.mark.parametrize(
+    ("added", "said"),
+    [
+        (b"seed: 7", "the key 'seed' twice"),
+        (b"ilo: n\xe9e", "is not UTF-8)"),
+        (b"ilo: " + b"[" * 2000, "nested deeper than 40 levels"),
+        (b"ilo: " + b"9" * 5000, "a number of more than 30 characters"),
+    ],
+    ids=["a key twice", "latin-1", "deep lists", "5000 digits"],
+)
+def test_a_config_that_is_no_plain_yaml(fresh: Project, added: bytes, said: str) -> None:
+    path = fresh.folder / "config/config.yaml"
+    path.write_bytes(path.read_bytes() + b"\n" + added + b"\n")
+    done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve: config/config.yaml: ")
+    assert last.endswith(said)
+    assert "Traceback" not in done.stderr
+
+
 def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
     record = fresh.folder / "it's `touch ran` & $HOME.csv"
     record.write_text("time,torque\n0,0.1\n10,0.2\n", encoding="utf-8")
@@ -84,6 +127,21 @@ def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
         "reobserve: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
+    )
+    assert not (fresh.folder / "results/ilo").exists()
+
+
+def test_what_only_building_shows_in_a_ledger_stops_the_first_job(fresh: Project) -> None:
+    """Without overrides, too."""
+    ledger = fresh.folder / "config/papers/ilo.yaml"
+    text = ledger.read_text(encoding="utf-8")
+    stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
+    assert stuck in text
+    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "12.0")), encoding="utf-8")
+    done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: ilo.scenarios.constant.fault: starts at 12 s, must start before the end at 10 s"
     )
     assert not (fresh.folder / "results/ilo").exists()
 

@@ -8,7 +8,9 @@ import struct
 import subprocess
 import sys
 import zlib
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pyarrow as pa
@@ -18,7 +20,15 @@ import pytest
 from reobserve.cli import main
 from reobserve.errors import InputError
 from reobserve.evidence.figure_diff.pixels import read_pixels
-from reobserve.plain_data.files import GAP, SCORE, WHOLE, read_columns, read_table, write_text
+from reobserve.plain_data.files import (
+    GAP,
+    SCORE,
+    WHOLE,
+    read_columns,
+    read_table,
+    write_text,
+    write_whole,
+)
 from reobserve.scoring.metrics import lookup, read_metrics
 from tests.pipeline.conftest import ROOT
 
@@ -73,6 +83,28 @@ def test_the_file_beside_does_not_follow_a_link(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a.txt: cannot be written"):
         write_text(tmp_path / "a.txt", "newer")
     assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_two_that_write_one_file_at_once_take_turns(tmp_path: Path) -> None:
+    """One ended with "No such file": the other had moved what it was writing."""
+    path, begun, go_on = tmp_path / "a.txt", Event(), Event()
+
+    def slowly(partial: Path) -> None:
+        partial.write_text("first")
+        begun.set()
+        assert go_on.wait(10)
+
+    with ThreadPoolExecutor(2) as both:
+        first = both.submit(write_whole, path, slowly)
+        assert begun.wait(10)
+        second = both.submit(write_text, path, "second")
+        ended = wait([second], 0.2).done
+        go_on.set()
+        first.result()
+        second.result()
+    assert ended == set()
+    assert path.read_text() == "second"
+    assert os.listdir(tmp_path) == ["a.txt"]
 
 
 @pytest.mark.parametrize("output", ["", ".", "/", "..", "a\0b", "x" * 300])

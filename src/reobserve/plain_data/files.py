@@ -10,7 +10,7 @@ import math
 import os
 import re
 import stat
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +64,7 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
     """Let ``write`` fill a file beside ``path``, then put it in place in one move.
 
     A process killed half-way leaves no half-written ``path``. The file beside it has a fixed
-    name, so that the next run replaces what a killed one left.
+    name, so that the next run replaces what a killed one left; those that run at once take turns.
 
     Raises
     ------
@@ -77,16 +77,30 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
         check_replaceable(path)
         partial = path.with_name(f".{path.name}.partial")
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            partial.unlink(missing_ok=True)  # whatever it is, a link to elsewhere among them
-            partial.touch(exist_ok=False)  # so that the reason is the system's, whatever writes
-            write(partial)
-            os.replace(partial, path)
-        finally:
-            if not partial.is_dir():
-                partial.unlink(missing_ok=True)
+        with _alone_in(path.parent):
+            try:
+                partial.unlink(missing_ok=True)  # whatever it is, a link to elsewhere among them
+                partial.touch(exist_ok=False)  # so that the reason is the system's, whatever writes
+                write(partial)
+                os.replace(partial, path)
+            finally:
+                if not partial.is_dir():
+                    partial.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(str(path), f"cannot be written ({reason(error)})") from None
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder against others that write in it, where the system knows how; dies with us."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            handle = os.open(folder, os.O_RDONLY)
+            held.callback(os.close, handle)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
 
 
 def check_replaceable(path: Path) -> None:
