@@ -144,10 +144,11 @@ def test_folders_that_cannot_be_written_cost_time_only(sums: Path) -> None:
 def test_a_package_and_a_home_that_cannot_be_written_cost_time_only(sums: Path) -> None:
     """As where one user installs and another, who has no home, runs: it ended at the import."""
     package = sums / "reobserve"
-    package.mkdir()
-    for module in ("__init__", "kernel", "kernel_cache"):
-        shutil.copy(Path(reobserve.__file__).with_name(f"{module}.py"), package)
-    for folder in (sums, package):
+    (package / "numerics").mkdir(parents=True)
+    for module in ("__init__", "numerics/__init__", "numerics/kernel", "numerics/kernel_cache"):
+        source = Path(reobserve.__file__).parent / f"{module}.py"
+        shutil.copy(source, package / f"{module}.py")
+    for folder in (sums, package, package / "numerics"):
         (folder / "__pycache__").write_text("a file where a folder must be: that stops root, too")
     (sums / "tmp").mkdir()
     nowhere = {"HOME": f"{sums}/__pycache__", "XDG_CACHE_HOME": f"{sums}/__pycache__/cache"}
