@@ -25,8 +25,8 @@ from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
 
-@dataclass(frozen=True)
-class SampledIterativeLearningObserver(IloGains):
+@dataclass(frozen=True, repr=False)
+class SampledILO(IloGains):
     """The law (3) with v updated at multiples of tau and held.
 
     Parameters are those of `IloGains`.
@@ -43,11 +43,11 @@ class SampledIterativeLearningObserver(IloGains):
         def __init__(
             self,
             model: RigidBody,
-            step_size: float,
+            sampling_period: float,
             K1: ArrayLike,
             K2: ArrayLike,
             damping: ArrayLike,
-            interval: float,
+            update_interval: float,
             allow_unstable: bool = ...,
         ) -> None: ...
 
@@ -56,7 +56,14 @@ class SampledIterativeLearningObserver(IloGains):
         if self.allow_unstable:
             return
         model = self.model
-        law = (model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.interval)
+        law = (
+            model.inertia,
+            self.damping,
+            model.fault_matrix,
+            self.K1,
+            self.K2,
+            self.update_interval,
+        )
         verdict = sampled_stability(*law)
         if verdict.verdict == "unstable":
             raise InputError(

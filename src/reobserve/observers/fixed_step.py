@@ -1,0 +1,188 @@
+"""Observers that integrate with one step a sampling period, and what they read in between.
+
+Where nothing else is given, measurements go in straight lines from sample to sample and known
+inputs keep the value of their sample, as a controller holds them. With ``middle`` or ``before`` a
+signal is as these say: limits from the left at samples, values in the middle, a straight line where
+only the limits are given.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.numerics.matrices import as_numbers
+from reobserve.observers.contract import (
+    Observer,
+    OnDivergence,
+    Record,
+    Rows,
+    StateKind,
+    finite_rows,
+)
+from reobserve.observers.run import Run
+
+Array = NDArray[np.float64]
+
+
+class Samples(NamedTuple):
+    """Values at both ends and in the middle of each of m steps, shape (2 m + 1, columns).
+
+    ``left`` has the limits from the left; they count at the ends of steps.
+    """
+
+    right: Array
+    left: Array
+
+    @property
+    def steps(self) -> int:
+        """m."""
+        return len(self.right) // 2
+
+    def part(self, first: int, last: int) -> Samples:
+        """The steps from ``first`` up to ``last``, which is not among them."""
+        rows = slice(2 * first, 2 * last + 1)
+        return Samples(self.right[rows], self.left[rows])
+
+    def halved(self) -> Samples:
+        """Twice as many steps, with parabolas through the three samples of each one."""
+        right, left = self.right, self.left
+        start, middle, end = right[:-1:2], right[1::2], left[2::2]
+        finer = np.empty((2 * len(right) - 1, *right.shape[1:]))
+        finer[::2] = right
+        finer[1::4] = 0.375 * start + 0.75 * middle - 0.125 * end
+        finer[3::4] = 0.375 * end + 0.75 * middle - 0.125 * start
+        before = finer.copy()
+        before[::4] = left[::2]
+        return Samples(finer, before)
+
+
+class Steps(NamedTuple):
+    """What an observer integrates over: y and u at the ends and in the middle of each step."""
+
+    y: Samples
+    u: Samples
+
+    def part(self, first: int, last: int) -> Steps:
+        """The steps from ``first`` up to ``last``, which is not among them."""
+        return Steps(self.y.part(first, last), self.u.part(first, last))
+
+    def halved(self) -> Steps:
+        """Twice as many steps; see `Samples.halved`."""
+        return Steps(self.y.halved(), self.u.halved())
+
+
+class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
+    """An observer that takes one step of a Runge-Kutta method a sampling period.
+
+    What derives from it says how its loop is called. The loop writes a row at the start of the
+    first step and one at the end of each.
+    """
+
+    @abstractmethod
+    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
+        """Run the compiled loop; the state after it has counted the steps."""
+
+    def _halved(self, state: StateKind) -> tuple[FixedStepObserver[StateKind], StateKind] | None:
+        """The same observer and state with half the step; None if there is no such thing."""
+        finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)  # type: ignore[type-var]
+        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
+
+    def _fill(self, state: StateKind, record: Record) -> Rows:
+        rows = self._integrate(state, steps_between(state.sample, record))
+        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        after = replace(rows.state, sample=last)
+        return Rows(
+            {name: values[begun:] for name, values in rows.estimates.items()},
+            rows.finite - begun,
+            after,
+            {name: values[begun:] for name, values in rows.before.items()},
+        )
+
+    def _finding(self, state: StateKind, record: Record, finite: int) -> str:
+        from reobserve.observers.halving import finding
+
+        steps = steps_between(state.sample, record)
+        return finding(self, state, steps, finite + (state.sample is not None))
+
+
+def steps_between(last: Array | None, record: Record) -> Steps:
+    """The steps that lead from row to row, the first of them from ``last``, if there is one."""
+    columns = record.y.shape[1]
+    parts = (None, None) if last is None else (last[:columns], last[columns:])
+    y = _samples(parts[0], record.y, record.before[0], record.middle[0], held=False)
+    u = _samples(parts[1], record.u, record.before[1], record.middle[1], held=True)
+    return Steps(y, u)
+
+
+def _samples(
+    last: Array | None, rows: Array, before: Array | None, middle: Array | None, *, held: bool
+) -> Samples:
+    begun = rows[:1] if last is None else last[None]
+    ends = rows[1:] if last is None else rows
+    skipped = len(rows) - len(ends)
+    starts = np.concatenate([begun, ends[:-1]]) if len(ends) else ends
+    if held and before is None and middle is None:
+        left = between = starts
+    else:
+        left = ends if before is None else before[skipped:]
+        between = 0.5 * (starts + left) if middle is None else middle[skipped:]
+    right = np.empty((2 * len(ends) + 1, rows.shape[1]))
+    right[:1], right[1::2], right[2::2] = begun, between, ends
+    if left is ends:
+        return Samples(right, right)
+    limits = right.copy()
+    limits[2::2] = left
+    return Samples(right, limits)
+
+
+def run_on_halves(
+    observer: Observer[StateKind],
+    y: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    state: StateKind | None = None,
+    y_before: ArrayLike | None = None,
+    u_before: ArrayLike | None = None,
+    on_divergence: OnDivergence = "raise",
+) -> Run[StateKind]:
+    """A run over a record that was sampled twice a period: every second sample is in the middle.
+
+    A record that starts begins with a row; one that goes on from a state with its middle. Without
+    ``y_before`` and ``u_before``, limits from the left, it does not jump.
+
+    Raises
+    ------
+    InputError
+        As `Observer.run`; and if the last sample of the record is a middle.
+    DivergenceError
+        As `Observer.run`.
+    """
+    first = 0 if state is None or state.sample is None else 1
+    rows, middles, limits = [], [], []
+    for name, values, left in (("y", y, y_before), ("u", u, u_before)):
+        if values is None:
+            parts: tuple[Any, Any, Any] = (None, None, None)
+        else:
+            given = as_numbers(name, values)
+            limit = given if left is None else as_numbers(f"{name}_before", left)
+            if given.ndim == 0 or limit.shape != given.shape:
+                raise InputError(f"{name}_before", f"must have the shape {given.shape} of {name}")
+            if len(given) % 2 == first:
+                raise InputError(name, f"has {len(given)} rows, the last must be a sample's own")
+            middle = given[1 - first :: 2] if first else np.concatenate([given[:1], given[1::2]])
+            middle = given[0::2] if first else middle
+            parts = given[first::2], middle, limit[first::2]
+        rows.append(parts[0])
+        middles.append(parts[1])
+        limits.append(parts[2])
+    return observer.run(
+        rows[0], rows[1], state=state, before=(limits[0], limits[1]),
+        middle=(middles[0], middles[1]), on_divergence=on_divergence,
+    )  # fmt: skip
