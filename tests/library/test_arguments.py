@@ -15,7 +15,7 @@ from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.matrices import as_floats, as_numbers, as_samples
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.timeseries.signals import Signal
 
@@ -117,15 +117,15 @@ def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None
 
 def test_objects_in_the_wrong_place_are_refused() -> None:
     body = RigidBody(np.eye(3))
-    observer = SampledIterativeLearningObserver(body, 0.01, 0.5, 10.0, 30.0, 0.1)
+    observer = SampledILO(body, 0.01, 0.5, 10.0, 30.0, 0.1)
     start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
     calls: list[tuple[Any, str]] = [
         (lambda: observer.run(record, start, start), "control"),
         (lambda: observer.run(record, record, record), "state"),
         (lambda: observer.run(record, record, KalmanFilter), "state"),
         (lambda: observer.step(None, record, record), "state"),
-        (lambda: SampledIterativeLearningObserver(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
-        (lambda: SampledIterativeLearningObserver(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
+        (lambda: SampledILO(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
+        (lambda: SampledILO(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
         (lambda: KalmanFilter(body), "model"),
         (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
         (lambda: vector_field(3), "function"),

@@ -22,8 +22,8 @@ from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
@@ -175,16 +175,12 @@ STIFF: dict[str, Callable[[], Any]] = {
     "high gain": high_gain(400.0, 0.01),
     "extended high gain": extended(80.0, 0.1),
     "adaptive": rigid(AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)),
-    "continuous": rigid(IterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
-    "sampled": rigid(SampledIterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+    "continuous": rigid(ILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+    "sampled": rigid(SampledILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
 }
 GROWING: dict[str, Callable[[], Any]] = {
-    "continuous": rigid(
-        IterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
-    ),
-    "sampled": rigid(
-        SampledIterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
-    ),
+    "continuous": rigid(ILO(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)),
+    "sampled": rigid(SampledILO(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)),
 }
 
 
@@ -207,7 +203,7 @@ def test_a_law_that_grows_is_told(name: str) -> None:
 def test_a_halved_learning_observer_goes_on_as_the_whole_one_did() -> None:
     """A record that is a parabola in each step: then nothing is lost by halving, to order 4."""
     step, steps, interval = 0.01, 40, 0.1
-    observer = IterativeLearningObserver(BODY, step, 0.9, 5.0, 10.0, interval)
+    observer = ILO(BODY, step, 0.9, 5.0, 10.0, interval)
     time = 0.5 * step * np.arange(2 * steps + 1)
     rate = np.column_stack([np.sin(2 * time), np.cos(time), 0.1 * time])
     torque = np.zeros_like(rate)
@@ -316,9 +312,9 @@ def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(take
 
 
 def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:
-    observer = SampledIterativeLearningObserver(BODY, 0.01, 0.9, 10.0, 10.0, 0.1)
+    observer = SampledILO(BODY, 0.01, 0.9, 10.0, 10.0, 0.1)
     rate = np.full((5, 3), 1e308)
-    with pytest.raises(DivergenceError, match=r"^SampledIterativeLearningObserver diverged"):
+    with pytest.raises(DivergenceError, match=r"^SampledILO diverged"):
         observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)))
     run = observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)), on_divergence="return")
     assert np.isfinite(run.fault).all()

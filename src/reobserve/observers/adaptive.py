@@ -101,9 +101,6 @@ class AdaptiveObserver(RigidBodyObserver):
             self.sampling_period,
         )
 
-    def _fresh_memory(self, fault: Array) -> Array:
-        return fault.copy()
-
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(self._constants, state.rate, state.memory, record, rows)
 

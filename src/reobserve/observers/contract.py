@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.numerics.arguments import as_word
-from reobserve.numerics.matrices import as_numbers, as_samples
+from reobserve.numerics.matrices import all_finite, as_numbers, as_samples
 from reobserve.observers.run import Estimate, Run
 
 Array = NDArray[np.float64]
@@ -80,6 +80,19 @@ class Rows(NamedTuple):
     state: Any
     before: dict[str, Array] = {}  # noqa: RUF012  # never written
 
+    @property
+    def good(self) -> int:
+        """How many rows are finite in all arrays, up to the first that is not.
+
+        A loop watches its state; what it reads from that may overflow a row earlier.
+        """
+        among = self.finite
+        for array in (*self.estimates.values(), *self.before.values()):
+            rows = array[:among]
+            if not all_finite(rows):
+                among = int(np.argmin(np.isfinite(rows).reshape(among, -1).all(axis=1)))
+        return among
+
 
 class Observer(ABC, Generic[StateKind]):
     """What all observers share: `step`, `run`, and the checks of what they are given.
@@ -122,8 +135,11 @@ class Observer(ABC, Generic[StateKind]):
             "state", f"must be given: {type(self).__name__}.init says what it starts from"
         )
 
-    def _finding(self, state: StateKind, record: Record, finite: int) -> str:
-        """What is known of why a run diverged, as the rest of a sentence."""
+    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
+        """What is known of why rows beyond ``good`` diverged, as the rest of a sentence.
+
+        ``first`` is the time [s] of the record's first row.
+        """
         return ""
 
     def step(
@@ -147,11 +163,16 @@ class Observer(ABC, Generic[StateKind]):
         DivergenceError
             As `run`.
         """
-        between = (_as_row_pair("before", before), _as_row_pair("middle", middle))
-        known = None if u is None else _as_row("u", u)
-        found = self.run(_as_row("y", y), known, state=state, before=between[0], middle=between[1])
-        values = {name: rows[0] for name, rows in found.estimates.items()}
-        return found.state, Estimate(float(found.time[0]), values, found.units)
+        record = self._read(
+            _as_row("y", y), None if u is None else _as_row("u", u),
+            _as_row_pair("before", before), _as_row_pair("middle", middle),
+        )  # fmt: skip
+        start = self._checked(state)
+        rows, time = self._fill(start, record), self._next_time(start)
+        if not rows.good:
+            raise self._divergence(start, record, np.array([time]), 0)
+        values = {name: array[0] for name, array in rows.estimates.items()}
+        return rows.state, Estimate(time, values, self.units)
 
     def run(
         self,
@@ -199,19 +220,29 @@ class Observer(ABC, Generic[StateKind]):
         start = self._start(record.y[0]) if state is None else self._checked(state)
         stamps = self._stamps(time, start, len(record.y))
         rows = self._fill(start, record)
-        finite = finite_rows((*rows.estimates.values(), *rows.before.values()), rows.finite)
+        good = rows.good
         missing = int(np.isnan(record.y).any(axis=1).sum()) if self.reads_missing else 0
-        if finite == len(stamps):
-            return Run(
-                stamps, rows.estimates, self.units, rows.state, None, rows.before, missing
-            )  # fmt: skip
-        diverged_at = float(stamps[max(finite - 1, 0)])
+        if good == len(stamps):
+            return Run(stamps, rows.estimates, self.units, rows.state, None, rows.before, missing)
         if loud:
-            finding = self._finding(start, record, finite)
-            raise DivergenceError(type(self).__name__, diverged_at, finding)
-        good = {name: values[:finite] for name, values in rows.estimates.items()}
-        left = {name: values[:finite] for name, values in rows.before.items()}
-        return Run(stamps[:finite], good, self.units, start, diverged_at, left, missing)
+            raise self._divergence(start, record, stamps, good)
+        estimates = {name: array[:good] for name, array in rows.estimates.items()}
+        left = {name: array[:good] for name, array in rows.before.items()}
+        diverged_at = self._last_finite(start, stamps, good)
+        return Run(stamps[:good], estimates, self.units, start, diverged_at, left, missing)
+
+    def _divergence(
+        self, state: StateKind, record: Record, stamps: Array, good: int
+    ) -> DivergenceError:
+        """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
+        finding = self._finding(state, record, good, float(stamps[0]))
+        return DivergenceError(type(self).__name__, self._last_finite(state, stamps, good), finding)
+
+    def _last_finite(self, state: StateKind, stamps: Array, good: int) -> float:
+        """The time [s] up to which estimates are finite, perhaps that of the state's sample."""
+        if good:
+            return float(stamps[good - 1])
+        return float(stamps[0]) - (0.0 if state.sample is None else self.sampling_period)
 
     def _read(
         self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
@@ -247,14 +278,19 @@ class Observer(ABC, Generic[StateKind]):
             None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
 
+    def _next_time(self, state: StateKind) -> float:
+        """The time [s] of the row after the state's sample, if it was counted from 0 on."""
+        return (0 if state.sample is None else state.count + 1) * self.sampling_period
+
     def _stamps(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
         """The times of the rows."""
         if time is None:
             first = 0 if state.sample is None else state.count + 1
             return (first + np.arange(rows, dtype=np.float64)) * self.sampling_period
         stamps = as_samples("time", time, None, rows=rows, like="y")
-        off = np.abs(np.diff(stamps) - self.sampling_period)
-        if off.size and not off.max() <= _UNEVEN * self.sampling_period:
+        with np.errstate(over="ignore"):
+            off = np.abs(np.diff(stamps) - self.sampling_period)
+        if off.size and off.max() > _UNEVEN * self.sampling_period:
             row = int(np.argmax(off > _UNEVEN * self.sampling_period))
             raise InputError(
                 "time",
@@ -277,18 +313,6 @@ def raises(on_divergence: Any) -> bool:
     return as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
 
 
-def finite_rows(arrays: tuple[Array, ...], among: int) -> int:
-    """How many of the first ``among`` rows are finite in all arrays, up to the first that is not.
-
-    A loop watches its state; what it reads from that may overflow a row earlier.
-    """
-    for array in arrays:
-        good = np.isfinite(array[:among])
-        if not good.all():
-            among = int(np.argmin(good.reshape(len(good), -1).all(axis=1)))
-    return among
-
-
 def check_state(
     state: Any, kind: type[AnyState], problem: str, name: str = "state", **shapes: tuple[int, ...]
 ) -> AnyState:
@@ -309,7 +333,7 @@ def check_state(
         array = as_numbers(f"{name}.{part}", given)
         if array.shape != shape:
             raise InputError(name, problem)
-        if not np.isfinite(array).all():
+        if not all_finite(array):
             raise InputError(f"{name}.{part}", f"{shown(array)} has an entry that is not finite")
         if array is not given:
             changed[part] = array

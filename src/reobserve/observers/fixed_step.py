@@ -23,7 +23,6 @@ from reobserve.observers.contract import (
     Record,
     Rows,
     StateKind,
-    finite_rows,
 )
 from reobserve.observers.run import Run
 
@@ -105,11 +104,11 @@ class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
             {name: values[begun:] for name, values in rows.before.items()},
         )
 
-    def _finding(self, state: StateKind, record: Record, finite: int) -> str:
+    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
         from reobserve.observers.halving import finding
 
-        steps = steps_between(state.sample, record)
-        return finding(self, state, steps, finite + (state.sample is not None))
+        steps, before = steps_between(state.sample, record), state.sample is not None
+        return finding(self, state, steps, good + before, first - before * self.sampling_period)
 
 
 def steps_between(last: Array | None, record: Record) -> Steps:
@@ -124,22 +123,22 @@ def steps_between(last: Array | None, record: Record) -> Steps:
 def _samples(
     last: Array | None, rows: Array, before: Array | None, middle: Array | None, *, held: bool
 ) -> Samples:
-    begun = rows[:1] if last is None else last[None]
-    ends = rows[1:] if last is None else rows
-    skipped = len(rows) - len(ends)
-    starts = np.concatenate([begun, ends[:-1]]) if len(ends) else ends
-    if held and before is None and middle is None:
-        left = between = starts
-    else:
-        left = ends if before is None else before[skipped:]
-        between = 0.5 * (starts + left) if middle is None else middle[skipped:]
+    begun = 1 if last is None else 0  # rows that no step leads to
+    ends = rows[begun:]
     right = np.empty((2 * len(ends) + 1, rows.shape[1]))
-    right[:1], right[1::2], right[2::2] = begun, between, ends
-    if left is ends:
+    right[0] = rows[0] if last is None else last
+    right[2::2] = ends
+    starts = right[:-1:2]
+    limits = ends if before is None else before[begun:]
+    if held and before is None and middle is None:
+        limits = right[1::2] = starts
+    else:
+        right[1::2] = 0.5 * (starts + limits) if middle is None else middle[begun:]
+    if limits is ends:
         return Samples(right, right)
-    limits = right.copy()
-    limits[2::2] = left
-    return Samples(right, limits)
+    left = right.copy()
+    left[2::2] = limits
+    return Samples(right, left)
 
 
 def run_on_halves(
@@ -164,25 +163,31 @@ def run_on_halves(
     DivergenceError
         As `Observer.run`.
     """
-    first = 0 if state is None or state.sample is None else 1
-    rows, middles, limits = [], [], []
-    for name, values, left in (("y", y, y_before), ("u", u, u_before)):
+    begun = 1 if state is None or state.sample is None else 0  # rows that no step leads to
+    at_rows, at_middles, limits = [], [], []
+    for name, values, before in (("y", y, y_before), ("u", u, u_before)):
         if values is None:
-            parts: tuple[Any, Any, Any] = (None, None, None)
+            parts: tuple[Array | None, ...] = (None, None, None)
         else:
-            given = as_numbers(name, values)
-            limit = given if left is None else as_numbers(f"{name}_before", left)
-            if given.ndim == 0 or limit.shape != given.shape:
-                raise InputError(f"{name}_before", f"must have the shape {given.shape} of {name}")
-            if len(given) % 2 == first:
-                raise InputError(name, f"has {len(given)} rows, the last must be a sample's own")
-            middle = given[1 - first :: 2] if first else np.concatenate([given[:1], given[1::2]])
-            middle = given[0::2] if first else middle
-            parts = given[first::2], middle, limit[first::2]
-        rows.append(parts[0])
-        middles.append(parts[1])
-        limits.append(parts[2])
+            parts = _halves(name, values, before, begun)
+        for kept, part in zip((at_rows, at_middles, limits), parts, strict=True):
+            kept.append(part)
     return observer.run(
-        rows[0], rows[1], state=state, before=(limits[0], limits[1]),
-        middle=(middles[0], middles[1]), on_divergence=on_divergence,
+        at_rows[0], at_rows[1], state=state, before=(limits[0], limits[1]),
+        middle=(at_middles[0], at_middles[1]), on_divergence=on_divergence,
     )  # fmt: skip
+
+
+def _halves(
+    name: str, values: ArrayLike, before: ArrayLike | None, begun: int
+) -> tuple[Array, Array, Array | None]:
+    """Every second sample, the middles before them, and the limits from the left."""
+    given = as_numbers(name, values)
+    if given.ndim == 0 or len(given) % 2 != begun:
+        kind = "an odd" if begun else "an even"
+        raise InputError(name, f"has shape {given.shape}, must have {kind} number of rows")
+    middles = given[::2] if not begun else np.concatenate([given[:1], given[1::2]])
+    left = None if before is None else as_numbers(f"{name}_before", before)
+    if left is not None and left.shape != given.shape:
+        raise InputError(f"{name}_before", f"has shape {left.shape}, must be {given.shape}")
+    return given[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]

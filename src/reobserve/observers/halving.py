@@ -27,7 +27,9 @@ _AT_ONCE = 32  # steps that are refined together, so that memory stays small
 _AGREE = 0.01
 
 
-def finding(observer: FixedStepObserver[Any], state: Any, steps: Steps, finite: int) -> str:
+def finding(
+    observer: FixedStepObserver[Any], state: Any, steps: Steps, finite: int, begun: float
+) -> str:
     """Why a run diverged, as the rest of a sentence; empty if the observer has no shorter step.
 
     Parameters
@@ -36,13 +38,16 @@ def finding(observer: FixedStepObserver[Any], state: Any, steps: Steps, finite: 
         Those of the run.
     finite
         How many rows are finite, that at the start of the first step among them.
+    begun
+        The time [s] of that row.
     """
     last = max(finite - 1, 0)
     first = max(last - _BACK, 0)
     if first:
         state = observer._integrate(state, steps.part(0, first)).state
     piece = steps.part(first, min(steps.y.steps, first + 2 * (last - first) + _MORE))
-    step, start = observer.sampling_period, state.count * observer.sampling_period
+    step = observer.sampling_period
+    start = begun + first * step
     size = float(np.max(np.abs(_first_row(observer, state, piece)), initial=0.0))
     since = f"from t = {start:g} s on " if start else ""
     before: Array | None = None

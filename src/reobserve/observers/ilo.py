@@ -91,7 +91,7 @@ class IloGains(RigidBodyObserver):
         put(self, "allow_unstable", as_flag("allow_unstable", self.allow_unstable))
         whole_steps(self.update_interval, self.sampling_period)
 
-    @property
+    @cached_property
     def delay(self) -> int:
         """The updating interval in steps."""
         return whole_steps(self.update_interval, self.sampling_period)
@@ -153,9 +153,10 @@ class ILO(IloGains):
     def _constants(self) -> Constants:
         return self._constants_with(self.damping + self.model.fault_matrix @ self.K2)
 
-    def _fresh_memory(self, fault: Array) -> Array:
+    @property
+    def _memory_shape(self) -> tuple[int, ...]:
         # v at the start, the middle and the end of each step of the last interval.
-        return np.tile(fault, (self.delay, 3, 1))
+        return (self.delay, 3, 3)
 
     def _halved(self, state: State) -> tuple[ILO, State]:
         finer = replace(self, sampling_period=0.5 * self.sampling_period)

@@ -76,9 +76,6 @@ class SampledILO(IloGains):
     def _constants(self) -> Constants:
         return self._constants_with(self.damping)
 
-    def _fresh_memory(self, fault: Array) -> Array:
-        return fault.copy()
-
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(
             self._constants, self.delay, state.rate, state.memory, state.count, record, rows

@@ -85,9 +85,10 @@ class RigidBodyObserver(FixedStepObserver[State]):
         period = as_positive("sampling_period", self.sampling_period)
         object.__setattr__(self, "sampling_period", period)
 
-    @abstractmethod
-    def _fresh_memory(self, fault: Array) -> Array:
-        """The memory before the first step, if the estimate was ``fault`` up to then."""
+    @property
+    def _memory_shape(self) -> tuple[int, ...]:
+        """That of `State.memory`; its last axis is that of the fault."""
+        return (3,)
 
     @abstractmethod
     def _run(self, state: State, record: Record, rows: Rows) -> int:
@@ -108,7 +109,8 @@ class RigidBodyObserver(FixedStepObserver[State]):
         InputError
             If one of them is not three finite numbers.
         """
-        return State(as_vector("rate", rate, 3), self._fresh_memory(as_vector("fault", fault, 3)))
+        memory = np.broadcast_to(as_vector("fault", fault, 3), self._memory_shape)
+        return State(as_vector("rate", rate, 3), memory.copy())
 
     def _start(self, first: Array) -> State:
         return self.init(first)
@@ -116,12 +118,12 @@ class RigidBodyObserver(FixedStepObserver[State]):
     def _checked(self, state: Any) -> State:
         return check_state(
             state, State, "is of an observer of another kind or another delay",
-            rate=(3,), memory=self._fresh_memory(np.zeros(3)).shape, sample=(6,),
+            rate=(3,), memory=self._memory_shape, sample=(6,),
         )  # fmt: skip
 
     def _integrate(self, state: State, steps: Steps) -> contract.Rows:
         y, u = steps
-        out = Rows(*(np.empty((y.steps + 1, 3)) for _ in Rows._fields))
+        out = Rows(*np.empty((3, y.steps + 1, 3)))
         working = State(state.rate.copy(), state.memory.copy(), state.sample, state.count)
         finite = self._run(working, Record(y.right, y.left, u.right, u.left), out)
         out.fault_before[0] = out.fault[0]  # the record has nothing before its first row

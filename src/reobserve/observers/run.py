@@ -1,4 +1,4 @@
-"""What an observer makes of measurements: estimates by name and unit, at one sample or over time."""
+"""What an observer makes of measurements: estimates by name, at one sample or over a record."""
 
 from __future__ import annotations
 

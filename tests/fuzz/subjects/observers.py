@@ -15,8 +15,8 @@ from reobserve.observers.delay_variable_structure import RELAYS, VariableStructu
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
@@ -87,8 +87,8 @@ def _rigid_bodies() -> Iterator[Subject]:
     rate = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
     samples = (rate, 0 * rate), (rate[:3], 0 * rate[:3])
     arguments: dict[Any, tuple[Any, ...]] = {
-        SampledIterativeLearningObserver: (1.0, 500.0, 500.0, 0.01, False),
-        IterativeLearningObserver: (0.9, 50.0, 500.0, 0.01, False),
+        SampledILO: (1.0, 500.0, 500.0, 0.01, False),
+        ILO: (0.9, 50.0, 500.0, 0.01, False),
         AdaptiveObserver: (500.0, 1000.0, 10.0),
     }
     for kind, parameters in arguments.items():

@@ -120,7 +120,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
     scalar = copy.deepcopy(settings)
     j, lam, k2, tau = 20.0, 400.0, 1500.0, 0.01
     scalar["plant"]["inertia"] = np.diag([j] * 3).tolist()
-    scalar["observers"]["sampled"] |= {"damping": lam, "K2": k2, "interval": tau}
+    scalar["observers"]["sampled"] |= {"damping": lam, "K2": k2, "update_interval": tau}
     scalar["theory"]["multiples"] = [1]
     noise = np.random.default_rng(5).standard_normal(200_000)
     decay = np.exp(-lam * tau / j)
@@ -135,7 +135,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
 
 def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
     wild = copy.deepcopy(settings)
-    wild["observers"]["sampled"] |= {"damping": 100.0, "interval": 0.01, "K2": 5000.0}
+    wild["observers"]["sampled"] |= {"damping": 100.0, "update_interval": 0.01, "K2": 5000.0}
     numbers = limits(wild)
     assert numbers["sampled", "gain_margin_at_multiple_10"] < 1
     assert np.isnan(numbers["sampled", "noise_gain_at_multiple_10"])

@@ -45,7 +45,7 @@ def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | Non
         *common,
         observer.K1,
         observer.K2,
-        observer.interval,
+        observer.update_interval,
         phases=np.angle(torque),
         reading="sampled" if observer.algorithm == "sampled_ilo" else "continuous",
     )

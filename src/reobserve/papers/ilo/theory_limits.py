@@ -60,7 +60,7 @@ def measure(job: Job) -> Iterator[Metric]:
 
 
 def _law(body: RigidBody, observer: keys.Learning) -> Law:
-    gains = (observer.K1, observer.K2, observer.interval)
+    gains = (observer.K1, observer.K2, observer.update_interval)
     return (body.inertia, observer.damping, body.fault_matrix, *gains)
 
 
