@@ -120,10 +120,10 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
     observer = SampledILO(body, 0.01, 0.5, 10.0, 30.0, 0.1)
     start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
     calls: list[tuple[Any, str]] = [
-        (lambda: observer.run(record, start, start), "control"),
-        (lambda: observer.run(record, record, record), "state"),
-        (lambda: observer.run(record, record, KalmanFilter), "state"),
-        (lambda: observer.step(None, record, record), "state"),
+        (lambda: observer.run(record, start, state=start), "u"),
+        (lambda: observer.run(record, record, state=record), "state"),
+        (lambda: observer.run(record, record, state=KalmanFilter), "state"),
+        (lambda: observer.step(None, record[0], record[0]), "state"),
         (lambda: SampledILO(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
         (lambda: SampledILO(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
         (lambda: KalmanFilter(body), "model"),

@@ -25,6 +25,7 @@ from reobserve.synthesis.ilo_accuracy import (
     pi_error_transfer,
     predicted_rms_error,
 )
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
 from reobserve.timeseries.signals import Signal
 
@@ -171,7 +172,7 @@ DESIGNS = [
 def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
     interval: float, damping: Any, K1: Any, K2: Array
 ) -> None:
-    limit = sampled_limit_gain(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval)
+    limit = sampled_limit_gain(LearningLaw(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval))
     resting = np.zeros((2 * 10 * 400 + 1, 3))
     growth = []
     for factor in (0.97, 1.03):
@@ -232,9 +233,9 @@ def test_error_of_the_continuous_observer_is_as_predicted(
     observer = ILO(BODY, step, *design)
     rms, component = errors_under_a_sine(observer, 10.0, 10)
     theory = (INERTIA, damping, 1.0, K1, 2000.0, interval)
-    transfer = error_transfer(OMEGA, *theory)[0, :, 0]
+    transfer = error_transfer(OMEGA, LearningLaw(*theory))[0, :, 0]
     assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
-    predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], *theory)
+    predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], LearningLaw(*theory))
     assert rms[:2] == pytest.approx(predicted[:2], rel=2e-3)
 
 
@@ -247,7 +248,7 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
     predicted = predicted_rms_error(
         [[1.0, 0.0, 0.0]],
         [OMEGA],
-        *(INERTIA, 1000.0, 1.0, K1, 1000.0, interval),
+        LearningLaw(*(INERTIA, 1000.0, 1.0, K1, 1000.0, interval)),
         reading="sampled",
     )
     # Held, v also carries the sine's images at the update rate, which beat inside the window.

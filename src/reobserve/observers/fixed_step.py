@@ -164,17 +164,11 @@ def run_on_halves(
         As `Observer.run`.
     """
     begun = 1 if state is None or state.sample is None else 0  # rows that no step leads to
-    at_rows, at_middles, limits = [], [], []
-    for name, values, before in (("y", y, y_before), ("u", u, u_before)):
-        if values is None:
-            parts: tuple[Array | None, ...] = (None, None, None)
-        else:
-            parts = _halves(name, values, before, begun)
-        for kept, part in zip((at_rows, at_middles, limits), parts, strict=True):
-            kept.append(part)
+    y_rows, y_middle, y_left = _halves("y", y, y_before, begun)
+    u_rows, u_middle, u_left = (None, None, None) if u is None else _halves("u", u, u_before, begun)
     return observer.run(
-        at_rows[0], at_rows[1], state=state, before=(limits[0], limits[1]),
-        middle=(at_middles[0], at_middles[1]), on_divergence=on_divergence,
+        y_rows, u_rows, state=state, before=(y_left, u_left), middle=(y_middle, u_middle),
+        on_divergence=on_divergence,
     )  # fmt: skip
 
 

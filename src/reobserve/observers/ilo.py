@@ -37,6 +37,7 @@ from reobserve.observers.rigid_body_observer import (
     State,
     whole_steps,
 )
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 
@@ -96,6 +97,14 @@ class IloGains(RigidBodyObserver):
         """The updating interval in steps."""
         return whole_steps(self.update_interval, self.sampling_period)
 
+    @cached_property
+    def law(self) -> LearningLaw:
+        """What the synthesis of such an observer asks for: its stability, its accuracy."""
+        body, gains = self.model, (self.K1, self.K2)
+        return LearningLaw(
+            body.inertia, self.damping, body.fault_matrix, *gains, self.update_interval
+        )
+
     def _constants_with(self, injection: Matrix) -> Constants:
         model = self.model
         return Constants(
@@ -142,10 +151,7 @@ class ILO(IloGains):
         super().__post_init__()
         if self.allow_unstable:
             return
-        model = self.model
-        verdict = continuous_stability(
-            model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.update_interval
-        )
+        verdict = continuous_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
 

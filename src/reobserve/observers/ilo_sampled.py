@@ -55,21 +55,12 @@ class SampledILO(IloGains):
         super().__post_init__()
         if self.allow_unstable:
             return
-        model = self.model
-        law = (
-            model.inertia,
-            self.damping,
-            model.fault_matrix,
-            self.K1,
-            self.K2,
-            self.update_interval,
-        )
-        verdict = sampled_stability(*law)
+        verdict = sampled_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError(
                 "K1, K2",
                 f"must give stable error dynamics, but {verdict.reason}; "
-                f"the limit is {sampled_limit_gain(*law):.6g} times this K2",
+                f"the limit is {sampled_limit_gain(self.law):.6g} times this K2",
             )
 
     @cached_property

@@ -17,6 +17,7 @@ from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.scoring.metrics import lookup
 from reobserve.synthesis.ilo_accuracy import error_transfer
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 
 Numbers = dict[tuple[str, str], float]
@@ -161,7 +162,7 @@ def test_accuracy_follows_the_interval(found: Numbers) -> None:
     for omega in (3.0, 10.0, 30.0):
         longest = found["continuous", f"largest_interval_at_{omega:g}"]
         law = (INERTIA, 100.0, 1.0, 1.0, 2000.0, longest)
-        assert abs(error_transfer(omega, *law)[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
+        assert abs(error_transfer(omega, Law(*law))[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
 
 
 def test_a_fault_that_every_interval_follows_is_limited_by_its_period(
