@@ -133,7 +133,7 @@ def _samples(
     if held and before is None and middle is None:
         limits = right[1::2] = starts
     else:
-        right[1::2] = 0.5 * (starts + limits) if middle is None else middle[begun:]
+        right[1::2] = 0.5 * starts + 0.5 * limits if middle is None else middle[begun:]
     if limits is ends:
         return Samples(right, right)
     left = right.copy()
