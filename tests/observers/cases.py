@@ -57,7 +57,7 @@ _PERIOD, _ROWS, _FINER = 0.01, 600, 4
 def _rigid_body(observer: RigidBodyObserver) -> Case:
     """A constant fault under a control torque that a controller holds from sample to sample."""
     time = _PERIOD * np.arange(_ROWS)
-    control = 3.0 * np.sin(np.multiply.outer(time, [5.0, 4.0, 6.0]) + [0.0, 1.0, 2.0])
+    control = 3.0 * np.sin(np.multiply.outer(time, [5.0, 4.0, 6.0]) + np.arange(3.0))
     rates = [np.array([0.05, -0.03, 0.04])]
     h = _PERIOD / _FINER
 

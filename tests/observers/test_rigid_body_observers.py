@@ -384,6 +384,19 @@ def test_a_step_that_diverges_says_when(observer: RigidBodyObserver) -> None:
         observer.step(state, far[:3], far[3:])
 
 
+@each_observer
+def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
+    observer: RigidBodyObserver,
+) -> None:
+    state = observer.init(np.full(3, -1e308), np.full(3, 1e308))
+    for call in (
+        observer.step,
+        lambda state, *row: observer.run(*np.stack(row)[:, None], state=state),
+    ):
+        with pytest.raises(DivergenceError, match=r"finite up to t = 0 s and not after$"):
+            call(state, np.full(3, 1e308), np.zeros(3))
+
+
 # --- Rigid-body arithmetic ----------------------------------------------------------------------
 
 

@@ -108,6 +108,8 @@ class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
         from reobserve.observers.halving import finding
 
         steps, before = steps_between(state.sample, record), state.sample is not None
+        if not steps.y.steps:
+            return ""  # what cannot be read from the start, no step can help
         return finding(self, state, steps, good + before, first - before * self.sampling_period)
 
 

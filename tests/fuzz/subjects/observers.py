@@ -82,10 +82,30 @@ def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> 
     yield subject(observer.step, state, *one, of=observer)
 
 
+def recorded(
+    observer: Any, started: tuple[Any, ...], y: Any, u: Any, takes: tuple[str, ...] = ()
+) -> Iterator[Subject]:
+    """Start an observer, run it over a record and step it, with all that it may be told."""
+
+    def run(y: Any, u: Any, state: Any, *rest: Any) -> object:
+        time, before, middle, word = rest
+        return observer.run(
+            y, u, state=state, time=time, before=before, middle=middle, on_divergence=word
+        )
+
+    def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
+        return observer.step(state, y, u, before=before, middle=middle)
+
+    name = subject(observer.init, of=observer).name.removesuffix(".init")
+    state, time = observer.init(*started), observer.sampling_period * np.arange(len(y))
+    yield subject(observer.init, *started, of=observer)
+    yield Subject(f"{name}.run", run, (y, u, state, time, (y, u), (y, u), "raise"), takes)
+    yield Subject(f"{name}.step", step, (state, y[0], u[0], (y[0], u[0]), (y[0], u[0])), takes)
+
+
 def _rigid_bodies() -> Iterator[Subject]:
     body = RigidBody(INERTIA)
     rate = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
-    samples = (rate, 0 * rate), (rate[:3], 0 * rate[:3])
     arguments: dict[Any, tuple[Any, ...]] = {
         SampledILO: (1.0, 500.0, 500.0, 0.01, False),
         ILO: (0.9, 50.0, 500.0, 0.01, False),
@@ -94,7 +114,7 @@ def _rigid_bodies() -> Iterator[Subject]:
     for kind, parameters in arguments.items():
         yield subject(kind, body, 0.01, *parameters)
         observer = kind(body, 0.01, *parameters)
-        yield from used(observer, ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), *samples)
+        yield from recorded(observer, ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), rate, 0 * rate)
 
 
 def _delays() -> Iterator[Subject]:
