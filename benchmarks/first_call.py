@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 
 from benchmarks.problem import continuous, measured_rate, sampled_record
+from reobserve.observers.fixed_step import run_on_halves
 
 
 def main() -> None:
@@ -17,7 +18,7 @@ def main() -> None:
     record = sampled_record(1)
     state = observer.init(measured_rate(0.0))
     start = time.perf_counter()
-    observer.run(*record, state)
+    run_on_halves(observer, *record, state=state)
     print(time.perf_counter() - start)
 
 

@@ -12,6 +12,7 @@ from benchmarks import compiled, peers, problem
 from benchmarks.problem import DELAY, Array, Observer
 from benchmarks.report import Check, Row, Section, seconds
 from benchmarks.timing import first_call, interleaved
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.rigid_body_observer import State
 
 Pair = tuple[Array, Array]
@@ -54,22 +55,22 @@ def _against_c(
     call = _c_call(c, law, observer, record, c_out)
     times = interleaved(
         {
-            "run": lambda: observer.run(*record, start),
+            "run": lambda: run_on_halves(observer, *record, state=start),
             "loop": lambda: problem.loop(observer, _copy(start), record, out),
             "C": call,
         },
         repeats,
     )
-    result = observer.run(*record, start)
+    result = run_on_halves(observer, *record, state=start)
     section.rows += [
         Row(f"{law}: run, checks included", times["run"], "C", times["C"], aim=_AIM),
         Row(f"{law}: compiled loop alone", times["loop"], "C", times["C"], aim=_AIM),
     ]
     # Not bit for bit: another compiler may choose other instructions for the same source.
     for what, ours, theirs, tolerance in (
-        ("rate [rad/s]", result.rate, c_out[0], 1e-13),
-        ("fault [N m]", result.fault, c_out[1], 1e-10),
-        ("fault before [N m]", result.fault_before, c_out[2], 1e-10),
+        ("rate [rad/s]", result["rate"], c_out[0], 1e-13),
+        ("fault [N m]", result["fault"], c_out[1], 1e-10),
+        ("fault before [N m]", result.before["fault"], c_out[2], 1e-10),
     ):
         section.checks.append(Check(f"{law}, C, {what}", _largest(ours, theirs), tolerance))
 
@@ -102,17 +103,22 @@ def _against_numpy(section: Section, steps: int, repeats: int) -> None:
     def plain() -> peers.NumpyObserver:
         return peers.NumpyObserver(problem.constants(observer), DELAY, start.rate)
 
+    rate, control = record
+
     def stepping() -> list[tuple[Array, Array]]:
         state, found = start, []
-        for k in range(steps):
-            rows = slice(2 * k, 2 * k + 3)
-            state, estimate = observer.step(state, record[0][rows], record[1][rows])
-            found.append((estimate.rate, estimate.fault))
+        for row in range(steps + 1):
+            here, between = 2 * row, max(2 * row - 1, 0)
+            state, estimate = observer.step(
+                state, rate[here], control[here],
+                before=(rate[here], control[here]), middle=(rate[between], control[between]),
+            )  # fmt: skip
+            found.append((estimate["rate"], estimate["fault"]))
         return found
 
     times = interleaved(
         {
-            "run": lambda: observer.run(*whole, start),
+            "run": lambda: run_on_halves(observer, *whole, state=start),
             "numpy": lambda: plain().run(*record),
             "step": stepping,
         },
@@ -128,13 +134,13 @@ def _against_numpy(section: Section, steps: int, repeats: int) -> None:
         f"numpy ran {steps} steps, its time is scaled to {STEPS:,}",
         f"one call of step: {seconds(step - loop)} of Python around {seconds(loop)} of work",
     ]
-    result = observer.run(*record, start)
+    result = run_on_halves(observer, *record, state=start)
     by_numpy = plain().run(*record)
     stepped = [np.array(column) for column in zip(*stepping(), strict=True)]
     section.checks += [
-        Check("continuous, numpy, fault [N m]", _largest(result.fault[:-1], by_numpy[1]), 1e-10),
-        Check("continuous, step, rate [rad/s]", _largest(result.rate[1:], stepped[0]), 0.0),
-        Check("continuous, step, fault [N m]", _largest(result.fault[1:], stepped[1]), 0.0),
+        Check("continuous, numpy, fault [N m]", _largest(result["fault"][:-1], by_numpy[1]), 1e-10),
+        Check("continuous, step, rate [rad/s]", _largest(result["rate"], stepped[0]), 0.0),
+        Check("continuous, step, fault [N m]", _largest(result["fault"], stepped[1]), 0.0),
     ]
 
 
@@ -148,15 +154,19 @@ def _against_scipy(section: Section, intervals: int, repeats: int) -> None:
         return peers.solve(problem.constants(observer), start.rate, intervals, **_SCIPY)
 
     whole = problem.sampled_record(STEPS)
-    times = interleaved({"run": lambda: observer.run(*whole, start), "scipy": scipy}, repeats)
+    times = interleaved(
+        {"run": lambda: run_on_halves(observer, *whole, state=start), "scipy": scipy}, repeats
+    )
     scaled = times["scipy"] * STEPS / steps
     section.rows.append(Row("continuous: run, checks included", times["run"], "solve_ivp", scaled))
 
     finer = 16
     reference = problem.continuous(problem.STEP / finer)
     fine = problem.sampled_record(steps * finer, problem.STEP / finer)
-    exact = reference.run(*fine, reference.init(start.rate)).fault[:: DELAY * finer][:intervals]
-    ours = _largest(observer.run(*record, start).fault[::DELAY][:intervals], exact)
+    exact = run_on_halves(reference, *fine, state=reference.init(start.rate))["fault"]
+    exact = exact[:: DELAY * finer][:intervals]
+    found = run_on_halves(observer, *record, state=start)["fault"]
+    ours = _largest(found[::DELAY][:intervals], exact)
     theirs = _largest(scipy()[1], exact)
     section.checks += [
         Check(f"continuous, run, fault against {finer}-fold steps [N m]", ours, 1e-6),
@@ -185,7 +195,7 @@ def _outputs(steps: int) -> list[Array]:
 
 
 def _copy(state: State) -> State:
-    return State(state.rate.copy(), state.memory.copy(), state.count)
+    return State(state.rate.copy(), state.memory.copy(), state.sample, state.count)
 
 
 def _largest(one: Array, other: Array) -> float:

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import Record, Rows, State
 
 Array = NDArray[np.float64]
-Observer = IterativeLearningObserver | SampledIterativeLearningObserver | AdaptiveObserver
+Observer = ILO | SampledILO | AdaptiveObserver
 
 STEP = 5e-4
 DELAY = 20
@@ -51,18 +51,16 @@ def sampled_record(steps: int, step: float = STEP) -> tuple[Array, Array]:
     return measured_rate(time), known_control(time)
 
 
-def continuous(step: float = STEP) -> IterativeLearningObserver:
+def continuous(step: float = STEP) -> ILO:
     """The continuous ILO with full 3 x 3 gains and an interval of 20 steps of 0.5 ms."""
-    return IterativeLearningObserver(_BODY, step, _K1, _K2, _damping(100.0), INTERVAL)
+    return ILO(_BODY, step, _K1, _K2, _damping(100.0), INTERVAL)
 
 
 def observers() -> dict[str, Observer]:
     """One observer of each law, by the name of its C function."""
     return {
         "continuous": continuous(),
-        "sampled": SampledIterativeLearningObserver(
-            _BODY, STEP, _K1, _K2, _damping(1000.0), INTERVAL
-        ),
+        "sampled": SampledILO(_BODY, STEP, _K1, _K2, _damping(1000.0), INTERVAL),
         "adaptive": AdaptiveObserver(_BODY, STEP, _damping(100.0), _damping(1000.0), _K1 * 10.0),
     }
 

@@ -1,1 +1,99 @@
-"""State and fault observers from five papers."""
+"""State and fault observers from five papers.
+
+Each name below is imported when it is first asked for: what one observer needs, another may lack.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from reobserve.errors import DivergenceError, InputError
+    from reobserve.models.linear import LinearModel
+    from reobserve.models.polynomial import PolynomialSystem
+    from reobserve.models.rigid_body import RigidBody
+    from reobserve.models.triangular import TriangularModel
+    from reobserve.observers.adaptive import AdaptiveObserver
+    from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
+    from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
+    from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
+    from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+    from reobserve.observers.extended_state import ExtendedStateObserver
+    from reobserve.observers.high_gain import HighGainObserver
+    from reobserve.observers.ilo import ILO
+    from reobserve.observers.ilo_sampled import SampledILO
+    from reobserve.observers.imm import InteractingMultipleModel
+    from reobserve.observers.kalman import KalmanFilter
+    from reobserve.observers.levant import LevantDifferentiator
+    from reobserve.observers.normal_form import normal_form_observer
+    from reobserve.observers.normal_form_identity import IdentityObserver
+    from reobserve.observers.normal_form_transformed import TransformedObserver
+    from reobserve.observers.run import Estimate, Run
+    from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+
+__all__ = [
+    "ILO",
+    "AdaptiveDelayEstimator",
+    "AdaptiveObserver",
+    "DivergenceError",
+    "Estimate",
+    "ExtendedHighGainObserver",
+    "ExtendedStateObserver",
+    "HighGainObserver",
+    "IdentityObserver",
+    "InputError",
+    "InteractingMultipleModel",
+    "KalmanFilter",
+    "LeastSquaresDelayEstimator",
+    "LevantDifferentiator",
+    "LinearModel",
+    "PolynomialSystem",
+    "RigidBody",
+    "Run",
+    "SampledILO",
+    "SmoothVariableStructureFilter",
+    "TransformedObserver",
+    "TriangularModel",
+    "VariableStructureDelayEstimator",
+    "normal_form_observer",
+]
+
+_HOMES = {
+    "errors": ("DivergenceError", "InputError"),
+    "models.linear": ("LinearModel",),
+    "models.polynomial": ("PolynomialSystem",),
+    "models.rigid_body": ("RigidBody",),
+    "models.triangular": ("TriangularModel",),
+    "observers.adaptive": ("AdaptiveObserver",),
+    "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
+    "observers.delay_least_squares": ("LeastSquaresDelayEstimator",),
+    "observers.delay_variable_structure": ("VariableStructureDelayEstimator",),
+    "observers.extended_high_gain": ("ExtendedHighGainObserver",),
+    "observers.extended_state": ("ExtendedStateObserver",),
+    "observers.high_gain": ("HighGainObserver",),
+    "observers.ilo": ("ILO",),
+    "observers.ilo_sampled": ("SampledILO",),
+    "observers.imm": ("InteractingMultipleModel",),
+    "observers.kalman": ("KalmanFilter",),
+    "observers.levant": ("LevantDifferentiator",),
+    "observers.normal_form": ("normal_form_observer",),
+    "observers.normal_form_identity": ("IdentityObserver",),
+    "observers.normal_form_transformed": ("TransformedObserver",),
+    "observers.run": ("Estimate", "Run"),
+    "observers.smooth_variable_structure": ("SmoothVariableStructureFilter",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        return found
+    from reobserve.errors import nearest
+
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{nearest(name, __all__)}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -24,13 +24,16 @@ SEED = 13
 # What the library's own parts hand to each other, checked where users hand it in.
 INNER = {
     # Checks of one argument, tried by what takes it.
+    "observers.contract.as_sample_rows",
     "observers.contract.check_state",
     "observers.contract.raises",
     "observers.delay_estimator.check_rate",
     "observers.extended_state_loop.read_pair",
+    "observers.fixed_step.run_on_halves",
     "observers.linear_filter.as_controls",
     "observers.linear_filter.check_belief",
     "observers.rigid_body_observer.whole_steps",
+    "observers.run_plot.plot",
     "synthesis.extended_state.certificate.as_strip",
     "synthesis.normal_form.problem.check_stable",
     "synthesis.normal_form.problem.refuse_undetectable",

@@ -70,8 +70,8 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "ilo.plant.horizon: 10 s is 1e+10 steps, must be 2e+07 at most",
     ),
     "an interval that no memory holds": (
-        "ilo", {"observers": {"forgetting": {"interval": 1_000_000}}},
-        "ilo.observers.forgetting.interval: 1e+06 s must be 10 s at most, the horizon",
+        "ilo", {"observers": {"forgetting": {"update_interval": 1_000_000}}},
+        "ilo.observers.forgetting.update_interval: 1e+06 s must be 10 s at most, the horizon",
     ),
     "a gain beyond computing": (
         "ilo", {"observers": {"continuous": {"K1": 1e300}}}, "ilo.observers.continuous.",
@@ -160,10 +160,10 @@ def test_a_scenario_with_a_title_only(paper: str) -> None:
 
 
 def test_an_interval_of_2_to_the_63() -> None:
-    said = refused("ilo", {"observers": {"forgetting": {"interval": 2**63}}})
+    said = refused("ilo", {"observers": {"forgetting": {"update_interval": 2**63}}})
     assert said == (
-        "ilo.observers.forgetting.interval: is an integer beyond 2^53, must be one that a float "
-        "holds"
+        "ilo.observers.forgetting.update_interval: is an integer beyond 2^53, must be one that "
+        "a float holds"
     )
 
 

@@ -121,7 +121,7 @@ def test_refined_halves_steps_only() -> None:
     halved = {key for key in before if before[key]["value"] != after[key]["value"]}
     assert halved == {
         "plant.step",
-        *(f"observers.{name}.step_size" for name in load().tree["observers"]),
+        *(f"observers.{name}.sampling_period" for name in load().tree["observers"]),
     }
     assert all(after[key]["value"] == before[key]["value"] / 2 for key in halved)
 

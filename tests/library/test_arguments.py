@@ -17,7 +17,7 @@ from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
@@ -122,17 +122,17 @@ def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None
 
 def test_objects_in_the_wrong_place_are_refused() -> None:
     body = RigidBody(np.eye(3))
-    observer = SampledIterativeLearningObserver(body, 0.01, 0.5, 10.0, 30.0, 0.1)
+    observer = SampledILO(body, 0.01, 0.5, 10.0, 30.0, 0.1)
     start, record = observer.init(np.zeros(3)), np.zeros((3, 3))
     one, none, gain = np.ones((1, 1)), np.empty((1, 0)), np.ones((3, 1))
     system = AugmentedSystem(-one, one, one, none, none, one, none)
     calls: list[tuple[Any, str]] = [
-        (lambda: observer.run(record, start, start), "control"),
-        (lambda: observer.run(record, record, record), "state"),
-        (lambda: observer.run(record, record, KalmanFilter), "state"),
-        (lambda: observer.step(None, record, record), "state"),
-        (lambda: SampledIterativeLearningObserver(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
-        (lambda: SampledIterativeLearningObserver(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
+        (lambda: observer.run(record, start, state=start), "u"),
+        (lambda: observer.run(record, record, state=record), "state"),
+        (lambda: observer.run(record, record, state=KalmanFilter), "state"),
+        (lambda: observer.step(None, record[0], record[0]), "state"),
+        (lambda: SampledILO(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
+        (lambda: SampledILO(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
         (lambda: KalmanFilter(body), "model"),
         (lambda: ExtendedStateObserver(system, {"L": gain, "Ld": gain}, 0.01), "gains"),
         (lambda: ExtendedStateObserver(gain, Gains(gain, gain), 0.01), "system"),

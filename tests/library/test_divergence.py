@@ -17,13 +17,13 @@ from reobserve.errors import DivergenceError, InputError
 from reobserve.models.linear import LinearModel
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.contract import Samples
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fixed_step import Samples, Steps, run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
@@ -168,23 +168,19 @@ def extended(rho: float, step: float) -> Callable[[], Any]:
 
 def rigid(observer: Any, steps: int = 4000) -> Callable[[], Any]:
     start = observer.init([0.1, 0.2, -0.1])
-    return lambda: observer.run(still(3, steps), still(3, steps), start)
+    return lambda: run_on_halves(observer, still(3, steps), still(3, steps), state=start)
 
 
 STIFF: dict[str, Callable[[], Any]] = {
     "high gain": high_gain(400.0, 0.01),
     "extended high gain": extended(80.0, 0.1),
     "adaptive": rigid(AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)),
-    "continuous": rigid(IterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
-    "sampled": rigid(SampledIterativeLearningObserver(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+    "continuous": rigid(ILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
+    "sampled": rigid(SampledILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
 }
 GROWING: dict[str, Callable[[], Any]] = {
-    "continuous": rigid(
-        IterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
-    ),
-    "sampled": rigid(
-        SampledIterativeLearningObserver(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)
-    ),
+    "continuous": rigid(ILO(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)),
+    "sampled": rigid(SampledILO(BODY, 0.01, 3.0, 1.0, 10.0, 0.05, allow_unstable=True)),
 }
 
 
@@ -207,19 +203,19 @@ def test_a_law_that_grows_is_told(name: str) -> None:
 def test_a_halved_learning_observer_goes_on_as_the_whole_one_did() -> None:
     """A record that is a parabola in each step: then nothing is lost by halving, to order 4."""
     step, steps, interval = 0.01, 40, 0.1
-    observer = IterativeLearningObserver(BODY, step, 0.9, 5.0, 10.0, interval)
+    observer = ILO(BODY, step, 0.9, 5.0, 10.0, interval)
     time = 0.5 * step * np.arange(2 * steps + 1)
     rate = np.column_stack([np.sin(2 * time), np.cos(time), 0.1 * time])
     torque = np.zeros_like(rate)
     half = steps  # rows up to the middle of the record
-    state = observer.run(rate[: half + 1], torque[: half + 1], observer.init(rate[0])).state
+    start = observer.init(rate[0])
+    state = run_on_halves(observer, rate[: half + 1], torque[: half + 1], state=start).state
     finer, begun = observer._halved(state)
-    samples = Samples(rate[half:], rate[half:]).halved()
-    run = finer.run(samples.right, np.zeros_like(samples.right), begun)
-    whole = observer.run(rate[half:], torque[half:], state)
-    assert run.rate[::2] == pytest.approx(whole.rate, abs=2e-7)
-    assert run.fault[::2] == pytest.approx(whole.fault, abs=2e-5)
-    assert run.state.count == 2 * whole.state.count
+    rest = Steps(*(Samples(samples[half:], samples[half:]) for samples in (rate, torque)))
+    rows, whole = finer._integrate(begun, rest.halved()), observer._integrate(state, rest)
+    for name, tolerance in (("rate", 2e-7), ("fault", 2e-5)):
+        assert rows.estimates[name][::2] == pytest.approx(whole.estimates[name], abs=tolerance)
+    assert rows.state.count == 2 * whole.state.count
 
 
 def test_samples_between_are_those_of_the_parabola() -> None:
@@ -278,7 +274,8 @@ def of_least_squares(**how: Any) -> Any:
 
 def of_adaptive(**how: Any) -> Any:
     observer = AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)
-    return observer.run(still(3, 4000), still(3, 4000), observer.init([0.1, 0.2, -0.1]), **how)
+    start = observer.init([0.1, 0.2, -0.1])
+    return run_on_halves(observer, still(3, 4000), still(3, 4000), state=start, **how)
 
 
 RUNS: dict[str, Callable[..., Any]] = {
@@ -316,32 +313,47 @@ def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(take
 
 
 def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:
-    observer = SampledIterativeLearningObserver(BODY, 0.01, 0.9, 10.0, 10.0, 0.1)
+    observer = SampledILO(BODY, 0.01, 0.9, 10.0, 10.0, 0.1)
     rate = np.full((5, 3), 1e308)
-    with pytest.raises(DivergenceError, match=r"^SampledIterativeLearningObserver diverged"):
-        observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)))
-    run = observer.run(rate, np.zeros((5, 3)), observer.init(np.zeros(3)), on_divergence="return")
-    assert np.isfinite(run.fault).all()
+    with pytest.raises(DivergenceError, match=r"^SampledILO diverged"):
+        observer.run(rate, np.zeros((5, 3)), state=observer.init(np.zeros(3)))
+    run = observer.run(
+        rate, np.zeros((5, 3)), state=observer.init(np.zeros(3)), on_divergence="return"
+    )
+    assert np.isfinite(run["fault"]).all()
     assert run.diverged_at == 0.0
 
 
 def test_a_step_says_what_a_run_says() -> None:
     observer = AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)
-    start = observer.init([0.1, 0.2, -0.1])
-    quiet = observer.run(still(3, 4000), still(3, 4000), start, on_divergence="return")
-    rows = len(quiet.rate) - 1
-    state = observer.run(still(3, rows), still(3, rows), start).state
+    start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
+    quiet = observer.run(rest, rest, state=start, on_divergence="return")
+    rows = len(quiet)
+    state = observer.run(rest[:rows], rest[:rows], state=start).state
     said = rf"^AdaptiveObserver diverged: its state is finite up to t = {quiet.diverged_at:g} s"
     for call in (
-        lambda: observer.run(still(3, 4000), still(3, 4000), start),
-        lambda: observer.step(state, still(3, 1), still(3, 1)),
+        lambda: observer.run(rest, rest, state=start),
+        lambda: observer.step(state, rest[0], rest[0]),
+        lambda: observer.run(rest[:9], rest[:9], state=state),
     ):
         with pytest.raises(DivergenceError, match=said):
             call()
     bad = replace(state, rate=np.array([np.nan, 0, 0]))
     for call in (
-        lambda: observer.run(still(3, 1), still(3, 1), bad),
-        lambda: observer.step(bad, still(3, 1), still(3, 1)),
+        lambda: observer.run(rest[:1], rest[:1], state=bad),
+        lambda: observer.step(bad, rest[0], rest[0]),
     ):
         with pytest.raises(InputError, match=r"^state.rate: .* has an entry that is not finite$"):
             call()
+
+
+def test_a_divergence_is_told_in_the_time_of_the_record() -> None:
+    observer = AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)
+    start, rest = observer.init([0.1, 0.2, -0.1]), np.zeros((4001, 3))
+    time = 20.0 + 0.01 * np.arange(4001)
+    quiet = observer.run(rest, rest, state=start, time=time, on_divergence="return")
+    assert quiet.diverged_at == time[len(quiet) - 1] == quiet.time[-1]
+    begun = time[max(len(quiet) - 1 - 128, 0)]
+    said = rf"up to t = {quiet.diverged_at:g} s and not after; from t = {begun:g} s on its step"
+    with pytest.raises(DivergenceError, match=said):
+        observer.run(rest, rest, state=start, time=time)

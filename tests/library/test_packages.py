@@ -1,14 +1,18 @@
-"""Without a package that only some users have, what needs it says so in one sentence."""
+"""What the package offers, and which other packages which parts of it need."""
 
 from __future__ import annotations
 
+import ast
+import subprocess
 import sys
 from collections.abc import Callable
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import reobserve
 from reobserve.errors import InputError
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.power_series.maps import PolynomialMap
@@ -77,3 +81,52 @@ def test_a_map_needs_none_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, name, None)
     field = PolynomialMap.linear(np.array([[0.0, 1.0], [-2.0, -3.0]]))
     assert field(np.array([1.0, 1.0])).tolist() == [1.0, -5.0]
+
+
+# Imported with nothing beside the standard library and what numba stands on; no kernel is compiled.
+BARE = """
+import importlib.abc, sys
+allowed = {"numpy", "scipy", "numba", "llvmlite", "reobserve", *sys.stdlib_module_names}
+class Blocker(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in allowed:
+            raise ModuleNotFoundError(f"blocked: {name}", name=name)
+sys.meta_path.insert(0, Blocker())
+import reobserve
+assert "numpy" not in sys.modules
+getattr(reobserve, sys.argv[1])
+from numba.core.dispatcher import Dispatcher
+compiled = [
+    name for module in [*sys.modules.values()] if module.__name__.startswith("reobserve")
+    for name, thing in vars(module).items() if isinstance(thing, Dispatcher) and thing.signatures
+]
+assert not compiled, compiled
+"""
+
+
+@pytest.mark.parametrize("name", reobserve.__all__)
+def test_a_public_name_needs_numpy_scipy_and_numba_alone(name: str) -> None:
+    words = [sys.executable, "-c", BARE, name]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_public_names_are_listed_where_people_and_checkers_look() -> None:
+    tree = ast.parse(Path(str(reobserve.__file__)).read_text(encoding="utf-8"))
+    typed = {
+        (str(node.module).removeprefix("reobserve."), alias.name)
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed == {(module, name) for name, module in reobserve._HOME.items()}
+    assert sorted(reobserve.__all__) == sorted(reobserve._HOME)
+    assert set(reobserve.__all__) <= set(dir(reobserve))
+
+
+def test_a_name_that_is_not_there_is_answered_with_the_nearest() -> None:
+    with pytest.raises(AttributeError, match=r"'SampledIlo'; did you mean 'SampledILO'\?$"):
+        reobserve.SampledIlo  # noqa: B018
+    assert not hasattr(reobserve, "nothing")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,11 @@ from numpy.typing import NDArray
 from reobserve.errors import DivergenceError, InputError
 from reobserve.models.rigid_body import RigidBody, acceleration, product
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
-from reobserve.observers.rigid_body_observer import (
-    RigidBodyObserver,
-    Run,
-    State,
-    whole_steps,
-)
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, State, whole_steps
+from reobserve.observers.run import Run
 from reobserve.plants.satellite import Satellite
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
@@ -27,6 +25,7 @@ from reobserve.synthesis.ilo_accuracy import (
     pi_error_transfer,
     predicted_rms_error,
 )
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
 from reobserve.timeseries.signals import Signal
 
@@ -48,12 +47,8 @@ NOTHING = Signal(3, ())
 
 DELAY = 7  # steps in an interval
 OBSERVERS: dict[str, RigidBodyObserver] = {
-    "continuous": IterativeLearningObserver(
-        SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01
-    ),
-    "sampled": SampledIterativeLearningObserver(
-        SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01
-    ),
+    "continuous": ILO(SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01),
+    "sampled": SampledILO(SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01),
     "adaptive": AdaptiveObserver(SKEWED, 0.01, FULL_DAMPING, FULL_INTEGRAL, 0.1 * FULL_K2),
 }
 each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS)
@@ -75,16 +70,20 @@ def jumping_record() -> Record:
 
 def run_part(
     observer: RigidBodyObserver, record: Record, state: State, first: int, last: int
-) -> Run:
-    part = slice(2 * first, 2 * last + 1)
+) -> Run[State]:
+    """The rows from ``first`` to ``last``; a state that has taken the first goes on after it."""
+    part = slice(2 * first + (state.sample is not None), 2 * last + 1)
     rate, rate_before, control, control_before = (samples[part] for samples in record)
-    return observer.run(rate, control, state, rate_before, control_before)
+    return run_on_halves(
+        observer, rate, control, state=state, y_before=rate_before, u_before=control_before
+    )
 
 
 def same_state(one: State, other: State) -> bool:
     return (
         np.array_equal(one.rate, other.rate)
         and np.array_equal(one.memory, other.memory)
+        and np.array_equal(one.sample, other.sample)  # type: ignore[arg-type]
         and one.count == other.count
     )
 
@@ -94,19 +93,25 @@ def test_stepping_gives_the_bits_of_a_run(observer: RigidBodyObserver) -> None:
     record = jumping_record()
     start = observer.init([0.1, -0.2, 0.3])
     run = run_part(observer, record, start, 0, STEPS)
+    rate, rate_before, control, control_before = record
     state, rates, faults = start, [], []
-    for k in range(STEPS):
-        rate, rate_before, control, control_before = (x[2 * k : 2 * k + 3] for x in record)
-        state, estimate = observer.step(state, rate, control, rate_before, control_before)
-        rates.append(estimate.rate)
-        faults.append(estimate.fault)
-    assert np.array_equal(rates, run.rate[1:])
-    assert np.array_equal(faults, run.fault[1:])
+    for k in range(STEPS + 1):
+        row, between = 2 * k, max(2 * k - 1, 0)
+        state, estimate = observer.step(
+            state, rate[row], control[row],
+            before=(rate_before[row], control_before[row]),
+            middle=(rate[between], control[between]),
+        )  # fmt: skip
+        assert estimate.time == run.time[k]
+        rates.append(estimate["rate"])
+        faults.append(estimate["fault"])
+    assert np.array_equal(rates, run["rate"])
+    assert np.array_equal(faults, run["fault"])
     assert same_state(state, run.state)
     assert state.count == STEPS
     # The jumps matter: without the limits from the left the result is another.
-    smooth = observer.run(record[0], record[2], start)
-    assert not np.array_equal(smooth.rate, run.rate)
+    smooth = run_on_halves(observer, rate, control, state=start)
+    assert not np.array_equal(smooth["rate"], run["rate"])
 
 
 @each_observer
@@ -117,15 +122,14 @@ def test_two_runs_in_a_row_give_the_bits_of_one(observer: RigidBodyObserver, cut
     whole = run_part(observer, record, start, 0, STEPS)
     first = run_part(observer, record, start, 0, cut)
     second = run_part(observer, record, first.state, cut, STEPS)
-    # The cut belongs to both: its right limit to the second, its left limit to the first.
-    assert np.array_equal(first.rate[-1], second.rate[0])
-    assert np.array_equal(first.fault[-1], second.fault[0])
     for name, joined in (
-        ("rate", [first.rate[:-1], second.rate]),
-        ("fault", [first.fault[:-1], second.fault]),
-        ("fault_before", [first.fault_before, second.fault_before[1:]]),
+        ("rate", [first["rate"], second["rate"]]),
+        ("fault", [first["fault"], second["fault"]]),
     ):
-        assert np.array_equal(np.concatenate(joined), getattr(whole, name)), name
+        assert np.array_equal(np.concatenate(joined), whole[name]), name
+    before = np.concatenate([first.before["fault"], second.before["fault"]])
+    assert np.array_equal(before, whole.before["fault"])
+    assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
     assert same_state(second.state, whole.state)
 
 
@@ -133,15 +137,15 @@ def test_two_runs_in_a_row_give_the_bits_of_one(observer: RigidBodyObserver, cut
 def test_states_are_values(observer: RigidBodyObserver) -> None:
     record = jumping_record()
     state = run_part(observer, record, observer.init([0.1, -0.2, 0.3]), 0, 10).state
-    kept = State(state.rate.copy(), state.memory.copy(), state.count)
+    assert state.sample is not None
+    kept = State(state.rate.copy(), state.memory.copy(), state.sample.copy(), state.count)
     once = run_part(observer, record, state, 10, 20)
     assert same_state(state, kept)
-    rate, _, control, _ = (samples[20:23] for samples in record)
-    observer.step(state, rate, control)
+    observer.step(state, record[0][22], record[2][22])
     assert same_state(state, kept)
     again = run_part(observer, record, state, 10, 20)
-    assert np.array_equal(once.rate, again.rate)
-    assert np.array_equal(once.fault, again.fault)
+    assert np.array_equal(once["rate"], again["rate"])
+    assert np.array_equal(once["fault"], again["fault"])
 
 
 # --- Limit of stability of the sampled observer -------------------------------------------------
@@ -168,17 +172,17 @@ DESIGNS = [
 def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
     interval: float, damping: Any, K1: Any, K2: Array
 ) -> None:
-    limit = sampled_limit_gain(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval)
+    limit = sampled_limit_gain(LearningLaw(INERTIA, damping, SKEWED.fault_matrix, K1, K2, interval))
     resting = np.zeros((2 * 10 * 400 + 1, 3))
     growth = []
     for factor in (0.97, 1.03):
-        observer = SampledIterativeLearningObserver(
+        observer = SampledILO(
             SKEWED, interval / 10, K1, factor * limit * K2, damping, interval, allow_unstable=True
         )
         # So small an error that the gyroscopic torque stays out of it whatever grows.
-        run = observer.run(resting, resting, observer.init([1e-90, -2e-90, 3e-90]))
+        run = run_on_halves(observer, resting, resting, state=observer.init([1e-90, -2e-90, 3e-90]))
         assert run.diverged_at is None
-        size = np.linalg.norm(run.rate / 1e-90, axis=1)[:-1].reshape(4, -1).max(axis=1)
+        size = np.linalg.norm(run["rate"] / 1e-90, axis=1)[:-1].reshape(4, -1).max(axis=1)
         growth.append(size[3] / size[1])
     # Below the limit slow modes may beat, and the largest values of two quarters differ a little.
     assert growth[0] < 1.1
@@ -200,22 +204,22 @@ def errors_under_a_sine(
     onset; it has ``settle`` seconds to decay. What is left of it lies near multiples of
     2 pi / tau and is nearly orthogonal to the fitted sine and to a window of whole periods.
     """
-    h = observer.step_size
+    h = observer.sampling_period
     steps = round((settle + periods * 2 * np.pi / OMEGA) / h)
     fault = Signal.parse(
         "fault", [{"kind": "sine", "axis": 1, "amplitude": 1.0, "frequency": OMEGA}], 3
     )
     rate = Satellite(INERTIA).simulate(np.zeros(3), NOTHING, fault, h / 2, 2 * steps)
-    run = observer.run(rate, np.zeros_like(rate), observer.init(np.zeros(3)))
+    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     first = round(settle / h)
     time = np.arange(first, steps + 1) * h
     torque = fault(time)
-    start = (torque - run.fault[first:])[:-1]
-    end = (torque - run.fault_before[first:])[1:]
+    start = (torque - run["fault"][first:])[:-1]
+    end = (torque - run.before["fault"][first:])[1:]
     # Simpson's rule is exact for the square of what is straight between start and end.
     rms = np.sqrt(np.mean((start**2 + start * end + end**2) / 3, axis=0))
     waves = np.column_stack([np.cos(OMEGA * time), np.sin(OMEGA * time), np.ones_like(time)])
-    cosine, sine, _ = np.linalg.lstsq(waves, torque - run.fault[first:], rcond=None)[0]
+    cosine, sine, _ = np.linalg.lstsq(waves, torque - run["fault"][first:], rcond=None)[0]
     return rms, sine + 1j * cosine
 
 
@@ -226,12 +230,12 @@ def test_error_of_the_continuous_observer_is_as_predicted(
 ) -> None:
     design = (K1, 2000.0, damping, interval)
     step = interval / max(10, round(interval / 5e-4))
-    observer = IterativeLearningObserver(BODY, step, *design)
+    observer = ILO(BODY, step, *design)
     rms, component = errors_under_a_sine(observer, 10.0, 10)
     theory = (INERTIA, damping, 1.0, K1, 2000.0, interval)
-    transfer = error_transfer(OMEGA, *theory)[0, :, 0]
+    transfer = error_transfer(OMEGA, LearningLaw(*theory))[0, :, 0]
     assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
-    predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], *theory)
+    predicted = predicted_rms_error([[1.0, 0.0, 0.0]], [OMEGA], LearningLaw(*theory))
     assert rms[:2] == pytest.approx(predicted[:2], rel=2e-3)
 
 
@@ -239,12 +243,12 @@ def test_error_of_the_continuous_observer_is_as_predicted(
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: float) -> None:
     step = interval / max(10, round(interval / 5e-4))
-    observer = SampledIterativeLearningObserver(BODY, step, K1, 1000.0, 1000.0, interval)
+    observer = SampledILO(BODY, step, K1, 1000.0, 1000.0, interval)
     rms, _ = errors_under_a_sine(observer, 10.0, 10)
     predicted = predicted_rms_error(
         [[1.0, 0.0, 0.0]],
         [OMEGA],
-        *(INERTIA, 1000.0, 1.0, K1, 1000.0, interval),
+        LearningLaw(*(INERTIA, 1000.0, 1.0, K1, 1000.0, interval)),
         reading="sampled",
     )
     # Held, v also carries the sine's images at the update rate, which beat inside the window.
@@ -285,15 +289,15 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
     intervals, sizes = [0.02, 0.01, 0.005], []
     for interval in intervals:
-        learning = IterativeLearningObserver(BODY, step, 1.0, gain, damping, interval)
+        learning = ILO(BODY, step, 1.0, gain, damping, interval)
         gains = matched_integrator(gain, interval)
         matched = AdaptiveObserver(
             BODY, step, damping, gains.integral_gain, gains.proportional_gain
         )
         late = time > 1.0
         difference = (
-            learning.run(rate, control, learning.init(np.zeros(3))).fault
-            - matched.run(rate, control, matched.init(np.zeros(3))).fault
+            run_on_halves(learning, rate, control, state=learning.init(np.zeros(3)))["fault"]
+            - run_on_halves(matched, rate, control, state=matched.init(np.zeros(3)))["fault"]
         )[late]
         sizes.append(np.abs(difference).max())
         known = interval**3 * leading[late]
@@ -306,29 +310,24 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
 FAST_BODY = RigidBody(np.diag([1.0, 2.0, 3.0]), fault_matrix=1e-3)
 DIVERGING: dict[str, RigidBodyObserver] = {
-    "continuous": IterativeLearningObserver(
-        BODY, 0.0025, 3.0, 200.0, 10.0, 0.01, allow_unstable=True
-    ),
-    "sampled": SampledIterativeLearningObserver(
-        BODY, 0.0025, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True
-    ),
+    "continuous": ILO(BODY, 0.0025, 3.0, 200.0, 10.0, 0.01, allow_unstable=True),
+    "sampled": SampledILO(BODY, 0.0025, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True),
     "adaptive": AdaptiveObserver(BODY, 0.5, 1000.0, 1000.0, 10.0),  # far too large a step
     # An estimate about the first axis alone, which the gyroscopic torque leaves linear: v, not
     # the rate, is the first to overflow.
-    "continuous, fault first": IterativeLearningObserver(
-        FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True
-    ),
-    "sampled, fault first": SampledIterativeLearningObserver(
+    "continuous, fault first": ILO(FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True),
+    "sampled, fault first": SampledILO(
         FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True
     ),
     "adaptive, fault first": AdaptiveObserver(FAST_BODY, 0.5, 1000.0, 1.0, 1e5),
 }
 
 
-def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run:
+def run_at_rest(observer: RigidBodyObserver, name: str, steps: int) -> Run[State]:
     record = np.zeros((2 * steps + 1, 3))
     first = [0.1, 0.0, 0.0] if "first" in name else [0.1, 0.2, -0.1]
-    return observer.run(record, record, observer.init(first), on_divergence="return")
+    start = observer.init(first)
+    return run_on_halves(observer, record, record, state=start, on_divergence="return")
 
 
 @pytest.mark.parametrize("name", DIVERGING)
@@ -340,17 +339,18 @@ def test_a_divergent_run_returns_the_finite_rows_and_their_time(
     observer = DIVERGING[name]
     run = run_at_rest(observer, name, 4000)
     assert run.diverged_at is not None
-    rows = len(run.rate)
-    assert len(run.fault) == len(run.fault_before) == rows < 4001
-    assert run.diverged_at == pytest.approx((rows - 1) * observer.step_size, rel=1e-12)
-    for values in (run.rate, run.fault, run.fault_before):
+    rows = len(run["rate"])
+    assert len(run["fault"]) == len(run.before["fault"]) == rows < 4001
+    assert run.diverged_at == pytest.approx((rows - 1) * observer.sampling_period, rel=1e-12)
+    for values in (run["rate"], run["fault"], run.before["fault"]):
         assert np.isfinite(values).all()
-    assert np.max(np.abs([run.rate[-1], run.fault[-1]])) > 1e10
+    assert np.max(np.abs([run["rate"][-1], run["fault"][-1]])) > 1e10
     # A record that ends there gives the same rows and no divergence, one step more diverges.
     shorter = run_at_rest(observer, name, rows - 1)
     assert shorter.diverged_at is None
-    for field in ("rate", "fault", "fault_before"):
-        assert np.array_equal(getattr(shorter, field), getattr(run, field)), field
+    for estimate in ("rate", "fault"):
+        assert np.array_equal(shorter[estimate], run[estimate]), estimate
+    assert np.array_equal(shorter.before["fault"], run.before["fault"])
     assert run_at_rest(observer, name, rows).diverged_at == run.diverged_at
 
 
@@ -377,11 +377,24 @@ def test_divergence_comes_when_the_linear_law_overflows() -> None:
 
 @each_observer
 def test_a_step_that_diverges_says_when(observer: RigidBodyObserver) -> None:
-    rate = np.full((3, 3), 1e200)
-    state = State(np.zeros(3), observer.init(np.zeros(3)).memory, 11)
-    said = rf"^{type(observer).__name__} diverged: .* up to t = {11 * observer.step_size:g} s"
+    far = np.concatenate([np.full(3, 1e200), np.full(3, 1e308)])
+    state = replace(observer.init(np.zeros(3)), sample=far, count=11)
+    said = rf"^{type(observer).__name__} diverged: .* up to t = {11 * observer.sampling_period:g} s"
     with pytest.raises(DivergenceError, match=said):
-        observer.step(state, rate, np.full((3, 3), 1e308))
+        observer.step(state, far[:3], far[3:])
+
+
+@each_observer
+def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
+    observer: RigidBodyObserver,
+) -> None:
+    state = observer.init(np.full(3, -1e308), np.full(3, 1e308))
+    for call in (
+        observer.step,
+        lambda state, *row: observer.run(*np.stack(row)[:, None], state=state),
+    ):
+        with pytest.raises(DivergenceError, match=r"finite up to t = 0 s and not after$"):
+            call(state, np.full(3, 1e308), np.zeros(3))
 
 
 # --- Rigid-body arithmetic ----------------------------------------------------------------------
@@ -413,20 +426,20 @@ RECORD = np.zeros((5, 3))
 
 
 def continuous(**changed: Any) -> RigidBodyObserver:
-    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "interval": 0.01, **changed}
-    step = settings.pop("step_size", 0.0025)
-    return IterativeLearningObserver(BODY, step, **settings)
+    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
+    step = settings.pop("sampling_period", 0.0025)
+    return ILO(BODY, step, **settings)
 
 
 def sampled(**changed: Any) -> RigidBodyObserver:
-    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "interval": 0.01, **changed}
-    step = settings.pop("step_size", 0.0025)
-    return SampledIterativeLearningObserver(BODY, step, **settings)
+    settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
+    step = settings.pop("sampling_period", 0.0025)
+    return SampledILO(BODY, step, **settings)
 
 
 def adaptive(**changed: Any) -> RigidBodyObserver:
     settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
-    step = settings.pop("step_size", 0.0025)
+    step = settings.pop("sampling_period", 0.0025)
     return AdaptiveObserver(BODY, step, **settings)
 
 
@@ -436,8 +449,8 @@ def with_nan(row: int, axis: int) -> Array:
     return samples
 
 
-def run_with(observer: RigidBodyObserver, **changed: Any) -> Run:
-    samples = {"rate": RECORD, "control": RECORD, **changed}
+def run_with(observer: RigidBodyObserver, **changed: Any) -> Run[State]:
+    samples = {"y": RECORD, "u": RECORD, **changed}
     return observer.run(state=observer.init(np.zeros(3)), **samples)
 
 
@@ -468,6 +481,7 @@ def test_bad_inertia(kind: type[RigidBody], inertia: Any, sentence: str) -> None
         kind(inertia)
 
 
+UPDATE = "^update_interval: "
 BAD_INPUT: list[tuple[Build, str]] = [
     # The body and the plant
     (lambda: RigidBody(INERTIA, np.ones((3, 2))), "^input_matrix: " + SHAPE.format("3, 2")),
@@ -478,18 +492,36 @@ BAD_INPUT: list[tuple[Build, str]] = [
     (lambda: plant(rate=[1, 2]), r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"),
     (lambda: plant(rate=[1, 2, np.nan]), r"^initial_rate: .*nan.* not finite$"),
     # Steps and intervals
-    (lambda: whole_steps(0.1, 0.03), r"^interval: 0.1 s must be a whole multiple .* 0.03 s$"),
-    (lambda: whole_steps(0.1, 0.3), r"^interval: 0.1 s must be a whole multiple .* 0.3 s$"),
+    (
+        lambda: whole_steps(0.1, 0.03),
+        r"^update_interval: 0.1 s must be a whole multiple .* 0.03 s$",
+    ),
+    (lambda: whole_steps(0.1, 0.3), UPDATE + r"0.1 s must be a whole multiple .* 0.3 s$"),
     # Gains
     *[
         case
         for build in (continuous, sampled)
         for case in (
-            (lambda b=build: b(interval=0.0), r"^interval: 0 must be greater than zero$"),
-            (lambda b=build: b(interval=-0.01), r"^interval: -0.01 must be greater than zero$"),
-            (lambda b=build: b(interval=0.011), r"^interval: 0.011 s .* multiple .* 0.0025 s$"),
-            (lambda b=build: b(interval=[0.01]), r"^interval: \[0.01\] must be one number"),
-            (lambda b=build: b(step_size=0), r"^step_size: 0 must be greater than zero$"),
+            (
+                lambda b=build: b(update_interval=0.0),
+                r"^update_interval: 0 must be greater than zero$",
+            ),
+            (
+                lambda b=build: b(update_interval=-0.01),
+                r"^update_interval: -0.01 must be greater than zero$",
+            ),
+            (
+                lambda b=build: b(update_interval=0.011),
+                r"^update_interval: 0.011 s .* multiple .* 0.0025 s$",
+            ),
+            (
+                lambda b=build: b(update_interval=[0.01]),
+                r"^update_interval: \[0.01\] must be one number",
+            ),
+            (
+                lambda b=build: b(sampling_period=0),
+                r"^sampling_period: 0 must be greater than zero$",
+            ),
             (lambda b=build: b(K1=np.eye(2)), "^K1: " + SHAPE.format("2, 2")),
             (lambda b=build: b(K2=[1.0, 2.0]), "^K2: " + SHAPE.format("2,")),
             (lambda b=build: b(K2=np.nan), r"^K2: nan has an entry that is not finite$"),
@@ -500,7 +532,7 @@ BAD_INPUT: list[tuple[Build, str]] = [
             ),
         )
     ],
-    (lambda: adaptive(step_size=-1.0), r"^step_size: -1 must be greater than zero$"),
+    (lambda: adaptive(sampling_period=-1.0), r"^sampling_period: -1 must be greater than zero$"),
     (lambda: adaptive(damping=0.0), r"^damping: must be positive definite, .* 0, 0, 0$"),
     (lambda: adaptive(integral_gain=[1, 1, -2]), r"^integral_gain: .* eigenvalues are -2, 1, 1$"),
     (lambda: adaptive(proportional_gain=[1, 2]), "^proportional_gain: " + SHAPE.format("2,")),
@@ -525,19 +557,22 @@ def test_bad_input_is_refused_in_a_sentence(build: Build, sentence: str) -> None
         build()
 
 
-ROWS = r"must have an odd number of rows, 3 or more, of 3 numbers$"
+ROWS = r"must have one row or more of 3 numbers$"
 BAD_RECORDS: list[tuple[dict[str, Any], str]] = [
-    ({"rate": RECORD[0]}, r"^rate: has shape \(3,\), " + ROWS),
-    ({"rate": RECORD[:4]}, r"^rate: has shape \(4, 3\), " + ROWS),
-    ({"rate": RECORD[:1]}, r"^rate: has shape \(1, 3\), " + ROWS),
-    ({"rate": RECORD[:, :2]}, r"^rate: has shape \(5, 2\), " + ROWS),
-    ({"control": RECORD[:3]}, r"^control: has 3 rows, must have 5 like the measured rate$"),
-    ({"rate_before": RECORD[:3]}, r"^rate_before: has 3 rows, must have 5 like"),
-    ({"control_before": np.zeros((7, 3))}, r"^control_before: has 7 rows, must have 5 like"),
-    ({"rate": with_nan(3, 1)}, r"^rate: sample 3 is \[0.0, nan, 0.0\], must be finite$"),
-    ({"control": with_nan(4, 0)}, r"^control: sample 4 is \[nan, 0.0, 0.0\], must be finite$"),
-    ({"rate_before": with_nan(0, 2)}, r"^rate_before: sample 0 is \[0.0, 0.0, nan\]"),
-    ({"control_before": with_nan(2, 2)}, r"^control_before: sample 2 is \[0.0, 0.0, nan\]"),
+    ({"y": RECORD[0]}, r"^y: has shape \(3,\), " + ROWS),
+    ({"y": RECORD[:0]}, r"^y: has shape \(0, 3\), " + ROWS),
+    ({"y": RECORD[:, :2]}, r"^y: has shape \(5, 2\), " + ROWS),
+    ({"u": RECORD[:3]}, r"^u: has 3 rows, must have 5 like y$"),
+    ({"u": None}, r"^u: is left out, must have shape \(5, 3\)$"),
+    ({"before": (RECORD[:3], None)}, r"^before y: has 3 rows, must have 5 like y$"),
+    ({"before": (None, np.zeros((7, 3)))}, r"^before u: has 7 rows, must have 5 like y$"),
+    ({"middle": (RECORD[:3], None)}, r"^middle y: has 3 rows, must have 5 like y$"),
+    ({"middle": RECORD}, r"^middle: ndarray of shape \(5, 3\) must be a pair of y and u$"),
+    ({"y": with_nan(3, 1)}, r"^y: sample 3 is \[0.0, nan, 0.0\], must be finite$"),
+    ({"u": with_nan(4, 0)}, r"^u: sample 4 is \[nan, 0.0, 0.0\], must be finite$"),
+    ({"before": (with_nan(0, 2), None)}, r"^before y: sample 0 is \[0.0, 0.0, nan\]"),
+    ({"before": (None, with_nan(2, 2))}, r"^before u: sample 2 is \[0.0, 0.0, nan\]"),
+    ({"middle": (None, with_nan(2, 2))}, r"^middle u: sample 2 is \[0.0, 0.0, nan\]"),
 ]
 
 
@@ -552,11 +587,9 @@ def test_bad_records_are_refused(
 
 @each_observer
 def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
-    with pytest.raises(
-        InputError, match=r"^initial_rate: has shape \(2,\), must be a list of 3 numbers$"
-    ):
+    with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
         observer.init([1.0, 2.0])
-    with pytest.raises(InputError, match=r"^initial_rate: \[0.0, 0.0, inf\] has an entry"):
+    with pytest.raises(InputError, match=r"^rate: \[0.0, 0.0, inf\] has an entry"):
         observer.init([0.0, 0.0, np.inf])
 
 
@@ -569,20 +602,22 @@ def test_an_estimate_that_starts_right_stays_right() -> None:
         [0.1, 0.2, -0.1], none, Signal.parse("fault", terms, 3), step / 2, 2000
     )
     for observer in (
-        IterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
-        SampledIterativeLearningObserver(body, step, 1.0, 500.0, 50.0, 10 * step),
+        ILO(body, step, 1.0, 500.0, 50.0, 10 * step),
+        SampledILO(body, step, 1.0, 500.0, 50.0, 10 * step),
         AdaptiveObserver(body, step, 50.0, 100.0, 20.0),
     ):
-        run = observer.run(rate, np.zeros_like(rate), observer.init(rate[0], torque))
-        assert np.max(np.abs(run.fault - torque)) < 1e-9
-        assert np.max(np.abs(run.fault_before - torque)) < 1e-9
+        run = run_on_halves(
+            observer, rate, np.zeros_like(rate), state=observer.init(rate[0], torque)
+        )
+        assert np.max(np.abs(run["fault"] - torque)) < 1e-9
+        assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9
 
 
 @each_observer
 @pytest.mark.parametrize("samples", ["fast", [[0, 0, 0], [0, 0], [0, 0, 0]]])
 def test_a_record_that_is_no_table_is_refused(observer: RigidBodyObserver, samples: Any) -> None:
-    with pytest.raises(InputError, match=r"^rate: "):
-        run_with(observer, rate=samples, control=np.zeros((3, 3)))
+    with pytest.raises(InputError, match=r"^y: "):
+        run_with(observer, y=samples, u=np.zeros((3, 3)))
 
 
 def test_unstable_gains_are_accepted_on_demand() -> None:

@@ -25,9 +25,11 @@ from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.types import read_ledger
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, Run
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.observers.run import Run
 from reobserve.papers.ilo.setup import stride
 from reobserve.plants.satellite import Satellite
 from reobserve.timeseries.signals import Signal
@@ -226,7 +228,7 @@ class Deviation:
     before: float
 
 
-def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int) -> Run:
+def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int) -> Run[State]:
     """Plant on the grid of half steps, observer on top of it."""
     case, h = SCENARIOS[where], INTERVAL / steps
     half_steps = 2 * steps * INTERVALS
@@ -236,13 +238,10 @@ def simulate(where: str, build: Callable[[float], RigidBodyObserver], steps: int
     rate = Satellite(INERTIA, INPUT, FAULT).simulate(RATE, control, fault, h / 2, half_steps)
     time = np.arange(half_steps + 1) * (h / 2)
     observer = build(h)
-    run = observer.run(
-        rate + offset(time),
-        control(time),
-        observer.init(ESTIMATE),
-        rate + offset(time, before=True),
-        control(time, before=True),
-    )
+    run = run_on_halves(
+        observer, rate + offset(time), control(time), state=observer.init(ESTIMATE),
+        y_before=rate + offset(time, before=True), u_before=control(time, before=True),
+    )  # fmt: skip
     assert run.diverged_at is None
     return run
 
@@ -252,9 +251,9 @@ def deviation(
 ) -> Deviation:
     every, run = steps // PIECES, simulate(where, build, steps)
     pairs = (
-        (run.rate[::every], reference.rate),
-        (run.fault[::every], reference.fault),
-        (run.fault_before[::every][1:], reference.before[1:]),  # nothing is left of t = 0
+        (run["rate"][::every], reference.rate),
+        (run["fault"][::every], reference.fault),
+        (run.before["fault"][::every][1:], reference.before[1:]),  # nothing is left of t = 0
     )
     return Deviation(*(float(np.max(np.abs(found - known))) for found, known in pairs))
 
@@ -279,7 +278,7 @@ BODY = RigidBody(INERTIA, INPUT, FAULT)
 
 
 def continuous(K1: Array) -> Callable[[float], RigidBodyObserver]:
-    return lambda step: IterativeLearningObserver(BODY, step, K1, K2, DAMPING, INTERVAL)
+    return lambda step: ILO(BODY, step, K1, K2, DAMPING, INTERVAL)
 
 
 @pytest.mark.parametrize("identity", [False, True], ids=["forgetting", "identity"])
@@ -304,13 +303,13 @@ def test_a_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool
             expected[k] += np.linalg.matrix_power(K1, i) @ K2 @ size
     expected[0] = 0.0  # nothing is left of t = 0
     run = simulate(where, continuous(K1), 2 * PIECES)
-    assert (run.fault - run.fault_before)[::2] == pytest.approx(expected, abs=1e-11)
+    assert (run["fault"] - run.before["fault"])[::2] == pytest.approx(expected, abs=1e-11)
 
 
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_sampled_observer_is_of_order_4(where: str) -> None:
-    def build(step: float) -> SampledIterativeLearningObserver:
-        return SampledIterativeLearningObserver(BODY, step, FORGETTING, K2, DAMPING, INTERVAL)
+    def build(step: float) -> SampledILO:
+        return SampledILO(BODY, step, FORGETTING, K2, DAMPING, INTERVAL)
 
     check_order(where, build, plain_reference(where, "sampled"))
 
@@ -399,18 +398,18 @@ def test_axisymmetric_body_precesses_as_in_closed_form() -> None:
 
 
 @pytest.mark.parametrize(
-    ("step_size", "samples"),
+    ("period", "samples"),
     [(0.002, 1), (0.004, 2), (0.02, 10), (0.001, 0), (0.003, 0), (1e-6, 0)],
 )
-def test_half_a_step_of_an_observer_is_a_whole_number_of_samples(
-    step_size: float, samples: int
+def test_half_a_period_of_an_observer_is_a_whole_number_of_samples(
+    period: float, samples: int
 ) -> None:
-    observer = SampledIterativeLearningObserver(
-        RigidBody(inertia=np.eye(3)), step_size, K1=1.0, K2=0.1, damping=1.0, interval=step_size
+    observer = SampledILO(
+        RigidBody(inertia=np.eye(3)), period, K1=1.0, K2=0.1, damping=1.0, update_interval=period
     )
     plant = replace(read_ledger(Ledger.load(ROOT, "ilo")).plant, step=0.001)
     if samples:
         assert stride(plant, observer) == samples
     else:
-        with pytest.raises(InputError, match=r"^step_size: .* even multiple of plant.step"):
+        with pytest.raises(InputError, match=r"^sampling_period: .* even multiple of plant.step"):
             stride(plant, observer)

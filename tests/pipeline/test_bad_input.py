@@ -77,13 +77,13 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
         "must be symmetric",
     ),
     "interval not positive": (
-        {"observers": {"continuous": {"interval": 0}}},
-        "ilo.observers.continuous.interval:",
+        {"observers": {"continuous": {"update_interval": 0}}},
+        "ilo.observers.continuous.update_interval:",
         "0 must be greater than zero",
     ),
     "interval no multiple of the step": (
-        {"observers": {"continuous": {"interval": 0.0101}}},
-        "ilo.observers.continuous.interval:",
+        {"observers": {"continuous": {"update_interval": 0.0101}}},
+        "ilo.observers.continuous.update_interval:",
         "0.0101 s must be a whole multiple of the step of 0.00025 s",
     ),
     "K1 outside the stable region": (

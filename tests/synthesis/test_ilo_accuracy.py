@@ -14,6 +14,7 @@ from reobserve.synthesis.ilo_accuracy import (
     predicted_rms_error,
     sampled_error_transfer,
 )
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 
 Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
@@ -68,7 +69,7 @@ def test_scalar_formula() -> None:
     j, lam, k1, k2, tau = 36.0, 100.0, 0.9, 2000.0, 0.01
     s = 1j * OMEGA
     memory = (j * s + lam) * (1 - k1 * np.exp(-s * tau))
-    transfer = error_transfer(OMEGA, j, lam, 1.0, k1, k2, tau)
+    transfer = error_transfer(OMEGA, Law(j, lam, 1.0, k1, k2, tau))
     assert transfer.shape == (5, 1, 1)
     assert transfer[:, 0, 0] == pytest.approx(memory / (memory + k2), rel=1e-12)
 
@@ -76,13 +77,14 @@ def test_scalar_formula() -> None:
 def test_identity_learning_removes_constants_and_its_square_matrix_is_diagonal_in_the_axes() -> (
     None
 ):
+    law = Law(INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.01)
     for transfer in (error_transfer, sampled_error_transfer):
-        assert np.abs(transfer(0.0, INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.01)).max() < 1e-12
+        assert np.abs(transfer(0.0, law)).max() < 1e-12
     moments, axes = np.linalg.eigh(INERTIA)
-    full = error_transfer(OMEGA, INERTIA, 100.0, 1.0, 0.9, 2000.0, 0.01)
+    full = error_transfer(OMEGA, Law(INERTIA, 100.0, 1.0, 0.9, 2000.0, 0.01))
     diagonal = axes.T @ full @ axes
     for i, moment in enumerate(moments):
-        alone = error_transfer(OMEGA, moment, 100.0, 1.0, 0.9, 2000.0, 0.01)[:, 0, 0]
+        alone = error_transfer(OMEGA, Law(moment, 100.0, 1.0, 0.9, 2000.0, 0.01))[:, 0, 0]
         assert diagonal[:, i, i] == pytest.approx(alone, rel=1e-10)
 
 
@@ -96,7 +98,7 @@ def test_sampled_transfer_follows_the_scalar_recursion() -> None:
         samples.append((np.exp(1j * omega * k * tau) - v) / np.exp(1j * omega * k * tau))
         forced = np.exp(1j * omega * k * tau) * (np.exp(1j * omega * tau) - a) / (1j * omega - pole)
         w = a * w + forced / j - (1 - a) / lam * v
-    expected = sampled_error_transfer(omega, j, lam, 1.0, k1, k2, tau)[0, 0, 0]
+    expected = sampled_error_transfer(omega, Law(j, lam, 1.0, k1, k2, tau))[0, 0, 0]
     assert samples[-1] == pytest.approx(expected, rel=1e-9)
 
 
@@ -130,12 +132,7 @@ def test_rms_error_against_simulation(K1: Array, K2: Array, damping: Array, held
     predicted = predicted_rms_error(
         AMPLITUDES,
         FREQUENCIES,
-        INERTIA,
-        damping,
-        1.0,
-        K1,
-        K2,
-        0.05,
+        Law(INERTIA, damping, 1.0, K1, K2, 0.05),
         reading="sampled" if held else "continuous",
     )
     assert predicted == pytest.approx(simulated, rel=0.02)
@@ -144,18 +141,18 @@ def test_rms_error_against_simulation(K1: Array, K2: Array, damping: Array, held
 def test_phases_between_components_matter_only_with_coupling() -> None:
     amplitudes, phases = [[1.0, 1.0]], [[0.0, 1.2]]
     plain = (np.eye(2), 50.0, 1.0, 0.9, 100.0, 0.05)
-    same = predicted_rms_error(amplitudes, [3.0], *plain)
-    assert predicted_rms_error(amplitudes, [3.0], *plain, phases=phases) == pytest.approx(same)
+    same = predicted_rms_error(amplitudes, [3.0], Law(*plain))
+    assert predicted_rms_error(amplitudes, [3.0], Law(*plain), phases=phases) == pytest.approx(same)
     coupled = (np.eye(2), 50.0, 1.0, 0.9, [[100.0, 30.0], [0.0, 80.0]], 0.05)
-    response = error_transfer(3.0, *coupled)[0] @ np.exp(1j * np.array(phases[0]))
+    response = error_transfer(3.0, Law(*coupled))[0] @ np.exp(1j * np.array(phases[0]))
     expected = np.abs(response) / np.sqrt(2)
-    assert predicted_rms_error(amplitudes, [3.0], *coupled, phases=phases) == pytest.approx(
+    assert predicted_rms_error(amplitudes, [3.0], Law(*coupled), phases=phases) == pytest.approx(
         expected
     )
 
 
 def test_sampled_and_continuous_reading_of_a_constant_agree() -> None:
-    arguments = ([[0.5, 0, 0]], [0.0], INERTIA, 100.0, 1.0, 0.9, 400.0, 0.01)
+    arguments = ([[0.5, 0, 0]], [0.0], Law(INERTIA, 100.0, 1.0, 0.9, 400.0, 0.01))
     expected = 0.5 * 100 * 0.1 / (100 * 0.1 + 400)
     for reading in ("continuous", "sampled"):
         rms = predicted_rms_error(*arguments, reading=reading)
@@ -166,10 +163,10 @@ def test_error_is_proportional_to_the_interval() -> None:
     # Errors of sin(10 t) on the first thruster, gains 2000 and 100, from simulations.
     simulated = {0.2: 0.327, 0.1: 0.203, 0.05: 0.1006, 0.025: 0.0489, 0.0125: 0.0240}
     for interval, value in simulated.items():
-        gain = error_transfer(10.0, INERTIA, 100.0, 1.0, 1.0, 2000.0, interval)[0, 0, 0]
+        gain = error_transfer(10.0, Law(INERTIA, 100.0, 1.0, 1.0, 2000.0, interval))[0, 0, 0]
         assert abs(gain) == pytest.approx(value, rel=0.01)
     fine = [
-        abs(error_transfer(10.0, INERTIA, 100.0, 1.0, 1.0, 2000.0, tau)[0, 0, 0])
+        abs(error_transfer(10.0, Law(INERTIA, 100.0, 1.0, 1.0, 2000.0, tau))[0, 0, 0])
         for tau in (1e-4, 1e-5)
     ]
     assert fine[0] / fine[1] == pytest.approx(10, rel=0.02)
@@ -183,7 +180,7 @@ def test_identity_learning_is_a_proportional_integral_observer() -> None:
         pi = pi_error_transfer(
             10.0, INERTIA, 100.0, 1.0, gains.integral_gain, gains.proportional_gain
         )[0]
-        learning = error_transfer(10.0, INERTIA, 100.0, 1.0, 1.0, 2000.0, interval)[0]
+        learning = error_transfer(10.0, Law(INERTIA, 100.0, 1.0, 1.0, 2000.0, interval))[0]
         assert np.linalg.norm(pi - learning) < tolerance * np.linalg.norm(learning)
 
 
@@ -197,10 +194,10 @@ def test_integral_observer_against_the_scalar_formula() -> None:
 def test_inputs_are_checked() -> None:
     design = (INERTIA, 100.0, 1.0, 1.0, 2000.0, 0.1)
     with pytest.raises(InputError, match="half the update rate"):
-        predicted_rms_error([[1, 0, 0]], [40.0], *design, reading="sampled")
+        predicted_rms_error([[1, 0, 0]], [40.0], Law(*design), reading="sampled")
     with pytest.raises(InputError, match="differ"):
-        predicted_rms_error(np.ones((2, 3)), [1.0, 1.0], *design)
+        predicted_rms_error(np.ones((2, 3)), [1.0, 1.0], Law(*design))
     with pytest.raises(InputError, match="amplitudes"):
-        predicted_rms_error([1.0, 0.0, 0.0], [1.0], *design)
+        predicted_rms_error([1.0, 0.0, 0.0], [1.0], Law(*design))
     with pytest.raises(InputError, match="omega"):
-        error_transfer([-1.0], *design)
+        error_transfer([-1.0], Law(*design))

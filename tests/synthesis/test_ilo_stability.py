@@ -9,6 +9,7 @@ from scipy.linalg import eigvals
 from scipy.optimize import root
 
 from reobserve.errors import InputError
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import (
     sampled_limit_gain,
     sampled_map,
@@ -60,7 +61,7 @@ def rightmost(damping: Array, K1: Array, K2: Array, interval: float) -> float:
 
 
 def test_learning_gain_above_one_grows_at_its_logarithm() -> None:
-    verdict = continuous_stability(INERTIA, 100.0, 1.0, 1.05, 2000.0, 0.01)
+    verdict = continuous_stability(Law(INERTIA, 100.0, 1.0, 1.05, 2000.0, 0.01))
     assert verdict.verdict == "unstable"
     assert verdict.growth_rate == pytest.approx(np.log(1.05) / 0.01, rel=1e-12)
     # A root of the scalar equation at high frequency has that growth rate.
@@ -80,13 +81,13 @@ def test_any_positive_scalar_learning_gain_is_stable() -> None:
     rng = np.random.default_rng(1)
     for _ in range(150):
         k1, (k2, damping, interval) = rng.uniform(-0.99, 0.99), 10 ** rng.uniform(-3, 5, 3)
-        verdict = continuous_stability(INERTIA, damping, 1.0, k1, k2, interval * 1e-3)
+        verdict = continuous_stability(Law(INERTIA, damping, 1.0, k1, k2, interval * 1e-3))
         assert verdict.verdict == "stable", (k1, k2, damping, interval, verdict)
 
 
 @pytest.mark.parametrize("K2", [1.0, 2000.0, 1e6])
 def test_identity_learning_gain_is_marginal(K2: float) -> None:
-    verdict = continuous_stability(INERTIA, 100.0, 1.0, 1.0, K2, 0.01)
+    verdict = continuous_stability(Law(INERTIA, 100.0, 1.0, 1.0, K2, 0.01))
     assert verdict.verdict == "marginal"
     assert verdict.unstable_roots == 0
     assert verdict.worst_round_gain == pytest.approx(1.0, abs=1e-9)
@@ -95,10 +96,10 @@ def test_identity_learning_gain_is_marginal(K2: float) -> None:
 def test_negative_learning_gain_beyond_the_damping_is_unstable() -> None:
     # At s = 0 the scalar function is lambda (1 - k1) + k2: a real root crosses at k2 = -10.
     for k2, expected in [(-9.9, "stable"), (-10.1, "unstable"), (-500.0, "unstable")]:
-        verdict = continuous_stability(36.0, 100.0, 1.0, 0.9, k2, 0.01)
+        verdict = continuous_stability(Law(36.0, 100.0, 1.0, 0.9, k2, 0.01))
         assert verdict.verdict == expected, verdict.reason
-    assert continuous_stability(INERTIA, 100.0, 1.0, 0.9, -500.0, 0.01).unstable_roots == 3
-    assert continuous_stability(INERTIA, 100.0, 1.0, 1.0, -1.0, 0.01).verdict == "unstable"
+    assert continuous_stability(Law(INERTIA, 100.0, 1.0, 0.9, -500.0, 0.01)).unstable_roots == 3
+    assert continuous_stability(Law(INERTIA, 100.0, 1.0, 1.0, -1.0, 0.01)).verdict == "unstable"
 
 
 def test_matrix_gains_agree_with_collocation() -> None:
@@ -113,7 +114,7 @@ def test_matrix_gains_agree_with_collocation() -> None:
         reference = rightmost(damping, K1, K2, interval)
         if abs(reference) * interval < 2e-3:
             continue
-        verdict = continuous_stability(INERTIA, damping, 1.0, K1, K2, interval)
+        verdict = continuous_stability(Law(INERTIA, damping, 1.0, K1, K2, interval))
         assert verdict.verdict == ("unstable" if reference > 0 else "stable"), verdict.reason
         if verdict.verdict == "unstable" and verdict.growth_rate is not None:
             assert verdict.growth_rate <= reference + 1e-6
@@ -127,7 +128,7 @@ def test_count_of_roots_agrees_with_collocation() -> None:
     counted = 0
     for _ in range(30):
         K1, K2 = 0.3 * rng.normal(size=(3, 3)), 800 * rng.normal(size=(3, 3))
-        verdict = continuous_stability(INERTIA, 50.0, 1.0, K1, K2, 0.05)
+        verdict = continuous_stability(Law(INERTIA, 50.0, 1.0, K1, K2, 0.05))
         if not verdict.unstable_roots or verdict.counted_right_of is None:
             continue
         roots = delay_roots(50 * np.eye(3), K1, K2, 0.05, 60)
@@ -141,7 +142,7 @@ def test_count_of_roots_agrees_with_collocation() -> None:
 
 def test_gain_that_turns_the_harmonics_is_unstable_with_identity_learning() -> None:
     turn = np.array([[1.0, 0.05], [-0.05, 1.0]])  # complex eigenvalues close to the real axis
-    verdict = continuous_stability(np.eye(2), 1.0, 1.0, 1.0, 30 * turn, 0.1)
+    verdict = continuous_stability(Law(np.eye(2), 1.0, 1.0, 1.0, 30 * turn, 0.1))
     assert verdict.verdict == "unstable"
     # Each eigenvalue k of K2 is a scalar problem; follow one of its ripple roots.
     k, s = 30 * (1 + 0.05j), 2j * np.pi * 20 / 0.1
@@ -156,7 +157,7 @@ def test_gain_that_turns_the_harmonics_is_unstable_with_identity_learning() -> N
 @pytest.mark.parametrize("coupling", [1.0, 3.2e-4])
 def test_defective_learning_gain_is_unstable(coupling: float) -> None:
     K1 = np.array([[1, coupling, 0], [0, 1, 0], [0, 0, 0.5]])
-    verdict = continuous_stability(INERTIA, 100.0, 1.0, K1, 100.0, 0.01)
+    verdict = continuous_stability(Law(INERTIA, 100.0, 1.0, K1, 100.0, 0.01))
     assert verdict.verdict == "unstable"
     assert "defective" in verdict.reason
 
@@ -198,7 +199,7 @@ LIMITS = [
 
 @pytest.mark.parametrize(("interval", "K1", "expected"), LIMITS)
 def test_sampled_limit_for_the_satellite(interval: float, K1: float, expected: float) -> None:
-    limit = sampled_limit_gain(INERTIA, 1.0, 1.0, K1, 1.0, interval)
+    limit = sampled_limit_gain(Law(INERTIA, 1.0, 1.0, K1, 1.0, interval))
     assert limit == pytest.approx(expected, rel=2e-4 if K1 < 1 else 1e-5)
     assert limit == pytest.approx(scalar_sampled_limit(SMALLEST, 1.0, K1, interval), rel=1e-9)
 
@@ -208,7 +209,7 @@ def test_sampled_limit_against_the_closed_form() -> None:
     for _ in range(60):
         damping, interval, unit = 10 ** rng.uniform((-1, -3, -2), (3, 0, 4))
         K1 = rng.uniform(-0.9, 1.0)
-        limit = sampled_limit_gain(INERTIA, damping, 1.0, K1, unit, interval) * unit
+        limit = sampled_limit_gain(Law(INERTIA, damping, 1.0, K1, unit, interval)) * unit
         a = np.exp(-damping * interval / SMALLEST)
         expected = (1 + a) * (1 + K1) * damping / (1 - a)
         assert limit == pytest.approx(expected, rel=1e-9), (damping, interval, K1)
@@ -240,32 +241,32 @@ def test_sampled_limit_against_iteration_with_matrix_gains() -> None:
         damping = np.diag(rng.uniform(20, 300, 3))
         K1 = 0.3 * rng.normal(size=(3, 3))
         K2 = 100 * np.eye(3) + 30 * rng.normal(size=(3, 3))
-        limit = sampled_limit_gain(INERTIA, damping, 1.0, K1, K2, 0.1)
+        limit = sampled_limit_gain(Law(INERTIA, damping, 1.0, K1, K2, 0.1))
         if limit in (0.0, np.inf):
             continue
         for factor, grows in [(0.97, False), (1.03, True)]:
             growth = iterate(INERTIA, damping, K1, factor * limit * K2, 0.1, 600)
             assert (growth > 1) == grows, (factor, growth)
-            verdict = sampled_stability(INERTIA, damping, 1.0, K1, factor * limit * K2, 0.1)
+            verdict = sampled_stability(Law(INERTIA, damping, 1.0, K1, factor * limit * K2, 0.1))
             assert verdict.verdict == ("unstable" if grows else "stable")
         for fraction in np.linspace(0.01, 0.99, 50):
             gain = fraction * limit * K2
-            assert sampled_stability(INERTIA, damping, 1.0, K1, gain, 0.1).verdict == "stable"
-        edge = sampled_stability(INERTIA, damping, 1.0, K1, limit * K2, 0.1)
+            assert sampled_stability(Law(INERTIA, damping, 1.0, K1, gain, 0.1)).verdict == "stable"
+        edge = sampled_stability(Law(INERTIA, damping, 1.0, K1, limit * K2, 0.1))
         assert edge.spectral_radius == pytest.approx(1, abs=1e-9)
         checked += 1
     assert checked >= 8
 
 
 def test_sampled_limit_has_no_crossing_or_no_start() -> None:
-    assert sampled_limit_gain(INERTIA, 100.0, 1.0, 0.9, 0.0, 0.1) == np.inf
-    assert sampled_limit_gain(INERTIA, 100.0, 1.0, 1.0, 0.0, 0.1) == 0
-    assert sampled_limit_gain(INERTIA, 100.0, 1.0, 1.0, -1.0, 0.1) == 0
-    assert sampled_limit_gain(INERTIA, 100.0, 1.0, 1.05, 1.0, 0.1) == 0
+    assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 0.9, 0.0, 0.1)) == np.inf
+    assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 1.0, 0.0, 0.1)) == 0
+    assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 1.0, -1.0, 0.1)) == 0
+    assert sampled_limit_gain(Law(INERTIA, 100.0, 1.0, 1.05, 1.0, 0.1)) == 0
     # A nilpotent feedback cannot move an eigenvalue.
-    assert sampled_limit_gain(np.eye(2), 1.0, 1.0, 0.5, [[0, 1], [0, 0]], 0.1) == np.inf
+    assert sampled_limit_gain(Law(np.eye(2), 1.0, 1.0, 0.5, [[0, 1], [0, 0]], 0.1)) == np.inf
     # For small negative gains lambda (1 - k1) + k2 = 0 is the crossing, as in continuous time.
-    assert sampled_limit_gain(36.0, 100.0, 1.0, 0.9, -1.0, 0.1) == pytest.approx(10, rel=1e-9)
+    assert sampled_limit_gain(Law(36.0, 100.0, 1.0, 0.9, -1.0, 0.1)) == pytest.approx(10, rel=1e-9)
 
 
 def test_sampled_limit_is_the_first_of_several() -> None:
@@ -273,22 +274,24 @@ def test_sampled_limit_is_the_first_of_several() -> None:
     damping, K1 = np.diag([3.0, 5.2]), np.array([[1.0, 0.5], [-0.6, -0.9]])
     K2 = np.array([[0.0, 1.0], [-1.0, -1.0]])
     law = (np.eye(2), damping, 1.0, K1)
-    assert sampled_limit_gain(*law, K2, 0.1) == pytest.approx(1.8, rel=1e-9)
-    found = [sampled_stability(*law, s * K2, 0.1).verdict for s in (1.7, 1.9, 2.5, 2.7, 3.8, 3.9)]
+    assert sampled_limit_gain(Law(*law, K2, 0.1)) == pytest.approx(1.8, rel=1e-9)
+    found = [
+        sampled_stability(Law(*law, s * K2, 0.1)).verdict for s in (1.7, 1.9, 2.5, 2.7, 3.8, 3.9)
+    ]
     assert found == ["stable", "unstable", "unstable", "stable", "stable", "unstable"]
 
 
 def test_sampled_map_determinant_leaves_damping_to_the_rate_dynamics() -> None:
     a = np.exp(-0.5 * 0.1 / 36)
-    step = sampled_map(36.0, 0.5, 1.0, 1.0, 40.0, 0.1)
+    step = sampled_map(Law(36.0, 0.5, 1.0, 1.0, 40.0, 0.1))
     assert np.linalg.det(step) == pytest.approx(a, rel=1e-12)
 
 
 def test_bad_parameters_are_named() -> None:
     with pytest.raises(InputError, match="damping"):
-        continuous_stability(INERTIA, 0.0, 1.0, 1.0, 1.0, 0.1)
+        continuous_stability(Law(INERTIA, 0.0, 1.0, 1.0, 1.0, 0.1))
     with pytest.raises(InputError, match="interval"):
-        sampled_stability(INERTIA, 1.0, 1.0, 1.0, 1.0, 0.0)
+        sampled_stability(Law(INERTIA, 1.0, 1.0, 1.0, 1.0, 0.0))
     with pytest.raises(InputError, match="K1"):
         scalar_sampled_limit(36.0, 1.0, 1.5, 0.1)
 

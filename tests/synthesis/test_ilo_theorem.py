@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 
 from reobserve.errors import InputError
 from reobserve.synthesis.ilo_accuracy import error_transfer
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_theorem import bound18, certify, lemma1_sides, theorem1
 
@@ -116,7 +117,7 @@ def test_certified_designs_miss_more_than_half_of_any_sinusoid() -> None:
         assert design.theorem is not None
         assert design.theorem.holds
         omega = np.append(0.0, np.geomspace(1e-3, 1e4, 60))
-        transfer = error_transfer(omega, INERTIA, damping, fault, K1, K2, 0.01)
+        transfer = error_transfer(omega, Law(INERTIA, damping, fault, K1, K2, 0.01))
         assert np.linalg.norm(transfer, -2, axis=(1, 2)).min() > 0.5
         assert np.linalg.norm(transfer[0], 2) == pytest.approx(design.dc_error, rel=1e-9)
 

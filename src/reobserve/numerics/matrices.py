@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ Matrix = NDArray[np.float64]
 
 # Of arrays with more entries a message tells the shape alone.
 _SHOWN = 9
+
+_FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
 
 
 def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
@@ -48,6 +51,13 @@ def _has_other(value: Any) -> bool:
     if isinstance(value, list | tuple):
         return any(not isinstance(entry, float) and _has_other(entry) for entry in value)
     return isinstance(value, bool | np.bool_)
+
+
+def all_finite(array: NDArray[np.float64]) -> bool:
+    """Whether all entries are finite."""
+    if array.size <= _FEW:
+        return all(map(math.isfinite, array.ravel().tolist()))
+    return bool(np.isfinite(array).all())
 
 
 def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
@@ -178,6 +188,8 @@ def as_samples(
     if rows is not None and len(array) != rows:
         raise InputError(name, f"has {len(array)} rows, must have {rows} like {like}")
     # Rows are looked at one by one only if something is wrong: that costs as much as observing.
+    if all_finite(array):
+        return array
     good = np.isfinite(array)
     if missing:
         good |= np.isnan(array)

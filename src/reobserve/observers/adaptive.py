@@ -45,7 +45,7 @@ class Constants(NamedTuple):
     step: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AdaptiveObserver(RigidBodyObserver):
     """Fault estimation by an integrator, with or without a proportional part.
 
@@ -74,7 +74,7 @@ class AdaptiveObserver(RigidBodyObserver):
         def __init__(
             self,
             model: RigidBody,
-            step_size: float,
+            sampling_period: float,
             damping: ArrayLike,
             integral_gain: ArrayLike,
             proportional_gain: ArrayLike,
@@ -98,11 +98,8 @@ class AdaptiveObserver(RigidBodyObserver):
             model.fault_matrix,
             self.integral_gain,
             self.proportional_gain,
-            self.step_size,
+            self.sampling_period,
         )
-
-    def _fresh_memory(self, fault: Array) -> Array:
-        return fault.copy()
 
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(self._constants, state.rate, state.memory, record, rows)

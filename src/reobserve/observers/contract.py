@@ -1,155 +1,311 @@
-"""The contract of observers: what all of them check, and what they do when they diverge.
+"""The contract of observers: one way to call all of them.
 
-An observer is a frozen dataclass, its state a value. `step` takes the samples of one step, `run` a
-whole record through one compiled loop over the same arithmetic, so that both give the same bits.
-Either raises `DivergenceError` where an estimate leaves the range of floating-point numbers, unless
-`run` is asked to return what it had.
+    state = observer.init(...)                      what it starts from
+    state, estimate = observer.step(state, y, u)    one sample
+    run = observer.run(y, u, state=state)           a whole record
+
+Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
+seconds after the row before; u is the input from that sample on. The estimate of a row is made
+from the rows up to it. An observer is a frozen dataclass, its state a value; `run` is one compiled
+loop over the arithmetic of `step`, so that both give the same bits.
+
+What a method needs between samples it has by a rule of its own, which each observer states; who
+knows more of it gives it as ``middle`` and ``before``.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
-from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.numerics.arguments import as_word
-from reobserve.numerics.matrices import as_numbers, as_samples
+from reobserve.numerics.matrices import all_finite, as_numbers, as_samples
+from reobserve.observers.run import Estimate, Run
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
+Pair = tuple[ArrayLike | None, ArrayLike | None]
+
+_UNEVEN = 0.01  # of the sampling period: how much longer or shorter a time between stamps may be
 
 
-class CountedState(Protocol):
-    """A state that knows how many steps were taken."""
+class ObserverState(Protocol):
+    """What every state has beside what its method remembers.
+
+    ``sample`` holds y and u of the last row that was taken, None before the first one; ``count``
+    sampling periods have passed since that first one.
+    """
+
+    @property
+    def sample(self) -> Array | None:
+        """The last row, shape (p + m,)."""
 
     @property
     def count(self) -> int:
-        """The number of steps."""
+        """The number of sampling periods."""
 
 
-StateKind = TypeVar("StateKind")
-Counted = TypeVar("Counted", bound=CountedState)
-Result = TypeVar("Result")
+StateKind = TypeVar("StateKind", bound=ObserverState)
+AnyState = TypeVar("AnyState")
 
 
-class Samples(NamedTuple):
-    """Samples at both ends and in the middle of each of m steps, shape (2 m + 1, ...).
+class Record(NamedTuple):
+    """What an observer reads: k rows of y, (k, p), and of u, (k, m).
 
-    Where a record jumps, ``left`` has the limits from the left; they count at the ends of steps.
+    ``before`` are limits from the left where a record jumps at samples, ``middle`` the values
+    half a period before each row; each a pair of arrays like y and u, or of None.
     """
 
-    right: Array
-    left: Array
+    y: Array
+    u: Array
+    before: tuple[Array | None, Array | None] = (None, None)
+    middle: tuple[Array | None, Array | None] = (None, None)
 
-    @classmethod
-    def read(
-        cls, name: str, right: ArrayLike, left: ArrayLike | None, columns: int | None,
-        *, rows: int | None = None, like: str = "", left_name: str | None = None,
-    ) -> Samples:  # fmt: skip
-        """What a user gave; without limits from the left the record does not jump.
+
+class Rows(NamedTuple):
+    """What a compiled loop wrote: arrays by name with one row a sample.
+
+    ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
+    of them are. ``before`` are limits from the left.
+    """
+
+    estimates: dict[str, Array]
+    finite: int
+    state: Any
+    before: dict[str, Array] = {}  # noqa: RUF012  # never written
+
+    @property
+    def good(self) -> int:
+        """How many rows are finite in all arrays, up to the first that is not.
+
+        A loop watches its state; what it reads from that may overflow a row earlier.
+        """
+        among = self.finite
+        for array in (*self.estimates.values(), *self.before.values()):
+            rows = array[:among]
+            if not all_finite(rows):
+                among = int(np.argmin(np.isfinite(rows).reshape(among, -1).all(axis=1)))
+        return among
+
+
+class Observer(ABC, Generic[StateKind]):
+    """What all observers share: `step`, `run`, and the checks of what they are given.
+
+    What derives from it is a frozen dataclass with a ``sampling_period`` [s] and says what it
+    reads, what it estimates and how its loop is called.
+    """
+
+    sampling_period: float
+
+    reads_between: ClassVar[bool] = True  # whether there is a use for ``before`` and ``middle``
+    reads_missing: ClassVar[bool] = False  # whether a nan may stand for what was not measured
+
+    @property
+    @abstractmethod
+    def measurements(self) -> int:
+        """How many numbers a row of y has."""
+
+    @property
+    @abstractmethod
+    def inputs(self) -> int:
+        """How many numbers a row of u has."""
+
+    @property
+    @abstractmethod
+    def units(self) -> Mapping[str, str]:
+        """The unit of each estimate by its name, empty where it is that of the user's model."""
+
+    @abstractmethod
+    def _checked(self, state: Any) -> StateKind:
+        """The state as the loop takes it; `InputError` if it is of no such observer."""
+
+    @abstractmethod
+    def _fill(self, state: StateKind, record: Record) -> Rows:
+        """Run the compiled loop over a record."""
+
+    def _start(self, first: Array) -> StateKind:
+        """The state where none is given, for the first row of y."""
+        raise InputError(
+            "state", f"must be given: {type(self).__name__}.init says what it starts from"
+        )
+
+    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
+        """What is known of why rows beyond ``good`` diverged, as the rest of a sentence.
+
+        ``first`` is the time [s] of the record's first row.
+        """
+        return ""
+
+    def step(
+        self,
+        state: StateKind,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        before: Pair | None = None,
+        middle: Pair | None = None,
+    ) -> tuple[StateKind, Estimate]:
+        """Take one sample: the next state, and the estimates at it.
+
+        The arguments are those of `run`, without the axis of samples. Stepping through a record
+        gives the bits that `run` gives.
 
         Raises
         ------
         InputError
-            If one is no record of ``columns`` finite numbers a row, two rows a step and one.
+            As `run`.
+        DivergenceError
+            As `run`.
         """
-        first = as_samples(name, right, columns, rows=rows, like=like, halves=True)
-        if left is None or left is right:
-            return cls(first, first)
-        named = left_name or f"{name}_before"
-        return cls(first, as_samples(named, left, columns, rows=len(first), like=like or name))
+        record = self._read(
+            _as_row("y", y), None if u is None else _as_row("u", u),
+            _as_row_pair("before", before), _as_row_pair("middle", middle),
+        )  # fmt: skip
+        start = self._checked(state)
+        rows, time = self._fill(start, record), self._next_time(start)
+        if not rows.good:
+            raise self._divergence(start, record, np.array([time]), 0)
+        values = {name: array[0] for name, array in rows.estimates.items()}
+        return rows.state, Estimate(time, values, self.units)
 
-    @property
-    def steps(self) -> int:
-        """m."""
-        return len(self.right) // 2
+    def run(
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        state: StateKind | None = None,
+        time: ArrayLike | None = None,
+        before: Pair | None = None,
+        middle: Pair | None = None,
+        on_divergence: OnDivergence = "raise",
+    ) -> Run[StateKind]:
+        """Estimates at all samples of a record, by one compiled loop.
 
-    def part(self, first: int, last: int) -> Samples:
-        """The steps from ``first`` up to ``last``, which is not among them."""
-        rows = slice(2 * first, 2 * last + 1)
-        return Samples(self.right[rows], self.left[rows])
-
-    def halved(self) -> Samples:
-        """Twice as many steps, with parabolas through the three samples of each one."""
-        right, left = self.right, self.left
-        start, middle, end = right[:-1:2], right[1::2], left[2::2]
-        finer = np.empty((2 * len(right) - 1, *right.shape[1:]))
-        finer[::2] = right
-        finer[1::4] = 0.375 * start + 0.75 * middle - 0.125 * end
-        finer[3::4] = 0.375 * end + 0.75 * middle - 0.125 * start
-        before = finer.copy()
-        before[::4] = left[::2]
-        return Samples(finer, before)
-
-
-Record = tuple[Samples, ...]
-
-
-class Rows(NamedTuple):
-    """What a compiled loop wrote: a row at the start of a record and one a step, in each array.
-
-    ``finite`` rows are good, as the loop has it; ``state`` is the one after the last step, if all
-    of them are.
-    """
-
-    arrays: tuple[Array, ...]
-    finite: int
-    state: Any
-
-
-class FixedStepObserver(ABC, Generic[Counted, Result]):
-    """An observer that integrates with a fixed step and reads two samples a step.
-
-    What derives from it says how its loop is called, and how a result is made of rows.
-    """
-
-    step_size: float
-
-    @abstractmethod
-    def _fill(self, state: Counted, record: Record) -> Rows:
-        """Run the compiled loop over a record."""
-
-    @abstractmethod
-    def _result(
-        self, arrays: tuple[Array, ...], state: Counted, diverged_at: float | None
-    ) -> Result:
-        """The result of a run."""
-
-    def _halved(self, state: Counted) -> tuple[FixedStepObserver[Counted, Result], Counted] | None:
-        """The same observer and state with half the step; None if there is no such thing."""
-        finer: Any = replace(self, step_size=0.5 * self.step_size)  # type: ignore[type-var]
-        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
-
-    def _observe(
-        self, state: Counted, record: Record, on_divergence: OnDivergence = "raise"
-    ) -> Result:
-        """The result of a run over a record that was checked.
+        Parameters
+        ----------
+        y
+            Measurements, shape (k, p), or (k,) where p is 1.
+        u
+            Known inputs from each sample on, shape (k, m), or (k,); left out where there are none.
+        state
+            From `init`, or from an earlier run or step to go on with the sample after its last.
+        time
+            Of the samples [s], shape (k,), a sampling period apart; left out, it counts from 0 or
+            goes on from the state.
+        before
+            y and u where a record jumps at samples: their limits from the left, in their shapes.
+        middle
+            y and u half a period before each sample, in their shapes. The first ones of a record
+            have no use.
+        on_divergence
+            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
 
         Raises
         ------
+        InputError
+            If a shape is wrong, a number is not finite, the times are not a sampling period apart,
+            or the state is of another observer.
         DivergenceError
-            If a row is not finite and ``on_divergence`` is not ``return``; it says whether that
-            is the observer's doing or the step's.
+            If an estimate leaves the range of floating-point numbers; it says, where that can be
+            told, whether a shorter step would have helped.
         """
         loud = raises(on_divergence)
-        rows = self._fill(state, record)
-        finite = finite_rows(rows.arrays, rows.finite)
-        if finite == record[0].steps + 1:
-            return self._result(rows.arrays, rows.state, None)
-        diverged_at = max(finite - 1, 0) * self.step_size
-        if not loud:
-            return self._result(tuple(array[:finite] for array in rows.arrays), state, diverged_at)
-        from reobserve.observers.halving import finding
+        record = self._read(y, u, before, middle)
+        start = self._start(record.y[0]) if state is None else self._checked(state)
+        stamps = self._stamps(time, start, len(record.y))
+        rows = self._fill(start, record)
+        good = rows.good
+        missing = int(np.isnan(record.y).any(axis=1).sum()) if self.reads_missing else 0
+        if good == len(stamps):
+            return Run(stamps, rows.estimates, self.units, rows.state, None, rows.before, missing)
+        if loud:
+            raise self._divergence(start, record, stamps, good)
+        estimates = {name: array[:good] for name, array in rows.estimates.items()}
+        left = {name: array[:good] for name, array in rows.before.items()}
+        diverged_at = self._last_finite(start, stamps, good)
+        return Run(stamps[:good], estimates, self.units, start, diverged_at, left, missing)
 
-        raise DivergenceError(
-            type(self).__name__,
-            state.count * self.step_size + diverged_at,
-            finding(self, state, record, finite),
+    def _divergence(
+        self, state: StateKind, record: Record, stamps: Array, good: int
+    ) -> DivergenceError:
+        """The error to raise where the rows of a record beyond the first ``good`` ones diverged."""
+        finding = self._finding(state, record, good, float(stamps[0]))
+        return DivergenceError(type(self).__name__, self._last_finite(state, stamps, good), finding)
+
+    def _last_finite(self, state: StateKind, stamps: Array, good: int) -> float:
+        """The time [s] up to which estimates are finite, perhaps that of the state's sample."""
+        if good:
+            return float(stamps[good - 1])
+        return float(stamps[0]) - (0.0 if state.sample is None else self.sampling_period)
+
+    def _read(
+        self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
+    ) -> Record:
+        measured = as_sample_rows("y", y, self.measurements, missing=self.reads_missing)
+        rows = len(measured)
+        known = self._read_inputs("u", u, rows)
+        if not self.reads_between:
+            for name, pair in (("before", before), ("middle", middle)):
+                if pair is not None:
+                    problem = f"must be left out: {type(self).__name__} reads nothing in between"
+                    raise InputError(name, problem)
+        return Record(
+            measured, known, self._read_pair("before", before, rows),
+            self._read_pair("middle", middle, rows),
+        )  # fmt: skip
+
+    def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
+        if u is None and not self.inputs:
+            return np.empty((rows, 0))
+        if u is None:
+            raise InputError(name, f"is left out, must have shape {(rows, self.inputs)}")
+        return as_sample_rows(name, u, self.inputs, rows=rows)
+
+    def _read_pair(
+        self, name: str, pair: Pair | None, rows: int
+    ) -> tuple[Array | None, Array | None]:
+        if pair is None:
+            return (None, None)
+        y, u = _as_pair(name, pair)
+        return (
+            None if y is None else as_sample_rows(f"{name} y", y, self.measurements, rows=rows),
+            None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
+
+    def _next_time(self, state: StateKind) -> float:
+        """The time [s] of the row after the state's sample, if it was counted from 0 on."""
+        return (0 if state.sample is None else state.count + 1) * self.sampling_period
+
+    def _stamps(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
+        """The times of the rows."""
+        if time is None:
+            first = 0 if state.sample is None else state.count + 1
+            return (first + np.arange(rows, dtype=np.float64)) * self.sampling_period
+        stamps = as_samples("time", time, None, rows=rows, like="y")
+        with np.errstate(over="ignore"):
+            off = np.abs(np.diff(stamps) - self.sampling_period)
+        if off.size and off.max() > _UNEVEN * self.sampling_period:
+            row = int(np.argmax(off > _UNEVEN * self.sampling_period))
+            raise InputError(
+                "time",
+                f"goes from {stamps[row]:.9g} to {stamps[row + 1]:.9g} s at row {row + 1}, must go "
+                f"on by the sampling period of {self.sampling_period:g} s",
+            )
+        return stamps.copy()
+
+    def __repr__(self) -> str:
+        said = (
+            f"{field.name}={shown(getattr(self, field.name), 60)}"
+            for field in fields(self)  # type: ignore[arg-type]
+            if field.repr
+        )
+        return f"{type(self).__name__}({', '.join(said)})"
 
 
 def raises(on_divergence: Any) -> bool:
@@ -157,21 +313,9 @@ def raises(on_divergence: Any) -> bool:
     return as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
 
 
-def finite_rows(arrays: tuple[Array, ...], among: int) -> int:
-    """How many of the first ``among`` rows are finite in all arrays, up to the first that is not.
-
-    A loop watches its state; what it reads from that may overflow a row earlier.
-    """
-    for array in arrays:
-        good = np.isfinite(array[:among])
-        if not good.all():
-            among = int(np.argmin(good.reshape(len(good), -1).all(axis=1)))
-    return among
-
-
 def check_state(
-    state: Any, kind: type[StateKind], problem: str, name: str = "state", **shapes: tuple[int, ...]
-) -> StateKind:
+    state: Any, kind: type[AnyState], problem: str, name: str = "state", **shapes: tuple[int, ...]
+) -> AnyState:
     """A state whose arrays have these shapes, as compiled loops take them.
 
     Raises
@@ -184,10 +328,12 @@ def check_state(
     changed: dict[str, Array] = {}
     for part, shape in shapes.items():
         given = getattr(state, part)
+        if part == "sample" and given is None:
+            continue
         array = as_numbers(f"{name}.{part}", given)
         if array.shape != shape:
             raise InputError(name, problem)
-        if not np.isfinite(array).all():
+        if not all_finite(array):
             raise InputError(f"{name}.{part}", f"{shown(array)} has an entry that is not finite")
         if array is not given:
             changed[part] = array
@@ -195,3 +341,47 @@ def check_state(
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
         raise InputError(f"{name}.count", f"{shown(count)} must be a whole number, 0 or more")
     return replace(state, **changed) if changed else state  # type: ignore[type-var]
+
+
+def as_sample_rows(
+    name: str, value: ArrayLike, columns: int, *, rows: int | None = None, missing: bool = False
+) -> Array:
+    """A record of so many columns; a plain list of numbers will do for one column.
+
+    Raises
+    ------
+    InputError
+        If it is none, has another number of rows or, by the first such row, is not finite.
+    """
+    if columns == 1 and getattr(value, "ndim", None) != 2:
+        try:
+            array = as_numbers(name, value)
+        except InputError:
+            array = None
+        if array is not None and array.ndim == 1:
+            value = array[:, None]
+    return as_samples(name, value, columns, rows=rows, like="y", missing=missing)
+
+
+def _as_row(name: str, value: ArrayLike) -> Array:
+    """One sample as a record of one row."""
+    try:
+        return as_numbers(name, value).reshape(1, -1)
+    except InputError:
+        raise InputError(name, f"{shown(value)} is no array of numbers") from None
+
+
+def _as_pair(name: str, pair: Any) -> Pair:
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise InputError(name, f"{shown(pair)} must be a pair of y and u")
+    return pair[0], pair[1]
+
+
+def _as_row_pair(name: str, pair: Pair | None) -> Pair | None:
+    if pair is None:
+        return None
+    y, u = _as_pair(name, pair)
+    return (
+        None if y is None else _as_row(f"{name} y", y),
+        None if u is None else _as_row(f"{name} u", u),
+    )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.contract import FixedStepObserver, Record
+from reobserve.observers.fixed_step import FixedStepObserver, Steps
 
 Array = NDArray[np.float64]
 
@@ -27,23 +27,27 @@ _AT_ONCE = 32  # steps that are refined together, so that memory stays small
 _AGREE = 0.01
 
 
-def finding(observer: FixedStepObserver[Any, Any], state: Any, record: Record, finite: int) -> str:
+def finding(
+    observer: FixedStepObserver[Any], state: Any, steps: Steps, finite: int, begun: float
+) -> str:
     """Why a run diverged, as the rest of a sentence; empty if the observer has no shorter step.
 
     Parameters
     ----------
-    observer, state, record
+    observer, state, steps
         Those of the run.
     finite
-        How many of its rows are finite.
+        How many rows are finite, that at the start of the first step among them.
+    begun
+        The time [s] of that row.
     """
     last = max(finite - 1, 0)
     first = max(last - _BACK, 0)
     if first:
-        state = observer._fill(state, tuple(part.part(0, first) for part in record)).state
-    steps = min(record[0].steps - first, 2 * (last - first) + _MORE)
-    piece = tuple(part.part(first, first + steps) for part in record)
-    step, start = observer.step_size, state.count * observer.step_size
+        state = observer._integrate(state, steps.part(0, first)).state
+    piece = steps.part(first, min(steps.y.steps, first + 2 * (last - first) + _MORE))
+    step = observer.sampling_period
+    start = begun + first * step
     size = float(np.max(np.abs(_first_row(observer, state, piece)), initial=0.0))
     since = f"from t = {start:g} s on " if start else ""
     before: Array | None = None
@@ -67,23 +71,21 @@ def finding(observer: FixedStepObserver[Any, Any], state: Any, record: Record, f
     return f"{since}the observer itself diverges: {finest} it does so, too"
 
 
-def _first_row(observer: FixedStepObserver[Any, Any], state: Any, piece: Record) -> Array:
-    rows = observer._fill(state, tuple(part.part(0, 1) for part in piece)).arrays
-    return np.concatenate([np.ravel(array[0]) for array in rows])
+def _first_row(observer: FixedStepObserver[Any], state: Any, piece: Steps) -> Array:
+    rows = observer._integrate(state, piece.part(0, 1)).estimates
+    return np.concatenate([np.ravel(array[0]) for array in rows.values()])
 
 
-def _end(
-    observer: FixedStepObserver[Any, Any], state: Any, piece: Record, halvings: int
-) -> Array | None:
+def _end(observer: FixedStepObserver[Any], state: Any, piece: Steps, halvings: int) -> Array | None:
     """The last row that an observer writes with a finer record; None if it diverges."""
     row = np.empty(0)
-    for first in range(0, piece[0].steps, _AT_ONCE):
-        part = tuple(samples.part(first, first + _AT_ONCE) for samples in piece)
+    for first in range(0, piece.y.steps, _AT_ONCE):
+        part = piece.part(first, first + _AT_ONCE)
         for _ in range(halvings):
-            part = tuple(samples.halved() for samples in part)
-        rows = observer._fill(state, part)
-        row = np.concatenate([np.ravel(array[-1]) for array in rows.arrays])
-        if rows.finite <= part[0].steps or not np.isfinite(row).all():
+            part = part.halved()
+        rows = observer._integrate(state, part)
+        row = np.concatenate([np.ravel(array[-1]) for array in rows.estimates.values()])
+        if rows.finite <= part.y.steps or not np.isfinite(row).all():
             return None
         state = rows.state
     return row

@@ -37,6 +37,7 @@ from reobserve.observers.rigid_body_observer import (
     State,
     whole_steps,
 )
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 
@@ -53,7 +54,7 @@ class Constants(NamedTuple):
     step: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class IloGains(RigidBodyObserver):
     """The parameters of (3), whichever way v is updated.
 
@@ -63,8 +64,8 @@ class IloGains(RigidBodyObserver):
         Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
     damping
         Lambda [N m s/rad], likewise; symmetric positive definite.
-    interval
-        tau [s], the updating interval, a multiple of ``step_size``.
+    update_interval
+        tau [s], the updating interval, a multiple of ``sampling_period``.
     allow_unstable
         Accept gains whose linearised error dynamics grow: to study divergence.
 
@@ -78,7 +79,7 @@ class IloGains(RigidBodyObserver):
     K1: Matrix
     K2: Matrix
     damping: Matrix
-    interval: float
+    update_interval: float
     allow_unstable: bool = False
 
     def __post_init__(self) -> None:
@@ -87,14 +88,22 @@ class IloGains(RigidBodyObserver):
         put(self, "K1", as_matrix("K1", self.K1, 3))
         put(self, "K2", as_matrix("K2", self.K2, 3))
         put(self, "damping", as_positive_definite("damping", self.damping, 3))
-        put(self, "interval", as_positive("interval", self.interval))
+        put(self, "update_interval", as_positive("update_interval", self.update_interval))
         put(self, "allow_unstable", as_flag("allow_unstable", self.allow_unstable))
-        whole_steps(self.interval, self.step_size)
+        whole_steps(self.update_interval, self.sampling_period)
 
-    @property
+    @cached_property
     def delay(self) -> int:
         """The updating interval in steps."""
-        return whole_steps(self.interval, self.step_size)
+        return whole_steps(self.update_interval, self.sampling_period)
+
+    @cached_property
+    def law(self) -> LearningLaw:
+        """What the synthesis of such an observer asks for: its stability, its accuracy."""
+        body, gains = self.model, (self.K1, self.K2)
+        return LearningLaw(
+            body.inertia, self.damping, body.fault_matrix, *gains, self.update_interval
+        )
 
     def _constants_with(self, injection: Matrix) -> Constants:
         model = self.model
@@ -106,15 +115,15 @@ class IloGains(RigidBodyObserver):
             model.fault_matrix,
             self.K1,
             self.K2,
-            self.step_size,
+            self.sampling_period,
         )
 
 
-@dataclass(frozen=True)
-class IterativeLearningObserver(IloGains):
+@dataclass(frozen=True, repr=False)
+class ILO(IloGains):
     """The law (3) with v learning at every instant: a delay system, by the method of steps.
 
-    Parameters are those of `IloGains`. The integration is of order 4 in ``step_size``, at the
+    Parameters are those of `IloGains`. The integration is of order 4 in ``sampling_period``, at the
     jumps of v at multiples of tau, too: the values of v at the start, the middle and the end
     of each step are kept apart, and the middle comes from cubic Hermite interpolation of w^.
 
@@ -130,11 +139,11 @@ class IterativeLearningObserver(IloGains):
         def __init__(
             self,
             model: RigidBody,
-            step_size: float,
+            sampling_period: float,
             K1: ArrayLike,
             K2: ArrayLike,
             damping: ArrayLike,
-            interval: float,
+            update_interval: float,
             allow_unstable: bool = ...,
         ) -> None: ...
 
@@ -142,10 +151,7 @@ class IterativeLearningObserver(IloGains):
         super().__post_init__()
         if self.allow_unstable:
             return
-        model = self.model
-        verdict = continuous_stability(
-            model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.interval
-        )
+        verdict = continuous_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
 
@@ -153,12 +159,13 @@ class IterativeLearningObserver(IloGains):
     def _constants(self) -> Constants:
         return self._constants_with(self.damping + self.model.fault_matrix @ self.K2)
 
-    def _fresh_memory(self, fault: Array) -> Array:
+    @property
+    def _memory_shape(self) -> tuple[int, ...]:
         # v at the start, the middle and the end of each step of the last interval.
-        return np.tile(fault, (self.delay, 3, 1))
+        return (self.delay, 3, 3)
 
-    def _halved(self, state: State) -> tuple[IterativeLearningObserver, State]:
-        finer = replace(self, step_size=0.5 * self.step_size)
+    def _halved(self, state: State) -> tuple[ILO, State]:
+        finer = replace(self, sampling_period=0.5 * self.sampling_period)
         # v of each step, at its start, middle and end, on the parabola through the three.
         first, middle, last = state.memory[:, 0], state.memory[:, 1], state.memory[:, 2]
         memory = np.empty((2 * len(first), 3, 3))
@@ -167,7 +174,7 @@ class IterativeLearningObserver(IloGains):
         )  # fmt: skip
         memory[::2, 1] = 0.375 * first + 0.75 * middle - 0.125 * last
         memory[1::2, 1] = 0.375 * last + 0.75 * middle - 0.125 * first
-        return finer, State(state.rate, memory, 2 * state.count)
+        return finer, State(state.rate, memory, state.sample, 2 * state.count)
 
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(self._constants, state.rate, state.memory, state.count, record, rows)

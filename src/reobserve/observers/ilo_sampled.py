@@ -25,8 +25,8 @@ from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
 
-@dataclass(frozen=True)
-class SampledIterativeLearningObserver(IloGains):
+@dataclass(frozen=True, repr=False)
+class SampledILO(IloGains):
     """The law (3) with v updated at multiples of tau and held.
 
     Parameters are those of `IloGains`.
@@ -43,11 +43,11 @@ class SampledIterativeLearningObserver(IloGains):
         def __init__(
             self,
             model: RigidBody,
-            step_size: float,
+            sampling_period: float,
             K1: ArrayLike,
             K2: ArrayLike,
             damping: ArrayLike,
-            interval: float,
+            update_interval: float,
             allow_unstable: bool = ...,
         ) -> None: ...
 
@@ -55,22 +55,17 @@ class SampledIterativeLearningObserver(IloGains):
         super().__post_init__()
         if self.allow_unstable:
             return
-        model = self.model
-        law = (model.inertia, self.damping, model.fault_matrix, self.K1, self.K2, self.interval)
-        verdict = sampled_stability(*law)
+        verdict = sampled_stability(self.law)
         if verdict.verdict == "unstable":
             raise InputError(
                 "K1, K2",
                 f"must give stable error dynamics, but {verdict.reason}; "
-                f"the limit is {sampled_limit_gain(*law):.6g} times this K2",
+                f"the limit is {sampled_limit_gain(self.law):.6g} times this K2",
             )
 
     @cached_property
     def _constants(self) -> Constants:
         return self._constants_with(self.damping)
-
-    def _fresh_memory(self, fault: Array) -> Array:
-        return fault.copy()
 
     def _run(self, state: State, record: Record, rows: Rows) -> int:
         return _run(

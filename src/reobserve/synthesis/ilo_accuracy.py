@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_whole
+from reobserve.numerics.arguments import as_kind, as_whole
 from reobserve.numerics.matrices import Matrix, as_floats, as_matrix, as_positive
-from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, error_system, solved
+from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
 
 Reading = Literal["continuous", "sampled"]
@@ -32,12 +32,7 @@ def _frequencies(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 def error_transfer(
     omega: ArrayLike,
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> Complex:
     r"""Transfer matrix from the fault to its estimation error, v learning at every instant.
 
@@ -52,8 +47,8 @@ def error_transfer(
     ----------
     omega
         Frequencies [rad/s], shape (k,).
-    inertia, damping, fault_matrix, K1, K2, interval
-        See `ErrorSystem`.
+    law
+        See `LearningLaw`.
 
     Returns
     -------
@@ -63,25 +58,20 @@ def error_transfer(
     Raises
     ------
     InputError
-        See `error_system`; or if a frequency is negative.
+        If it is no such law or a frequency is negative.
     """
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
-    return _continuous(system, _frequencies("omega", omega))
+    as_kind("law", law, LearningLaw)
+    return _continuous(law, _frequencies("omega", omega))
 
 
-def _continuous(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
-    memory = system.memory(1j * omega)
-    return np.asarray(solved(memory + system.loop(1j * omega), memory))
+def _continuous(law: LearningLaw, omega: NDArray[np.float64]) -> Complex:
+    memory = law.memory(1j * omega)
+    return np.asarray(solved(memory + law.loop(1j * omega), memory))
 
 
 def sampled_error_transfer(
     omega: ArrayLike,
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> Complex:
     """Transfer matrix from the fault to its error at the updates, v held in between.
 
@@ -103,26 +93,26 @@ def sampled_error_transfer(
     Raises
     ------
     InputError
-        See `error_system`; or if a frequency is negative.
+        If it is no such law or a frequency is negative.
     """
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    as_kind("law", law, LearningLaw)
     frequency = _frequencies("omega", omega)
-    return np.asarray(np.eye(len(system.K1)) - _held(system, frequency))
+    return np.asarray(np.eye(len(law.K1)) - _held(law, frequency))
 
 
-def _held(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
+def _held(law: LearningLaw, omega: NDArray[np.float64]) -> Complex:
     """V U^-1 of `sampled_error_transfer`, shape (k, n, n)."""
-    size = len(system.inertia)
-    decay, drive = held_blocks(system)
+    size = len(law.inertia)
+    decay, drive = held_blocks(law)
     s = 1j * omega[:, None, None]
-    turned = np.exp(s * system.interval) * np.eye(size) - decay
-    torque = solved(system.inertia, system.fault_matrix)
-    fault = solved(s * np.eye(size) - system.rate_matrix, turned @ torque)
+    turned = np.exp(s * law.update_interval) * np.eye(size) - decay
+    torque = solved(law.inertia, law.fault_matrix)
+    fault = solved(s * np.eye(size) - law.rate_matrix, turned @ torque)
     both = np.zeros((len(omega), 2 * size, 2 * size), dtype=np.complex128)
     both[:, :size, :size] = turned
     both[:, :size, size:] = drive
-    both[:, size:, :size] = -system.K2
-    both[:, size:, size:] = system.memory(1j * omega)
+    both[:, size:, :size] = -law.K2
+    both[:, size:, size:] = law.memory(1j * omega)
     forcing = np.concatenate([fault, np.zeros_like(fault)], axis=1)
     return np.asarray(solved(both, forcing)[:, size:])
 
@@ -130,12 +120,7 @@ def _held(system: ErrorSystem, omega: NDArray[np.float64]) -> Complex:
 def predicted_rms_error(
     amplitudes: ArrayLike,
     frequencies: ArrayLike,
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
     *,
     phases: ArrayLike = 0.0,
     reading: Reading = "continuous",
@@ -155,8 +140,8 @@ def predicted_rms_error(
         [N m] and [rad], shape (k, n): one row per sine, one column per torque.
     frequencies
         [rad/s], shape (k,), all distinct.
-    inertia, damping, fault_matrix, K1, K2, interval
-        See `ErrorSystem`.
+    law
+        See `LearningLaw`.
     reading
         "continuous" or "sampled".
 
@@ -168,12 +153,12 @@ def predicted_rms_error(
     Raises
     ------
     InputError
-        See `error_system`; or if a shape is wrong, a frequency is negative or repeated, or, in the
+        If it is no such law, a shape is wrong, a frequency is negative or repeated, or, in the
         sampled reading, at or above half the update rate.
     """
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
+    as_kind("law", law, LearningLaw)
     omega = _frequencies("frequencies", frequencies)
-    shape = (len(omega), len(system.inertia))
+    shape = (len(omega), len(law.inertia))
     size = as_floats("amplitudes", amplitudes)
     angle = as_floats("phases", phases)
     if size.shape != shape:
@@ -185,17 +170,17 @@ def predicted_rms_error(
     constant = omega[:, None] == 0
     torque = np.where(constant, size, size * np.exp(1j * angle))
     if reading == "continuous":
-        error = np.einsum("kij,kj->ki", _continuous(system, omega), torque)
+        error = np.einsum("kij,kj->ki", _continuous(law, omega), torque)
         power = np.abs(error) ** 2
     elif reading == "sampled":
-        nyquist = np.pi / system.interval
+        nyquist = np.pi / law.update_interval
         if np.any(omega >= nyquist):
             raise InputError(
                 "frequencies",
                 f"{omega.max():g} rad/s must be below half the update rate, {nyquist:g} rad/s",
             )
-        estimate = np.einsum("kij,kj->ki", _held(system, omega), torque)
-        half = omega[:, None] * system.interval / 2
+        estimate = np.einsum("kij,kj->ki", _held(law, omega), torque)
+        half = omega[:, None] * law.update_interval / 2
         # (1 - exp(-j omega tau)) / (j omega tau), and one for a constant.
         mean = np.exp(-1j * half) * np.sinc(half / np.pi)
         cross = np.real(np.conj(torque) * estimate * mean)
@@ -251,7 +236,7 @@ def pi_error_transfer(
     omega
         Frequencies [rad/s], shape (k,).
     inertia, damping, fault_matrix
-        See `ErrorSystem`.
+        As in `LearningLaw`.
     integral_gain, proportional_gain
         Gamma [N m] and P [N m s]: a number, a diagonal or n x n.
 
@@ -263,13 +248,13 @@ def pi_error_transfer(
     Raises
     ------
     InputError
-        See `error_system`; or if a frequency is negative.
+        As `LearningLaw`; or if a frequency is negative.
     """
-    system = error_system(inertia, damping, fault_matrix, 0.0, 1.0, 1.0)
-    size = len(system.inertia)
+    law = LearningLaw(inertia, damping, fault_matrix, 0.0, 1.0, 1.0)
+    size = len(law.inertia)
     integral = as_matrix("integral_gain", integral_gain, size)
     proportional = as_matrix("proportional_gain", proportional_gain, size)
     s = 1j * _frequencies("omega", omega)[:, None, None]
-    plant = solved(s * system.inertia + system.damping, system.fault_matrix)
+    plant = solved(s * law.inertia + law.damping, law.fault_matrix)
     unit = s * np.eye(size)
     return np.asarray(solved(unit + (proportional * s + integral) @ plant, unit))

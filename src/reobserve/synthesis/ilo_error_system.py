@@ -5,13 +5,13 @@ Without the gyroscopic torque, the estimation errors of (3) and (4) of the paper
 .. math:: J\dot{\tilde w} = -\Lambda\tilde w - B_f v, \qquad v(t) = K_1 v(t-\tau) + K_2\tilde w(t)
 
 for a zero fault. Read as written this is a neutral-type delay system (`ilo_stability`); with ``v``
-updated every ``interval`` and held in between it is a linear map (`ilo_sampled_stability`).
+updated every ``update_interval`` and held in between it is a linear map (`ilo_sampled_stability`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,11 +30,29 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class ErrorSystem:
-    """The checked parameters of the linearised error equation, all matrices n x n.
+class LearningLaw:
+    """A body as the observer knows it and its learning law: all that the error equation has.
 
-    Attributes: ``inertia`` J [kg m2], ``damping`` Lambda [N m s], ``fault_matrix`` B_f [-],
-    ``K1`` [-], ``K2`` [N m s], ``interval`` tau [s].
+    A number or a diagonal stands for a matrix (see `as_matrix`); all are n x n in the end.
+
+    Parameters
+    ----------
+    inertia
+        J [kg m2], symmetric positive definite.
+    damping
+        Lambda [N m s], which must make the observer without learning stable.
+    fault_matrix
+        B_f [-].
+    K1, K2
+        Learning gains [-] and [N m s].
+    update_interval
+        tau [s].
+
+    Raises
+    ------
+    InputError
+        If ``inertia`` is not symmetric positive definite, ``update_interval`` is not above zero, a
+        shape differs, or -J^-1 Lambda is not stable.
     """
 
     inertia: Matrix
@@ -42,7 +60,33 @@ class ErrorSystem:
     fault_matrix: Matrix
     K1: Matrix
     K2: Matrix
-    interval: float
+    update_interval: float
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            inertia: ArrayLike,
+            damping: ArrayLike,
+            fault_matrix: ArrayLike,
+            K1: ArrayLike,
+            K2: ArrayLike,
+            update_interval: float,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        size = (as_floats("inertia", self.inertia).shape or (1,))[0]
+        put(self, "inertia", as_positive_definite("inertia", self.inertia, size))
+        for name in ("damping", "fault_matrix", "K1", "K2"):
+            put(self, name, as_matrix(name, getattr(self, name), size))
+        put(self, "update_interval", as_positive("update_interval", self.update_interval))
+        slowest = float(np.max(np.linalg.eigvals(self.rate_matrix).real))
+        if slowest >= 0:
+            raise InputError(
+                "damping",
+                f"-J^-1 Lambda has an eigenvalue with real part {slowest:g}, must be below 0",
+            )
 
     @property
     def rate_matrix(self) -> Matrix:
@@ -57,7 +101,7 @@ class ErrorSystem:
 
     def memory(self, s: ArrayLike) -> Complex:
         """I - K1 exp(-s tau) for every complex frequency ``s`` [rad/s], shape (..., n, n)."""
-        delay = np.exp(-np.asarray(s, dtype=np.complex128) * self.interval)[..., None, None]
+        delay = np.exp(-np.asarray(s, dtype=np.complex128) * self.update_interval)[..., None, None]
         return np.asarray(np.eye(len(self.K1)) - self.K1 * delay, dtype=np.complex128)
 
 
@@ -73,36 +117,3 @@ def solved(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers") from None
-
-
-def error_system(
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
-) -> ErrorSystem:
-    """Check the parameters; a number or a diagonal stands for a matrix (see `as_matrix`).
-
-    Raises
-    ------
-    InputError
-        If ``inertia`` is not symmetric positive definite, ``interval`` is not above zero, a shape
-        differs, or ``damping`` does not make the observer without learning stable.
-    """
-    size = (as_floats("inertia", inertia).shape or (1,))[0]
-    system = ErrorSystem(
-        as_positive_definite("inertia", inertia, size),
-        as_matrix("damping", damping, size),
-        as_matrix("fault_matrix", fault_matrix, size),
-        as_matrix("K1", K1, size),
-        as_matrix("K2", K2, size),
-        as_positive("interval", interval),
-    )
-    slowest = float(np.max(np.linalg.eigvals(system.rate_matrix).real))
-    if slowest >= 0:
-        raise InputError(
-            "damping", f"-J^-1 Lambda has an eigenvalue with real part {slowest:g}, must be below 0"
-        )
-    return system

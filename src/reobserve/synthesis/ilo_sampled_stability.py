@@ -9,32 +9,28 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
+from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.matrices import Matrix, as_positive, as_scalar, spectral_radius
-from reobserve.synthesis.ilo_error_system import ErrorSystem, Verdict, error_system
+from reobserve.synthesis.ilo_error_system import LearningLaw, Verdict
 
 
-def held_blocks(system: ErrorSystem) -> tuple[Matrix, Matrix]:
+def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
     """exp(-J^-1 Lambda tau) and the rate error [rad/s] per unit of held estimate, both n x n."""
     from scipy.linalg import expm
 
-    size = len(system.inertia)
+    as_kind("law", law, LearningLaw)
+    size = len(law.inertia)
     block = np.zeros((2 * size, 2 * size))
-    block[:size, :size] = system.rate_matrix
-    block[:size, size:] = np.linalg.solve(system.inertia, system.fault_matrix)
-    exponential = np.asarray(expm(block * system.interval), dtype=np.float64)
+    block[:size, :size] = law.rate_matrix
+    block[:size, size:] = np.linalg.solve(law.inertia, law.fault_matrix)
+    exponential = np.asarray(expm(block * law.update_interval), dtype=np.float64)
     return exponential[:size, :size], exponential[:size, size:]
 
 
 def sampled_map(
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> Matrix:
     """The map of (rate error at t_k, estimate held before t_k) over one interval, 2n x 2n.
 
@@ -44,12 +40,11 @@ def sampled_map(
     Raises
     ------
     InputError
-        See `error_system`.
+        If it is no such law.
     """
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
-    decay, drive = held_blocks(system)
-    rates = np.hstack([decay - drive @ system.K2, -drive @ system.K1])
-    found = np.vstack([rates, np.hstack([system.K2, system.K1])])
+    decay, drive = held_blocks(law)
+    rates = np.hstack([decay - drive @ law.K2, -drive @ law.K1])
+    found = np.vstack([rates, np.hstack([law.K2, law.K1])])
     if not np.isfinite(found).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     return found
@@ -65,21 +60,16 @@ class SampledStability:
 
 
 def sampled_stability(
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> SampledStability:
     """Decide whether the errors of the sampled-and-held observer decay (see `sampled_map`).
 
     Raises
     ------
     InputError
-        See `error_system`.
+        If it is no such law.
     """
-    radius = spectral_radius(sampled_map(inertia, damping, fault_matrix, K1, K2, interval))
+    radius = spectral_radius(sampled_map(law))
     verdict: Verdict = "stable" if radius < 1 - 1e-12 else "unstable"
     if abs(radius - 1) <= 1e-12:
         verdict = "marginal"
@@ -88,12 +78,7 @@ def sampled_stability(
 
 
 def sampled_limit_gain(
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> float:
     """The largest s such that the sampled-and-held observer is stable with s' K2, 0 < s' < s.
 
@@ -106,20 +91,19 @@ def sampled_limit_gain(
     Raises
     ------
     InputError
-        See `error_system`.
+        If it is no such law.
     """
     from scipy.linalg import eigvals
     from scipy.optimize import brentq
 
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
-    decay, drive = held_blocks(system)
+    decay, drive = held_blocks(law)
     zero = np.zeros_like(decay)
     scale = float(np.linalg.norm(drive, 2))  # [rad/s per N m], makes all blocks of a similar size
-    strength = scale * float(np.linalg.norm(system.K2, 2))
+    strength = scale * float(np.linalg.norm(law.K2, 2))
     if strength == 0:
-        return float("inf") if spectral_radius(system.K1) < 1 else 0.0
-    fixed = np.block([[decay, -drive @ system.K1 / scale], [zero, system.K1]])
-    learned = np.block([[-drive @ system.K2, zero], [scale * system.K2, zero]]) / strength
+        return float("inf") if spectral_radius(law.K1) < 1 else 0.0
+    fixed = np.block([[decay, -drive @ law.K1 / scale], [zero, law.K1]])
+    learned = np.block([[-drive @ law.K2, zero], [scale * law.K2, zero]]) / strength
 
     def excess(factor: float) -> float:
         return spectral_radius(fixed + factor * learned) - 1

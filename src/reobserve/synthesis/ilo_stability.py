@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_whole
+from reobserve.numerics.arguments import as_kind, as_whole
 from reobserve.numerics.matrices import Matrix, as_positive, spectral_radius
-from reobserve.synthesis.ilo_error_system import Complex, ErrorSystem, Verdict, error_system
+from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, Verdict
 
 _UNIT = 1e-9  # a spectral radius this close to one is taken to be one
 _SHIFTS = (1.0, 0.1, 0.01, 0.001, 0.0)  # real parts [1/interval] right of which roots are counted
@@ -43,12 +43,7 @@ class ContinuousStability:
 
 
 def continuous_stability(
-    inertia: ArrayLike,
-    damping: ArrayLike,
-    fault_matrix: ArrayLike,
-    K1: ArrayLike,
-    K2: ArrayLike,
-    interval: float,
+    law: LearningLaw,
 ) -> ContinuousStability:
     r"""Decide whether the error of (3)-(4) of the paper decays, linearised at rest.
 
@@ -69,16 +64,16 @@ def continuous_stability(
     Raises
     ------
     InputError
-        See `error_system`.
+        If it is no such law.
     """
-    system = error_system(inertia, damping, fault_matrix, K1, K2, interval)
-    radius = spectral_radius(system.K1)
-    gain = _worst_round_gain(system)
+    as_kind("law", law, LearningLaw)
+    radius = spectral_radius(law.K1)
+    gain = _worst_round_gain(law)
     if radius > 1 + _UNIT:
-        rate = float(np.log(radius)) / system.interval
+        rate = float(np.log(radius)) / law.update_interval
         reason = f"K1 has spectral radius {radius:.6g} > 1, the estimate grows as exp({rate:.4g} t)"
         return ContinuousStability("unstable", reason, radius, gain, growth_rate=rate)
-    if radius >= 1 - _UNIT and _powers_grow(system.K1):
+    if radius >= 1 - _UNIT and _powers_grow(law.K1):
         reason = "K1 has a defective eigenvalue of modulus one, its powers grow without bound"
         return ContinuousStability("unstable", reason, radius, gain)
     if gain < 1 - _UNIT:
@@ -94,22 +89,22 @@ def continuous_stability(
     if gain <= 1 + _UNIT:
         reason = f"no root is in the open right half-plane; {ripple}"
         return ContinuousStability("marginal", reason, radius, gain, 0, 0.0)
-    return _verdict_by_count(system, radius, gain, ripple)
+    return _verdict_by_count(law, radius, gain, ripple)
 
 
 def _verdict_by_count(
-    system: ErrorSystem, radius: float, gain: float, ripple: str
+    law: LearningLaw, radius: float, gain: float, ripple: str
 ) -> ContinuousStability:
     """Step 3 of `continuous_stability`: count right of lines that approach the imaginary axis."""
     line, reach = None, None
     for shift in _SHIFTS:
         if radius * np.exp(-shift) >= 1 - _UNIT:
             break
-        right_of = shift / system.interval
-        bound = _root_bound(system, right_of)
-        if bound * system.interval > 2 * np.pi * _PERIODS:
+        right_of = shift / law.update_interval
+        bound = _root_bound(law, right_of)
+        if bound * law.update_interval > 2 * np.pi * _PERIODS:
             break
-        roots = _count_roots(system, right_of, bound)
+        roots = _count_roots(law, right_of, bound)
         if roots is None:
             continue
         line, reach = right_of, bound
@@ -119,7 +114,7 @@ def _verdict_by_count(
         if shift == 0:
             reason = f"no root is in the right half-plane, none could be beyond {reach:.4g} rad/s"
             return ContinuousStability("stable", reason, radius, gain, roots, line, reach)
-    if radius >= 1 - _UNIT and _tail_excess(system) > _UNIT:
+    if radius >= 1 - _UNIT and _tail_excess(law) > _UNIT:
         reason = (
             f"K1 has spectral radius {radius:.6g} and K2 J^-1 B_f turns its learned harmonics: "
             "infinitely many roots approach the imaginary axis from the right"
@@ -139,12 +134,12 @@ def _powers_grow(K1: Matrix) -> bool:
     return bool(norms[1] > 4 * norms[0])  # bounded if semisimple, at least times 16 otherwise
 
 
-def _worst_round_gain(system: ErrorSystem) -> float:
+def _worst_round_gain(law: LearningLaw) -> float:
     """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
-    closed = -np.linalg.solve(system.inertia, system.damping + system.fault_matrix @ system.K2)
+    closed = -np.linalg.solve(law.inertia, law.damping + law.fault_matrix @ law.K2)
     if not np.isfinite(closed).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
-    poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(system.rate_matrix)])
+    poles = np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(law.rate_matrix)])
     if np.max(poles.real) >= 0:
         return float("inf")
     size = np.abs(poles)
@@ -153,68 +148,66 @@ def _worst_round_gain(system: ErrorSystem) -> float:
     angles = np.tan(np.linspace(-1.5, 1.5, 61))
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * angles
     frequency = np.concatenate([[0.0], wide, np.abs(near).ravel()])
-    trips = _round_trip(system, 1j * frequency)
+    trips = _round_trip(law, 1j * frequency)
     if not np.isfinite(trips).all():
         raise InputError("K1, K2", "make error dynamics beyond floating-point numbers")
     eigenvalues = np.linalg.eigvals(trips)
-    return max(float(np.max(np.abs(eigenvalues))), spectral_radius(system.K1))
+    return max(float(np.max(np.abs(eigenvalues))), spectral_radius(law.K1))
 
 
-def _round_trip(system: ErrorSystem, s: ArrayLike) -> Complex:
+def _round_trip(law: LearningLaw, s: ArrayLike) -> Complex:
     """K1 (I + K2 (J s + Lambda)^-1 B_f)^-1, shape (..., n, n)."""
-    return np.asarray(system.K1 @ np.linalg.inv(np.eye(len(system.K1)) + system.loop(s)))
+    return np.asarray(law.K1 @ np.linalg.inv(np.eye(len(law.K1)) + law.loop(s)))
 
 
-def _tail_excess(system: ErrorSystem) -> float:
+def _tail_excess(law: LearningLaw) -> float:
     """By how much the radius of K1 T exceeds one where the loop gain is 1e-5.
 
     Eigenvalues mu of K1 on the unit circle move to mu (1 - q / (j w)); q off the real axis, an
     effect of first order, makes this far above the second-order effects of about 1e-10.
     """
-    gain = float(
-        np.linalg.norm(system.K2 @ np.linalg.solve(system.inertia, system.fault_matrix), 2)
-    )
-    frequency = 1e5 * max(gain, float(np.linalg.norm(system.rate_matrix, 2)))
-    return float(np.max(np.abs(np.linalg.eigvals(_round_trip(system, 1j * frequency))))) - 1
+    gain = float(np.linalg.norm(law.K2 @ np.linalg.solve(law.inertia, law.fault_matrix), 2))
+    frequency = 1e5 * max(gain, float(np.linalg.norm(law.rate_matrix, 2)))
+    return float(np.max(np.abs(np.linalg.eigvals(_round_trip(law, 1j * frequency))))) - 1
 
 
-def _root_bound(system: ErrorSystem, right_of: float) -> float:
+def _root_bound(law: LearningLaw, right_of: float) -> float:
     """A modulus [rad/s] that no root with real part at least ``right_of`` [1/s] reaches.
 
     Beyond it the loop gain (J s + Lambda)^-1 B_f (I - K1 exp(-s tau))^-1 K2 has norm below one,
     because ||(J s + Lambda)^-1|| <= 1 / (s_min(J) |s| - ||Lambda||) and the norm of the other
     inverse is at most the sum of ||K1||^k exp(-k right_of tau), bounded here by repeated squaring.
     """
-    power = system.K1 * np.exp(-right_of * system.interval)
+    power = law.K1 * np.exp(-right_of * law.update_interval)
     memory = 1.0
     while (norm := float(np.linalg.norm(power, 2))) >= 0.5:
         memory *= 1 + norm
         power = power @ power
     memory /= 1 - norm
-    loop = float(np.linalg.norm(system.fault_matrix, 2) * np.linalg.norm(system.K2, 2)) * memory
-    smallest = float(np.linalg.eigvalsh(system.inertia)[0])
-    return (float(np.linalg.norm(system.damping, 2)) + loop) / smallest * (1 + _UNIT)
+    loop = float(np.linalg.norm(law.fault_matrix, 2) * np.linalg.norm(law.K2, 2)) * memory
+    smallest = float(np.linalg.eigvalsh(law.inertia)[0])
+    return (float(np.linalg.norm(law.damping, 2)) + loop) / smallest * (1 + _UNIT)
 
 
-def _count_roots(system: ErrorSystem, right_of: float, bound: float) -> int | None:
+def _count_roots(law: LearningLaw, right_of: float, bound: float) -> int | None:
     """Roots with real part above ``right_of`` by the argument principle; None if one is on it."""
 
     def difference(frequency: NDArray[np.float64]) -> Complex:
         s = right_of + 1j * frequency
-        memory = system.memory(s)
-        ratio = np.linalg.det(memory + system.loop(s)) / np.linalg.det(memory)
+        memory = law.memory(s)
+        ratio = np.linalg.det(memory + law.loop(s)) / np.linalg.det(memory)
         return np.asarray(ratio, dtype=np.complex128)
 
     # K1 resonates at (angle of an eigenvalue + 2 pi k) / tau; sample each in its half-widths.
-    eigenvalues = np.linalg.eigvals(system.K1)
+    eigenvalues = np.linalg.eigvals(law.K1)
     eigenvalues = np.append(eigenvalues[np.abs(eigenvalues) > 1e-6], np.exp(-1.0))
-    width = right_of * system.interval - np.log(np.abs(eigenvalues))
+    width = right_of * law.update_interval - np.log(np.abs(eigenvalues))
     steps = np.sinh(np.linspace(-1, 1, 25)[:, None] * np.arcsinh(np.pi / width)) * width
-    turns = 2 * np.pi * np.arange(np.ceil(bound * system.interval / (2 * np.pi)) + 2)
+    turns = 2 * np.pi * np.arange(np.ceil(bound * law.update_interval / (2 * np.pi)) + 2)
     resonances = (np.angle(eigenvalues) + steps)[..., None] + turns
-    poles = np.abs(np.linalg.eigvals(system.rate_matrix))
+    poles = np.abs(np.linalg.eigvals(law.rate_matrix))
     low = np.geomspace(1e-3 * poles.min(), max(bound, poles.max()), 400)
-    grid = np.concatenate([[0.0, bound], low, np.abs(resonances).ravel() / system.interval])
+    grid = np.concatenate([[0.0, bound], low, np.abs(resonances).ravel() / law.update_interval])
     grid = np.unique(grid[grid <= bound])
     values = difference(grid)
     for _ in range(40):
@@ -230,7 +223,7 @@ def _count_roots(system: ErrorSystem, right_of: float, bound: float) -> int | No
         return None
     along = float(np.sum(np.angle(values[1:] / values[:-1])))
     s = right_of + 1j * bound
-    loop = np.linalg.solve(system.memory(s), system.loop(s))
+    loop = np.linalg.solve(law.memory(s), law.loop(s))
     # |eigenvalues| < 1 on the closing arc, so the principal angle is the continuous one.
     closing = float(np.sum(np.angle(1 + np.linalg.eigvals(loop))))
     return round((closing - along) / np.pi)

@@ -34,7 +34,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
     shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas", dirs_exist_ok=True)
     tree = {
         "in_the_way": "Nothing.",
-        "choices": {"gains": ["observers.sampled.K2", "observers.*.interval"]},
+        "choices": {"gains": ["observers.sampled.K2", "observers.*.update_interval"]},
         "claims": claims,
     }
     (tmp_path / "config/claims/ilo.yaml").write_text(yaml.safe_dump(tree))

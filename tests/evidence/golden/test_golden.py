@@ -27,7 +27,7 @@ from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, copy_project
 # Ends of keys, by paper. Of some constants one per cent can only be refused: what must fit the
 # grid, and the levels of a study, after which its metrics are named.
 ONLY_REFUSED = {
-    "ilo": (".interval", ".noise_period", ".integral_gains", ".noise_levels"),
+    "ilo": (".update_interval", ".noise_period", ".integral_gains", ".noise_levels"),
     "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
     "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
     "imm": (".plain.period", ".step.period", ".share", ".clock", ".order"),
@@ -192,9 +192,9 @@ def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, path: Pat
 @pytest.mark.parametrize(
     ("key", "factor"),
     [
-        ("observers.sampled.interval", 1.25),
-        ("observers.continuous.interval", 1.025),
-        ("observers.forgetting.interval", 1.025),
+        ("observers.sampled.update_interval", 1.25),
+        ("observers.continuous.update_interval", 1.025),
+        ("observers.forgetting.update_interval", 1.025),
         ("plant.noise_period", 1.25),
     ],
 )

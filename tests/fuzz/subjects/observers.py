@@ -15,8 +15,8 @@ from reobserve.observers.delay_variable_structure import RELAYS, VariableStructu
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import InteractingMultipleModel
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
@@ -82,19 +82,39 @@ def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> 
     yield subject(observer.step, state, *one, of=observer)
 
 
+def recorded(
+    observer: Any, started: tuple[Any, ...], y: Any, u: Any, takes: tuple[str, ...] = ()
+) -> Iterator[Subject]:
+    """Start an observer, run it over a record and step it, with all that it may be told."""
+
+    def run(y: Any, u: Any, state: Any, *rest: Any) -> object:
+        time, before, middle, word = rest
+        return observer.run(
+            y, u, state=state, time=time, before=before, middle=middle, on_divergence=word
+        )
+
+    def step(state: Any, y: Any, u: Any, before: Any, middle: Any) -> object:
+        return observer.step(state, y, u, before=before, middle=middle)
+
+    name = subject(observer.init, of=observer).name.removesuffix(".init")
+    state, time = observer.init(*started), observer.sampling_period * np.arange(len(y))
+    yield subject(observer.init, *started, of=observer)
+    yield Subject(f"{name}.run", run, (y, u, state, time, (y, u), (y, u), "raise"), takes)
+    yield Subject(f"{name}.step", step, (state, y[0], u[0], (y[0], u[0]), (y[0], u[0])), takes)
+
+
 def _rigid_bodies() -> Iterator[Subject]:
     body = RigidBody(INERTIA)
     rate = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
-    samples = (rate, 0 * rate), (rate[:3], 0 * rate[:3])
     arguments: dict[Any, tuple[Any, ...]] = {
-        SampledIterativeLearningObserver: (1.0, 500.0, 500.0, 0.01, False),
-        IterativeLearningObserver: (0.9, 50.0, 500.0, 0.01, False),
+        SampledILO: (1.0, 500.0, 500.0, 0.01, False),
+        ILO: (0.9, 50.0, 500.0, 0.01, False),
         AdaptiveObserver: (500.0, 1000.0, 10.0),
     }
     for kind, parameters in arguments.items():
         yield subject(kind, body, 0.01, *parameters)
         observer = kind(body, 0.01, *parameters)
-        yield from used(observer, ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), *samples)
+        yield from recorded(observer, ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), rate, 0 * rate)
 
 
 def _delays() -> Iterator[Subject]:

@@ -16,7 +16,7 @@ from reobserve.synthesis.ilo_accuracy import (
     predicted_rms_error,
     sampled_error_transfer,
 )
-from reobserve.synthesis.ilo_error_system import error_system
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_sampled_stability import (
     sampled_limit_gain,
@@ -31,24 +31,25 @@ from reobserve.synthesis.nu_gap import nu_gap
 from .models import DENOMINATOR, INERTIA, NUMERATOR, van_der_pol
 from .subject import Subject, subject
 
-LAW = (INERTIA, 500.0, np.eye(3), 0.9, 50.0, 0.01)
+PARAMETERS = (INERTIA, 500.0, np.eye(3), 0.9, 50.0, 0.01)
+LAW = LearningLaw(*PARAMETERS)
 
 
 def subjects() -> Iterator[Subject]:
     """Calls that must be accepted."""
-    yield subject(error_system, *LAW)
-    yield subject(error_transfer, [1.0, 2.0], *LAW)
-    yield subject(sampled_error_transfer, [1.0, 2.0], *LAW)
-    yield subject(predicted_rms_error, [[1.0, 0, 0]], [10.0], *LAW)
+    yield subject(LearningLaw, *PARAMETERS)
+    yield subject(error_transfer, [1.0, 2.0], LAW)
+    yield subject(sampled_error_transfer, [1.0, 2.0], LAW)
+    yield subject(predicted_rms_error, [[1.0, 0, 0]], [10.0], LAW)
     yield subject(matched_integrator, 500.0, 0.01, 3)
     yield subject(pi_error_transfer, [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0)
     yield subject(gyroscopic_eta, INERTIA, 0.1)
-    yield subject(RepairedLyapunov, *LAW[:-1], 0.01)
-    yield subject(sampled_map, *LAW)
-    yield subject(sampled_stability, *LAW)
-    yield subject(sampled_limit_gain, *LAW)
+    yield subject(RepairedLyapunov, *PARAMETERS[:-1], 0.01)
+    yield subject(sampled_map, LAW)
+    yield subject(sampled_stability, LAW)
+    yield subject(sampled_limit_gain, LAW)
     yield subject(scalar_sampled_limit, 36.0, 500.0, 1.0, 0.01)
-    yield subject(continuous_stability, *LAW)
+    yield subject(continuous_stability, LAW)
     yield subject(ripple_roots, 36.0, 500.0, 0.9, 50.0, 0.01, 3)
     yield from _theorems()
     yield subject(lyapunov_matrix, 3, 2.0)

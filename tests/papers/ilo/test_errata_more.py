@@ -7,6 +7,7 @@ import pytest
 
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.plants.satellite import Satellite
 from reobserve.synthesis.ilo_theorem import certify, lemma1_sides, theorem1
 from reobserve.timeseries.signals import Signal
@@ -85,5 +86,6 @@ def test_the_adaptive_observer_identifies_a_constant_fault() -> None:
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
     observer = AdaptiveObserver(RigidBody(INERTIA), step, 100.0, 100.0, 0.0)
-    found = observer.run(rate, np.zeros_like(rate), observer.init(np.zeros(3))).fault[:, 0]
+    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
+    found = run["fault"][:, 0]
     assert abs(found[-1] - 0.5) < 1e-3

@@ -17,6 +17,7 @@ from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.scoring.metrics import lookup
 from reobserve.synthesis.ilo_accuracy import error_transfer
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 
 Numbers = dict[tuple[str, str], float]
@@ -120,7 +121,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
     scalar = copy.deepcopy(settings)
     j, lam, k2, tau = 20.0, 400.0, 1500.0, 0.01
     scalar["plant"]["inertia"] = np.diag([j] * 3).tolist()
-    scalar["observers"]["sampled"] |= {"damping": lam, "K2": k2, "interval": tau}
+    scalar["observers"]["sampled"] |= {"damping": lam, "K2": k2, "update_interval": tau}
     scalar["theory"]["multiples"] = [1]
     noise = np.random.default_rng(5).standard_normal(200_000)
     decay = np.exp(-lam * tau / j)
@@ -135,7 +136,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
 
 def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> None:
     wild = copy.deepcopy(settings)
-    wild["observers"]["sampled"] |= {"damping": 100.0, "interval": 0.01, "K2": 5000.0}
+    wild["observers"]["sampled"] |= {"damping": 100.0, "update_interval": 0.01, "K2": 5000.0}
     numbers = limits(wild)
     assert numbers["sampled", "gain_margin_at_multiple_10"] < 1
     assert np.isnan(numbers["sampled", "noise_gain_at_multiple_10"])
@@ -161,7 +162,7 @@ def test_accuracy_follows_the_interval(found: Numbers) -> None:
     for omega in (3.0, 10.0, 30.0):
         longest = found["continuous", f"largest_interval_at_{omega:g}"]
         law = (INERTIA, 100.0, 1.0, 1.0, 2000.0, longest)
-        assert abs(error_transfer(omega, *law)[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
+        assert abs(error_transfer(omega, Law(*law))[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
 
 
 def test_a_fault_that_every_interval_follows_is_limited_by_its_period(

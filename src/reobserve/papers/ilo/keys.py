@@ -56,7 +56,7 @@ class _Common:
     """What all observers have."""
 
     damping: Matrix
-    step_size: Positive
+    sampling_period: Positive
     inertia_factor: Positive
     initial_rate: Vector
     initial_fault: Vector
@@ -66,7 +66,7 @@ class _Common:
 class _Learning(_Common):
     K1: Matrix
     K2: Matrix
-    interval: Positive
+    update_interval: Positive
 
 
 @dataclass(frozen=True)

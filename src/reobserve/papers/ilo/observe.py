@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import build_observer, stride
@@ -12,7 +13,7 @@ from reobserve.timeseries.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:
-    """Estimated rate [rad/s] and fault torque [N m] at the ends of the observer's steps.
+    """Estimated rate [rad/s] and fault torque [N m] at the observer's samples.
 
     ``fault_before`` holds the limits from the left, which differ where the estimate jumps.
 
@@ -36,16 +37,14 @@ def observe(observer: RigidBodyObserver, job: Job, plant: Series) -> Series:
     def samples(name: str) -> Any:
         return plant[name][::every] if name in plant.channels else None
 
-    run = observer.run(
-        samples(measured),
-        samples("control"),
-        observer.init(mine.initial_rate, mine.initial_fault),
-        samples(f"{measured}_before"),
-        samples("control_before"),
-    )
+    run = run_on_halves(
+        observer, samples(measured), samples("control"),
+        state=observer.init(mine.initial_rate, mine.initial_fault),
+        y_before=samples(f"{measured}_before"), u_before=samples("control_before"),
+    )  # fmt: skip
     channels = {
-        "rate": Channel(run.rate, "rad/s"),
-        "fault": Channel(run.fault, "N m"),
-        "fault_before": Channel(run.fault_before, "N m"),
+        "rate": Channel(run["rate"], run.units["rate"]),
+        "fault": Channel(run["fault"], run.units["fault"]),
+        "fault_before": Channel(run.before["fault"], run.units["fault"]),
     }
     return Series(plant.time[:: 2 * every], channels, plant.events)

@@ -167,7 +167,7 @@ def _note(job: Job) -> str:
         "K1": "K₁",
         "K2": "K₂",
         "damping": "Λ",
-        "interval": "τ",
+        "update_interval": "τ",
         "integral_gain": "Γ",
         "proportional_gain": "Kₚ",
     }

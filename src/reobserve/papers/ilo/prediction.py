@@ -10,6 +10,7 @@ from reobserve.ledger.types import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import known_body
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
+from reobserve.synthesis.ilo_error_system import LearningLaw
 
 
 def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | None:
@@ -42,10 +43,7 @@ def predicted_error(job: Job, observer: keys.Observer, axis: int) -> float | Non
     rms = predicted_rms_error(
         np.where(omega[:, None] == 0, torque.real, np.abs(torque)),
         omega,
-        *common,
-        observer.K1,
-        observer.K2,
-        observer.interval,
+        LearningLaw(*common, observer.K1, observer.K2, observer.update_interval),
         phases=np.angle(torque),
         reading="sampled" if observer.algorithm == "sampled_ilo" else "continuous",
     )

@@ -10,8 +10,8 @@ from reobserve.errors import InputError, located
 from reobserve.models.rigid_body import RigidBody
 from reobserve.numerics.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import IterativeLearningObserver
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.timeseries.grid import noise_hold, plant_grid
@@ -34,35 +34,34 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     InputError
         If a parameter is out of bounds.
     """
-    body, step = known_body(plant, observer.inertia_factor), observer.step_size
+    body, period = known_body(plant, observer.inertia_factor), observer.sampling_period
     built: RigidBodyObserver
     if isinstance(observer, keys.Adaptive):
         gains = (observer.damping, observer.integral_gain, observer.proportional_gain)
-        built = AdaptiveObserver(body, step, *gains)
+        built = AdaptiveObserver(body, period, *gains)
     else:
-        if observer.interval > plant.horizon:
+        interval = observer.update_interval
+        if interval > plant.horizon:
             raise InputError(
-                "interval",
-                f"{observer.interval:g} s must be {plant.horizon:g} s at most, the horizon",
+                "update_interval",
+                f"{interval:g} s must be {plant.horizon:g} s at most, the horizon",
             )
-        sampled = isinstance(observer, keys.Sampled)
-        kind = SampledIterativeLearningObserver if sampled else IterativeLearningObserver
-        law = (observer.K1, observer.K2, observer.damping, observer.interval)
-        built = kind(body, step, *law)
+        kind = SampledILO if isinstance(observer, keys.Sampled) else ILO
+        built = kind(body, period, observer.K1, observer.K2, observer.damping, interval)
     stride(plant, built)
     built.init(observer.initial_rate, observer.initial_fault)
     return built
 
 
 def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
-    """Plant samples in half a step of the observer."""
-    half = 0.5 * observer.step_size
+    """Plant samples in half a sampling period of the observer."""
+    half = 0.5 * observer.sampling_period
     step = plant.step
     samples = round(half / step)
     if samples < 1 or abs(samples * step - half) > 1e-9 * half:
         raise InputError(
-            "step_size",
-            f"{observer.step_size:g} s must be an even multiple of plant.step, {step:g} s",
+            "sampling_period",
+            f"{observer.sampling_period:g} s must be an even multiple of plant.step, {step:g} s",
         )
     return samples
 

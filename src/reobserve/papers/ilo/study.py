@@ -59,7 +59,7 @@ def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
     adaptive: keys.Adaptive = named(observers, "adaptive", keys.Adaptive)
     for gain in study.integral_gains:
         critical = 2.0 * study.damping_ratio * float(np.sqrt(gain * inertia))
-        correction = gain * ilo.interval
+        correction = gain * ilo.update_interval
         families: dict[str, keys.Observer] = {
             "integral": replace(adaptive, integral_gain=gain, damping=critical),
             "proportional_integral": replace(

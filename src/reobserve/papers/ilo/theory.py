@@ -17,6 +17,7 @@ from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_limits, theory_runs
 from reobserve.papers.ilo.setup import known_body
 from reobserve.scoring.metrics import Metric
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.synthesis.ilo_theorem import certify, lemma1_sides
@@ -129,8 +130,8 @@ def _certified(theory: keys.Theory, fault: Array) -> Iterator[tuple[float, Array
 
 
 def _unstable(body: RigidBody, damping: float, K1: Array, K2: Array, interval: float) -> bool:
-    law = (body.inertia, damping, body.fault_matrix, K1, K2, interval)
-    return continuous_stability(*law).verdict != "stable"
+    law = LearningLaw(body.inertia, damping, body.fault_matrix, K1, K2, interval)
+    return continuous_stability(law).verdict != "stable"
 
 
 def _certificates(job: Job) -> Iterator[Metric]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import known_body
 from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.ilo_accuracy import error_transfer, matched_integrator, pi_error_transfer
-from reobserve.synthesis.ilo_error_system import error_system
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import (
     held_blocks,
     sampled_limit_gain,
@@ -25,7 +24,6 @@ from reobserve.synthesis.ilo_sampled_stability import (
 from reobserve.synthesis.ilo_stability import continuous_stability
 
 Array = NDArray[np.float64]
-Law = tuple[Any, Any, Any, Any, Any, float]  # J, Lambda, B_f, K1, K2, tau
 
 _SHORTEST = 1e-6  # [s] from here on the largest accurate interval is sought
 
@@ -45,12 +43,12 @@ def measure(job: Job) -> Iterator[Metric]:
         _law(body, named(observers, "sampled", keys.Sampled)), theory.multiples, axis
     )
     for name in ("continuous", "forgetting"):
-        stability = continuous_stability(*_law(body, named(observers, name, keys.Continuous)))
+        stability = continuous_stability(_law(body, named(observers, name, keys.Continuous)))
         count = stability.unstable_roots
         yield Metric(name, "unstable_roots", float("nan") if count is None else count, "1")
         yield Metric(name, "worst_round_gain", stability.worst_round_gain, "1")
     for K1 in theory.excessive_learning_gains:
-        rate = continuous_stability(*_law(body, replace(learning, K1=K1))).growth_rate
+        rate = continuous_stability(_law(body, replace(learning, K1=K1))).growth_rate
         found = float("nan") if rate is None else rate
         yield Metric("continuous", f"growth_rate_at_K1_{K1:g}", found, "1/s")
     yield from _accuracy(_law(body, learning), theory, axis)
@@ -59,43 +57,46 @@ def measure(job: Job) -> Iterator[Metric]:
     yield Metric("adaptive", "decay_rate_at_rest", rate, "1/s")
 
 
-def _law(body: RigidBody, observer: keys.Learning) -> Law:
-    gains = (observer.K1, observer.K2, observer.interval)
-    return (body.inertia, observer.damping, body.fault_matrix, *gains)
+def _law(body: RigidBody, observer: keys.Learning) -> LearningLaw:
+    return LearningLaw(
+        body.inertia, observer.damping, body.fault_matrix, observer.K1, observer.K2,
+        observer.update_interval,
+    )  # fmt: skip
 
 
-def _sampled(law: Law, multiples: list[int], axis: int) -> Iterator[Metric]:
+def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metric]:
     for multiple in multiples:
-        slower = (*law[:-1], multiple * law[-1])
-        margin = sampled_limit_gain(*slower)
+        slower = replace(law, update_interval=multiple * law.update_interval)
+        margin = sampled_limit_gain(slower)
         yield Metric("sampled", f"gain_margin_at_multiple_{multiple:g}", margin, "1")
         gain = _noise_gain(slower, axis) if margin > 1 else float("nan")
         yield Metric("sampled", f"noise_gain_at_multiple_{multiple:g}", gain, "N m s/rad")
 
 
-def _noise_gain(law: Law, axis: int) -> float:
+def _noise_gain(law: LearningLaw, axis: int) -> float:
     """Standard deviation of v over that of a white noise on the rates at the updates.
 
     The noise n enters v_k = K1 v_{k-1} + K2 (w~_k + n_k) and, through v_k, the next w~.
     """
     from scipy.linalg import solve_discrete_lyapunov
 
-    system = error_system(*law)
-    _, drive = held_blocks(system)
+    _, drive = held_blocks(law)
     size = len(drive)
     # v in units of K2 per rate, lest the covariance be badly scaled.
-    scale = np.repeat([1.0, 1.0 / np.linalg.norm(system.K2, 2)], size)
-    entry = scale[:, None] * np.vstack([-drive @ system.K2, system.K2])
-    step = scale[:, None] * sampled_map(*law) / scale
+    scale = np.repeat([1.0, 1.0 / np.linalg.norm(law.K2, 2)], size)
+    entry = scale[:, None] * np.vstack([-drive @ law.K2, law.K2])
+    step = scale[:, None] * sampled_map(law) / scale
     covariance = solve_discrete_lyapunov(step, entry @ entry.T)
     return float(np.sqrt(covariance[size + axis, size + axis]) / scale[-1])
 
 
-def _accuracy(law: Law, theory: keys.Theory, axis: int) -> Iterator[Metric]:
+def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
     """How the error under a sine follows the interval and the frequency."""
 
     def error(omega: float, interval: float) -> float:
-        return float(abs(error_transfer(omega, *law[:-1], interval)[0, axis, axis]))
+        return float(
+            abs(error_transfer(omega, replace(law, update_interval=interval))[0, axis, axis])
+        )
 
     intervals, omega = theory.intervals, theory.frequency
     errors = [error(omega, interval) for interval in intervals]
@@ -126,13 +127,14 @@ def _largest_interval(
     return float(np.pi / omega)
 
 
-def _resemblance(law: Law, omega: float, axis: int) -> Iterator[Metric]:
+def _resemblance(law: LearningLaw, omega: float, axis: int) -> Iterator[Metric]:
     """How far the errors of the learning law are from those of an integrator with K2 / tau."""
-    learning = error_transfer(omega, *law)[0, :, axis]
-    gains = matched_integrator(law[4], law[5])
-    integral = pi_error_transfer(omega, *law[:3], gains.integral_gain, gains.proportional_gain)[
-        0, :, axis
-    ]
+    learning = error_transfer(omega, law)[0, :, axis]
+    gains = matched_integrator(law.K2, law.update_interval)
+    integral = pi_error_transfer(
+        omega, law.inertia, law.damping, law.fault_matrix,
+        gains.integral_gain, gains.proportional_gain,
+    )[0, :, axis]  # fmt: skip
     distance = float(np.linalg.norm(learning - integral) / np.linalg.norm(learning))
     yield Metric("continuous", "distance_from_integrator", distance, "1")
 

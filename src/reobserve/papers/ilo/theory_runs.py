@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from reobserve.ledger.conditions import Terms
 from reobserve.ledger.types import Job, named
 from reobserve.numerics.random_streams import random_stream
-from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.observe import observe
@@ -155,25 +156,21 @@ def _slowed(bench: _Bench, factor: float) -> float:
     every = stride(job.plant, quick)
     rate, control, fault = (plant[name][::every] for name in ("rate", "control", "fault"))
     onset, axis = plant.events["onsets"][0], job.metrics.axis - 1
-    change = 2 * round(0.5 * (onset + float(plant.time[-1])) / quick.step_size)
+    change = 2 * round(0.5 * (onset + float(plant.time[-1])) / quick.sampling_period)
     start = quick.init(observer.initial_rate, observer.initial_fault)
-    state = quick.run(rate[: change + 1], control[: change + 1], start).state
-    slow = SampledIterativeLearningObserver(
-        quick.model,
-        quick.step_size,
-        observer.K1,
-        observer.K2,
-        observer.damping,
-        factor * observer.interval,
-        allow_unstable=True,
-    )
-    run = slow.run(
-        rate[change:], control[change:], State(state.rate, state.memory), on_divergence="return"
-    )
+    state = run_on_halves(quick, rate[: change + 1], control[: change + 1], state=start).state
+    slow = SampledILO(
+        quick.model, quick.sampling_period, observer.K1, observer.K2, observer.damping,
+        factor * observer.update_interval, allow_unstable=True,
+    )  # fmt: skip
+    run = run_on_halves(
+        slow, rate[change:], control[change:],
+        state=State(state.rate, state.memory), on_divergence="return",
+    )  # fmt: skip
     if run.diverged_at is not None:
         return float("nan")
     truth = fault[change::2, axis]
-    error = truth[:-1] - run.fault[:-1, axis], truth[1:] - run.fault_before[1:, axis]
+    error = truth[:-1] - run["fault"][:-1, axis], truth[1:] - run.before["fault"][1:, axis]
     return root_mean_square(*error) / root_mean_square(truth[:-1], truth[1:])
 
 
@@ -183,7 +180,7 @@ def _lyapunov(bench: _Bench) -> Iterator[Metric]:
     observer = job.observers["continuous"]
     estimate = bench.estimate("continuous", plant)
     rates, errors = _rate_and_error(plant, estimate)
-    step, interval = estimate.step, observer.interval
+    step, interval = estimate.step, observer.update_interval
     samples = round(interval / step)
     first = round(plant.events["onsets"][0] / step)
     last = first + round(job.theory.lyapunov_window / step)

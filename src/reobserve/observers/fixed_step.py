@@ -1,0 +1,189 @@
+"""Observers that integrate with one step a sampling period, and what they read in between.
+
+Where nothing else is given, measurements go in straight lines from sample to sample and known
+inputs keep the value of their sample, as a controller holds them. With ``middle`` or ``before`` a
+signal is as these say: limits from the left at samples, values in the middle, a straight line where
+only the limits are given.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.numerics.matrices import as_numbers
+from reobserve.observers.contract import (
+    Observer,
+    OnDivergence,
+    Record,
+    Rows,
+    StateKind,
+)
+from reobserve.observers.run import Run
+
+Array = NDArray[np.float64]
+
+
+class Samples(NamedTuple):
+    """Values at both ends and in the middle of each of m steps, shape (2 m + 1, columns).
+
+    ``left`` has the limits from the left; they count at the ends of steps.
+    """
+
+    right: Array
+    left: Array
+
+    @property
+    def steps(self) -> int:
+        """m."""
+        return len(self.right) // 2
+
+    def part(self, first: int, last: int) -> Samples:
+        """The steps from ``first`` up to ``last``, which is not among them."""
+        rows = slice(2 * first, 2 * last + 1)
+        return Samples(self.right[rows], self.left[rows])
+
+    def halved(self) -> Samples:
+        """Twice as many steps, with parabolas through the three samples of each one."""
+        right, left = self.right, self.left
+        start, middle, end = right[:-1:2], right[1::2], left[2::2]
+        finer = np.empty((2 * len(right) - 1, *right.shape[1:]))
+        finer[::2] = right
+        finer[1::4] = 0.375 * start + 0.75 * middle - 0.125 * end
+        finer[3::4] = 0.375 * end + 0.75 * middle - 0.125 * start
+        before = finer.copy()
+        before[::4] = left[::2]
+        return Samples(finer, before)
+
+
+class Steps(NamedTuple):
+    """What an observer integrates over: y and u at the ends and in the middle of each step."""
+
+    y: Samples
+    u: Samples
+
+    def part(self, first: int, last: int) -> Steps:
+        """The steps from ``first`` up to ``last``, which is not among them."""
+        return Steps(self.y.part(first, last), self.u.part(first, last))
+
+    def halved(self) -> Steps:
+        """Twice as many steps; see `Samples.halved`."""
+        return Steps(self.y.halved(), self.u.halved())
+
+
+class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
+    """An observer that takes one step of a Runge-Kutta method a sampling period.
+
+    What derives from it says how its loop is called. The loop writes a row at the start of the
+    first step and one at the end of each.
+    """
+
+    @abstractmethod
+    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
+        """Run the compiled loop; the state after it has counted the steps."""
+
+    def _halved(self, state: StateKind) -> tuple[FixedStepObserver[StateKind], StateKind] | None:
+        """The same observer and state with half the step; None if there is no such thing."""
+        finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)  # type: ignore[type-var]
+        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
+
+    def _fill(self, state: StateKind, record: Record) -> Rows:
+        rows = self._integrate(state, steps_between(state.sample, record))
+        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        after = replace(rows.state, sample=last)
+        return Rows(
+            {name: values[begun:] for name, values in rows.estimates.items()},
+            rows.finite - begun,
+            after,
+            {name: values[begun:] for name, values in rows.before.items()},
+        )
+
+    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
+        from reobserve.observers.halving import finding
+
+        steps, before = steps_between(state.sample, record), state.sample is not None
+        if not steps.y.steps:
+            return ""  # what cannot be read from the start, no step can help
+        return finding(self, state, steps, good + before, first - before * self.sampling_period)
+
+
+def steps_between(last: Array | None, record: Record) -> Steps:
+    """The steps that lead from row to row, the first of them from ``last``, if there is one."""
+    columns = record.y.shape[1]
+    parts = (None, None) if last is None else (last[:columns], last[columns:])
+    y = _samples(parts[0], record.y, record.before[0], record.middle[0], held=False)
+    u = _samples(parts[1], record.u, record.before[1], record.middle[1], held=True)
+    return Steps(y, u)
+
+
+def _samples(
+    last: Array | None, rows: Array, before: Array | None, middle: Array | None, *, held: bool
+) -> Samples:
+    begun = 1 if last is None else 0  # rows that no step leads to
+    ends = rows[begun:]
+    right = np.empty((2 * len(ends) + 1, rows.shape[1]))
+    right[0] = rows[0] if last is None else last
+    right[2::2] = ends
+    starts = right[:-1:2]
+    limits = ends if before is None else before[begun:]
+    if held and before is None and middle is None:
+        limits = right[1::2] = starts
+    else:
+        right[1::2] = 0.5 * starts + 0.5 * limits if middle is None else middle[begun:]
+    if limits is ends:
+        return Samples(right, right)
+    left = right.copy()
+    left[2::2] = limits
+    return Samples(right, left)
+
+
+def run_on_halves(
+    observer: Observer[StateKind],
+    y: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    state: StateKind | None = None,
+    y_before: ArrayLike | None = None,
+    u_before: ArrayLike | None = None,
+    on_divergence: OnDivergence = "raise",
+) -> Run[StateKind]:
+    """A run over a record that was sampled twice a period: every second sample is in the middle.
+
+    A record that starts begins with a row; one that goes on from a state with its middle. Without
+    ``y_before`` and ``u_before``, limits from the left, it does not jump.
+
+    Raises
+    ------
+    InputError
+        As `Observer.run`; and if the last sample of the record is a middle.
+    DivergenceError
+        As `Observer.run`.
+    """
+    begun = 1 if state is None or state.sample is None else 0  # rows that no step leads to
+    y_rows, y_middle, y_left = _halves("y", y, y_before, begun)
+    u_rows, u_middle, u_left = (None, None, None) if u is None else _halves("u", u, u_before, begun)
+    return observer.run(
+        y_rows, u_rows, state=state, before=(y_left, u_left), middle=(y_middle, u_middle),
+        on_divergence=on_divergence,
+    )  # fmt: skip
+
+
+def _halves(
+    name: str, values: ArrayLike, before: ArrayLike | None, begun: int
+) -> tuple[Array, Array, Array | None]:
+    """Every second sample, the middles before them, and the limits from the left."""
+    given = as_numbers(name, values)
+    if given.ndim == 0 or len(given) % 2 != begun:
+        kind = "an odd" if begun else "an even"
+        raise InputError(name, f"has shape {given.shape}, must have {kind} number of rows")
+    middles = given[::2] if not begun else np.concatenate([given[:1], given[1::2]])
+    left = None if before is None else as_numbers(f"{name}_before", before)
+    if left is not None and left.shape != given.shape:
+        raise InputError(f"{name}_before", f"has shape {left.shape}, must be {given.shape}")
+    return given[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]

@@ -1,0 +1,99 @@
+"""What an observer makes of measurements: estimates by name, at one sample or over a record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, nearest, shown
+
+Array = NDArray[np.float64]
+StateKind = TypeVar("StateKind")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate:
+    """Estimates at one sample.
+
+    ``time`` [s]; ``estimates`` by name, each a number or an array of its own shape; ``units`` by
+    the same names, empty where the observer was not told. ``estimate["fault"]`` is one of them.
+    """
+
+    time: float
+    estimates: Mapping[str, Array]
+    units: Mapping[str, str]
+
+    def __getitem__(self, name: str) -> Array:
+        return _named(self.estimates, name)
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{name} {shown(self[name].tolist())}" for name in self.estimates)
+        return f"Estimate at {self.time:g} s: {listed}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Generic[StateKind]):
+    """Estimates at the samples of a record, one row a sample; ``run["fault"]`` is one of them.
+
+    ``time`` [s] has shape (k,), each of ``estimates`` (k, ...); ``units`` go by the same names,
+    empty where the observer was not told. ``before`` holds limits from the left of estimates that
+    jump at samples. ``missing`` counts samples that were not taken. ``diverged_at`` is None, or
+    the time [s] after which an estimate left the range of floating-point numbers; then k counts
+    the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the
+    run started from.
+    """
+
+    time: Array
+    estimates: Mapping[str, Array]
+    units: Mapping[str, str]
+    state: StateKind
+    diverged_at: float | None = None
+    before: Mapping[str, Array] = field(default_factory=dict)
+    missing: int = 0
+
+    def __getitem__(self, name: str) -> Array:
+        return _named(self.estimates, name)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{name} {self[name].shape[1:]}" for name in self.estimates)
+        ending = "" if self.diverged_at is None else f", diverged at {self.diverged_at:g} s"
+        return f"Run of {len(self)} samples: {listed}{ending}"
+
+    def to_pandas(self) -> Any:
+        """A data frame: a row a sample, the time [s] as its index, a column for each component.
+
+        Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix.
+        """
+        import pandas as pd
+
+        columns = {
+            "_".join((name, *(str(1 + place) for place in index))): values[(slice(None), *index)]
+            for name, values in self.estimates.items()
+            for index in np.ndindex(values.shape[1:])
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+
+    def plot(self, names: Iterable[str] | None = None) -> Any:
+        """A matplotlib figure of the estimates over time, one panel each; see `run_plot`.
+
+        Raises
+        ------
+        InputError
+            If there is no estimate of such a name, or matplotlib is not installed.
+        """
+        from reobserve.observers.run_plot import plot
+
+        return plot(self, list(self.estimates if names is None else names))
+
+
+def _named(estimates: Mapping[str, Array], name: str) -> Array:
+    if name not in estimates:
+        raise InputError("estimate", f"there is no {shown(name)}{nearest(name, estimates)}")
+    return estimates[name]

@@ -1,0 +1,37 @@
+"""A run at a glance. matplotlib is imported when it is asked for: observers do without."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from reobserve.numerics.arguments import package
+from reobserve.observers.run import Run
+
+_MOST_LINES = 12  # in one panel: more cannot be told apart
+
+
+def plot(run: Run[Any], names: list[str]) -> Any:
+    """A figure with a panel for each name, its components as lines.
+
+    Raises
+    ------
+    InputError
+        If there is no estimate of such a name, or matplotlib is not installed.
+    """
+    values = {name: run[name].reshape(len(run), -1) for name in names}
+    figure = package("matplotlib.figure", "plot a run").Figure(
+        figsize=(6.4, 0.8 + 1.7 * max(len(names), 1)), layout="constrained"
+    )
+    axes = figure.subplots(max(len(names), 1), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (name, rows) in zip(axes, values.items(), strict=False):
+        for column in range(min(rows.shape[1], _MOST_LINES)):
+            label = f"{name} {column + 1}" if rows.shape[1] > 1 else name
+            ax.plot(run.time, rows[:, column], label=label, linewidth=1.2)
+        unit = run.units.get(name)
+        ax.set_ylabel(f"{name} [{unit}]" if unit else name)
+        if rows.shape[1] > 1:
+            ax.legend(fontsize="small", ncols=min(rows.shape[1], 4))
+        if run.diverged_at is not None:
+            ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")
+    axes[-1].set_xlabel("time [s]")
+    return figure

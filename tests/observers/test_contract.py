@@ -1,0 +1,344 @@
+"""What every observer keeps to, over the records of `cases`."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from reobserve.errors import DivergenceError, InputError
+from reobserve.observers.contract import Observer
+from reobserve.observers.run import Run
+from tests.observers.cases import CASES, Case, observe
+
+Array = NDArray[np.float64]
+
+SHORT = 40  # rows of a part in which nothing has to settle
+
+
+@pytest.fixture(params=CASES)
+def case(request: pytest.FixtureRequest) -> Case:
+    return CASES[request.param]()
+
+
+def part(case: Case, first: int, last: int, state: Any) -> Any:
+    """The run over some rows."""
+    u = None if case.u is None else case.u[first:last]
+    return case.observer.run(case.y[first:last], u, state=state)
+
+
+def row_of(case: Case, row: int) -> tuple[Array, Array | None]:
+    return case.y[row], None if case.u is None else case.u[row]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two states hold the same bits."""
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one)
+        )
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return bool(one == other)
+
+
+def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
+    """Whether a run holds the bits of some rows of another."""
+    names = list(other.estimates)
+    return list(run.estimates) == names and all(
+        np.array_equal(run[name], other[name][rows], equal_nan=True) for name in names
+    )
+
+
+# --- One way to call them -----------------------------------------------------------------------
+
+
+def test_stepping_gives_the_bits_of_a_run(case: Case) -> None:
+    run, state = part(case, 0, SHORT, case.state), case.state
+    for row in range(SHORT):
+        state, estimate = case.observer.step(state, *row_of(case, row))
+        assert estimate.time == run.time[row]
+        assert estimate.units == run.units
+        assert list(estimate.estimates) == list(run.estimates)
+        for name in run.estimates:
+            assert np.array_equal(estimate[name], run[name][row], equal_nan=True), (row, name)
+    assert same(state, run.state)
+
+
+@pytest.mark.parametrize("cut", [1, 2, 7, SHORT - 1])
+def test_two_runs_in_a_row_are_one(case: Case, cut: int) -> None:
+    whole, first = part(case, 0, SHORT, case.state), part(case, 0, cut, case.state)
+    second = part(case, cut, SHORT, first.state)
+    assert same_rows(first, whole, slice(0, cut))
+    assert same_rows(second, whole, slice(cut, SHORT))
+    assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
+    assert same(second.state, whole.state)
+
+
+@pytest.mark.parametrize("rows", [1, 2, SHORT])
+def test_as_many_rows_come_out_as_go_in(case: Case, rows: int) -> None:
+    run = part(case, 0, rows, case.state)
+    assert len(run) == len(run.time) == rows
+    assert set(run.units) == set(run.estimates)
+    for name in run.estimates:
+        assert len(run[name]) == rows, name
+    for name, limits in run.before.items():
+        assert limits.shape == run[name].shape
+    assert run.state.count == rows - 1
+    last = [np.ravel(values) for values in row_of(case, rows - 1) if values is not None]
+    assert np.array_equal(run.state.sample, np.concatenate(last))
+
+
+def test_a_state_is_a_value(case: Case) -> None:
+    state = part(case, 0, 9, case.state).state
+    kept = pickle.loads(pickle.dumps(state))
+    once = part(case, 9, SHORT, state)
+    case.observer.step(state, *row_of(case, 9))
+    assert same(state, kept)
+    assert same_rows(part(case, 9, SHORT, state), once)
+
+
+def test_a_run_without_a_state_starts_by_itself_or_asks_for_one(case: Case) -> None:
+    if type(case.observer)._start is Observer._start:
+        with pytest.raises(InputError, match=r"^state: must be given: \w+\.init says"):
+            observe(case, state=None)
+        return
+    run = observe(case, state=None)
+    assert len(run) == len(case.y)
+    assert same_rows(observe(case, state=None), run)
+
+
+# --- Time ---------------------------------------------------------------------------------------
+
+
+def test_time_is_in_seconds(case: Case) -> None:
+    period = case.observer.sampling_period
+    run = part(case, 0, SHORT, case.state)
+    assert np.array_equal(run.time, period * np.arange(SHORT))
+    later = part(case, SHORT, 2 * SHORT, run.state)
+    assert np.array_equal(later.time, period * np.arange(SHORT, 2 * SHORT))
+    stamps = 1e3 + period * np.arange(len(case.y))
+    stamped = observe(case, time=stamps)
+    assert np.array_equal(stamped.time, stamps)
+    assert not np.shares_memory(stamped.time, stamps)
+    assert same_rows(stamped, observe(case))
+
+
+@pytest.mark.parametrize("off", [0.5, -1.0, 1.0])
+def test_times_that_are_no_period_apart_are_refused_by_row(case: Case, off: float) -> None:
+    period = case.observer.sampling_period
+    stamps = period * np.arange(len(case.y))
+    stamps[7:] += off * period
+    told = rf"^time: goes from .* s at row 7, must go on by the sampling period of {period:g} s$"
+    with pytest.raises(InputError, match=told):
+        observe(case, time=stamps)
+
+
+# --- What a run offers --------------------------------------------------------------------------
+
+
+def test_a_run_as_a_data_frame(case: Case) -> None:
+    run = part(case, 0, SHORT, case.state)
+    frame = run.to_pandas()
+    assert frame.index.name == "time"
+    assert np.array_equal(frame.index, run.time)
+    columns = [
+        "_".join((name, *(str(place + 1) for place in index)))
+        for name in run.estimates
+        for index in np.ndindex(run[name].shape[1:])
+    ]
+    assert list(frame) == columns
+    flat = np.hstack([run[name].reshape(SHORT, -1) for name in run.estimates])
+    assert np.array_equal(frame.to_numpy(), flat, equal_nan=True)
+
+
+def test_a_run_draws_itself(case: Case) -> None:
+    run = part(case, 0, SHORT, case.state)
+    axes = run.plot().axes
+    assert len(axes) == len(run.estimates)
+    for ax, name in zip(axes, run.estimates, strict=True):
+        assert np.array_equal(ax.lines[0].get_xdata(), run.time)
+        first = run[name].reshape(SHORT, -1)[:, 0]
+        assert np.array_equal(ax.lines[0].get_ydata(), first, equal_nan=True)
+        unit = run.units[name]
+        assert ax.get_ylabel() == (f"{name} [{unit}]" if unit else name)
+    assert axes[-1].get_xlabel() == "time [s]"
+    name = next(iter(run.estimates))
+    assert len(run.plot([name]).axes) == 1
+    with pytest.raises(InputError, match=r"^estimate: there is no 'nothing'"):
+        run.plot(["nothing"])
+
+
+MODULES = sorted({type(make().observer).__module__ for make in CASES.values()})
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_an_observer_needs_neither_plots_nor_frames(module: str) -> None:
+    code = f"import {module}, sys; print(*{{'matplotlib', 'pandas'}} & set(sys.modules))"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == ""
+
+
+def test_what_is_printed_is_one_short_line(case: Case) -> None:
+    run = part(case, 0, SHORT, case.state)
+    _, estimate = case.observer.step(run.state, *row_of(case, SHORT))
+    for shown in (repr(case.observer), repr(run), repr(estimate)):
+        assert len(shown) < 300
+        assert "\n" not in shown
+    assert repr(case.observer).startswith(f"{type(case.observer).__name__}(")
+    assert "sampling_period=" in repr(case.observer)
+
+
+def test_what_is_pickled_goes_on_with_the_same_bits(case: Case) -> None:
+    first = part(case, 0, 9, case.state)
+    observer, state, run = pickle.loads(pickle.dumps((case.observer, first.state, first)))
+    assert repr(observer) == repr(case.observer)
+    assert same(state, first.state)
+    assert isinstance(run, Run)
+    assert same_rows(run, first)
+    rest = part(case, 9, SHORT, first.state)
+    assert same_rows(part(replace(case, observer=observer), 9, SHORT, run.state), rest)
+
+
+# --- What it is given ---------------------------------------------------------------------------
+
+
+def specialisations() -> int:
+    """How many machine codes there are of all kernels."""
+    kernels = {
+        id(thing): len(thing.signatures)
+        for name, module in sys.modules.items()
+        if name.startswith("reobserve.")
+        for thing in vars(module).values()
+        if isinstance(thing, Dispatcher)
+    }
+    return sum(kernels.values())
+
+
+def frozen(values: Array) -> Array:
+    copy = values.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+def strided(values: Array) -> Array:
+    """A view of every second column or number."""
+    return np.repeat(values, 2, axis=-1)[..., ::2]
+
+
+KINDS: dict[str, Callable[[Array], Any]] = {
+    "lists": lambda values: values.tolist(),
+    "read-only": frozen,
+    "columns first": np.asfortranarray,
+    "strided": strided,
+    "frames": lambda values: pd.DataFrame(values) if values.ndim == 2 else pd.Series(values),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_whatever_holds_numbers_gives_the_same_bits_and_compiles_nothing(
+    case: Case, kind: str
+) -> None:
+    wanted = part(case, 0, SHORT, case.state)
+    state, estimate = case.observer.step(wanted.state, *row_of(case, SHORT))
+    as_kind, before = KINDS[kind], specialisations()
+    known = None if case.u is None else as_kind(case.u[:SHORT])
+    found = observe(case, y=as_kind(case.y[:SHORT]), u=known)
+    assert same_rows(found, wanted)
+    y, u = row_of(case, SHORT)
+    stepped, again = case.observer.step(
+        found.state, as_kind(np.atleast_1d(y)), None if u is None else as_kind(np.atleast_1d(u))
+    )
+    assert same(stepped, state)
+    assert all(np.array_equal(again[name], estimate[name]) for name in estimate.estimates)
+    assert specialisations() == before
+
+
+def test_bad_records_are_refused_by_name_and_row(case: Case) -> None:
+    nan = case.y.copy()
+    nan[5] = np.inf
+    with pytest.raises(InputError, match=r"^y: sample 5 is "):
+        observe(case, y=nan)
+    with pytest.raises(InputError, match=r"^time: has \d+ rows, must have \d+ like y$"):
+        observe(case, time=np.arange(3.0))
+    with pytest.raises(InputError, match=r"^state: "):
+        observe(case, state=case.y)
+    with pytest.raises(InputError, match=r"^on_divergence: "):
+        observe(case, on_divergence="ignore")
+    if case.u is not None:
+        with pytest.raises(InputError, match=r"^u: has 4 rows, must have \d+ like y$"):
+            observe(case, u=case.u[:4])
+        with pytest.raises(InputError, match=r"^u: is left out"):
+            observe(case, u=None)
+
+
+# --- Divergence ---------------------------------------------------------------------------------
+
+
+def test_divergence_is_told_in_the_time_of_the_record(case: Case) -> None:
+    if case.huge is None:
+        pytest.skip("nothing makes it diverge")
+    y, u = case.y[:SHORT].copy(), None if case.u is None else case.u[:SHORT].copy()
+    signs = np.resize([1.0, -1.0], SHORT - 20)
+    for values in (y, u):
+        if values is not None:
+            values[20:] = (case.huge * signs).reshape(-1, *[1] * (values.ndim - 1))
+    stamps = 50.0 + case.observer.sampling_period * np.arange(SHORT)
+    arguments = {"y": y, "u": u, "time": stamps}
+    run = observe(case, **arguments, on_divergence="return")
+    assert run.diverged_at == run.time[-1] == stamps[len(run) - 1]
+    assert 19 <= len(run) - 1 < SHORT - 1
+    clean = part(case, 0, 20, case.state)
+    assert all(np.array_equal(run[name][:20], clean[name][: len(run)]) for name in clean.estimates)
+    assert all(np.isfinite(run[name]).all() for name in run.estimates)
+    assert run.state is case.state
+    with pytest.raises(DivergenceError, match=f"^{type(case.observer).__name__} diverged") as told:
+        observe(case, **arguments)
+    assert told.value.time == run.diverged_at
+    # Going on with the row that diverges, the time up to which it is finite lies before the record.
+    before, rest = observe(case, y=y[: len(run)], u=None if u is None else u[: len(run)]), len(run)
+    again = case.observer.run(
+        y[rest:], None if u is None else u[rest:], state=before.state, time=stamps[rest:],
+        on_divergence="return",
+    )  # fmt: skip
+    assert len(again) == 0
+    assert again.diverged_at == pytest.approx(run.diverged_at, rel=1e-12)
+
+
+# --- Alignment ----------------------------------------------------------------------------------
+
+
+def moved(values: Array) -> Iterator[Array]:
+    """A row late and a row early."""
+    yield np.concatenate([values[:1], values[:-1]])
+    yield np.concatenate([values[1:], values[-1:]])
+
+
+def worst_error(case: Case, **changed: Any) -> float:
+    """The largest error once settled, as a multiple of its bound."""
+    run = observe(case, **changed)
+    return max(
+        float(np.abs(run[name] - truth)[case.settled :].max()) / case.bounds[name]
+        for name, truth in case.truth.items()
+    )
+
+
+def test_rows_as_the_contract_says_give_the_truth_and_others_do_not(case: Case) -> None:
+    aligned = worst_error(case)
+    assert aligned < 1.0
+    for y in moved(case.y):
+        assert worst_error(case, y=y) > case.worse * aligned
+    if case.u is not None:
+        for u in moved(case.u):
+            assert worst_error(case, u=u) > case.worse * aligned
