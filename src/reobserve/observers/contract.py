@@ -205,7 +205,9 @@ class Observer(ABC, Generic[StateKind]):
             return Run(
                 stamps, rows.estimates, self.units, rows.state, None, rows.before, missing
             )  # fmt: skip
-        diverged_at = float(stamps[max(finite - 1, 0)])
+        # Before the first row there is that of the state, if it has one.
+        began = stamps[0] if start.sample is None else stamps[0] - self.sampling_period
+        diverged_at = float(stamps[finite - 1] if finite else began)
         if loud:
             finding = self._finding(start, record, finite)
             raise DivergenceError(type(self).__name__, diverged_at, finding)
@@ -216,7 +218,7 @@ class Observer(ABC, Generic[StateKind]):
     def _read(
         self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
     ) -> Record:
-        measured = as_sample_rows("y", y, self.measurements, missing=self.reads_missing)
+        measured = self._read_measurements("y", y)
         rows = len(measured)
         known = self._read_inputs("u", u, rows)
         if not self.reads_between:
@@ -228,6 +230,9 @@ class Observer(ABC, Generic[StateKind]):
             measured, known, self._read_pair("before", before, rows),
             self._read_pair("middle", middle, rows),
         )  # fmt: skip
+
+    def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
+        return as_sample_rows(name, y, self.measurements, rows=rows, missing=self.reads_missing)
 
     def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
         if u is None and not self.inputs:
@@ -243,7 +248,7 @@ class Observer(ABC, Generic[StateKind]):
             return (None, None)
         y, u = _as_pair(name, pair)
         return (
-            None if y is None else as_sample_rows(f"{name} y", y, self.measurements, rows=rows),
+            None if y is None else self._read_measurements(f"{name} y", y, rows),
             None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
 

@@ -85,6 +85,15 @@ class InputHistory:
         rows = 2 * steps + 1
         return InputHistory(self.step_size, self.right[-rows:].copy(), self.left[-rows:].copy())
 
+    def halved(self) -> InputHistory:
+        """The same over twice as many steps, each half with the polynomial of its whole."""
+        rows = 2 * len(self.right) - 1
+        finer = self.at((rows - 1 - np.arange(rows)) * (0.25 * self.step_size))
+        finer[::2] = self.right
+        before = finer.copy()
+        before[::2] = self.left
+        return InputHistory(0.5 * self.step_size, finer, before)
+
     def at(self, ago: ArrayLike) -> Array:
         """Values of u and u' ``ago`` seconds, shape (k,), before the end; shape (k, 2).
 
