@@ -172,10 +172,12 @@ class DelayEstimator(FixedStepObserver[State]):
         if past.shape[1] == 1:
             rate = np.gradient(past[:, 0], self.sampling_period, edge_order=2)
             past = np.column_stack([past[:, 0], rate])
-        between = [
-            None if given is None else as_signal_rows(name, given, 1, rows=len(past))
-            for name, given in (("before", before), ("middle", middle))
-        ]
+        between: list[Array | None] = []
+        for name, given in (("before", before), ("middle", middle)):
+            rows = None if given is None else as_signal_rows(name, given, 1)
+            if rows is not None and len(rows) != len(past):
+                raise InputError(name, f"has {len(rows)} rows, must have {len(past)} like past_u")
+            between.append(rows)
         u, left, inside = self._smooth(past, between[0], between[1], np.zeros(2), None)
         samples = steps_between(None, Record(u, u, (left, left), (inside, inside))).u
         history = InputHistory(self.sampling_period, samples.right, samples.left)

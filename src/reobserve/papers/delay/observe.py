@@ -9,6 +9,7 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.numerics.matrices import as_vector
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
@@ -44,8 +45,10 @@ def estimate(settings: Settings, plant: Series) -> Series:
 def build_extended(job: Job) -> ExtendedHighGainObserver:
     """The extended observer that an ``observers`` branch states; `InputError` if it cannot be."""
     observer = job.observer
-    built = ExtendedHighGainObserver(
-        build_model(job.plant, observer.model),
+    model = build_model(job.plant, observer.model)
+    _check_start(job, model.states)
+    return ExtendedHighGainObserver(
+        model,
         observer.sampling_period,
         observer.rho,
         observer.order,
@@ -54,17 +57,14 @@ def build_extended(job: Job) -> ExtendedHighGainObserver:
         observer.switched,
         None if observer.initial_matrix == "algebraic" else observer.initial_matrix,
     )
-    built.init(observer.initial_estimate, observer.initial_delay)
-    return built
 
 
 def build_standard(job: Job) -> HighGainObserver:
     """The standard observer that an ``observers`` branch states; `InputError` if it cannot be."""
     observer = job.observer
     model = build_model(job.plant, observer.model)
-    built = HighGainObserver(model, observer.rho, observer.sampling_period)
-    built.init(observer.initial_estimate)
-    return built
+    _check_start(job, model.states)
+    return HighGainObserver(model, observer.rho, observer.sampling_period)
 
 
 def build_estimator(job: Job) -> DelayEstimator:
@@ -109,12 +109,18 @@ def build(settings: Settings) -> Any:
     if isinstance(observer, keys.Standard):
         records.check_mean_delay(job, observer.mean_delay)
         return build_standard(job)
-    least, most = delay_bounds(job.plant)
-    if not least <= observer.initial_delay <= most:
-        raise InputError(
-            "initial_delay", f"{observer.initial_delay:g} s must be from {least:g} to {most:g} s"
-        )
+    _check_start(job)
     return build_estimator(job)
+
+
+def _check_start(job: Job, states: int = 0) -> None:
+    """What an observer of so many states starts from, by the keys of its branch."""
+    observer, (least, most) = job.observer, delay_bounds(job.plant)
+    if states:
+        as_vector("initial_estimate", observer.initial_estimate, states)
+    delay = getattr(observer, "initial_delay", least)
+    if not least <= delay <= most:
+        raise InputError("initial_delay", f"{delay:g} s must be from {least:g} to {most:g} s")
 
 
 Found = dict[str, Channel]
