@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from fractions import Fraction
 from math import comb
 from typing import Any
@@ -17,6 +18,7 @@ from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
 from tests.observers.halves import rows_of, stepped
 
@@ -409,6 +411,16 @@ def test_wrong_records_are_refused(changed: dict[str, Any], said: str) -> None:
     record: dict[str, Any] = {"y": np.zeros(5), "u": np.zeros(5), **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         observer.run(**record, state=observer.init([0.0, 0.0]))
+
+
+def test_an_observer_survives_a_pickle_if_its_fields_have_a_place() -> None:
+    observer, y = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 5.0, 0.01), np.linspace(0, 1, 9)
+    again = pickle.loads(pickle.dumps(observer))
+    start = observer.init([0.1, 0.0])
+    assert np.array_equal(again.run(y, y, state=start)["state"],
+                          observer.run(y, y, state=start)["state"])  # fmt: skip
+    with pytest.raises(pickle.PicklingError, match="field pendulum_drift stands nowhere"):
+        pickle.dumps(HighGainObserver(MODELS[2], 5.0, 0.01))
 
 
 def test_wrong_states_are_refused() -> None:

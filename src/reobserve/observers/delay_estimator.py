@@ -38,7 +38,8 @@ class State:
 
     ``values`` belong to the algorithm, the estimate of the delay [s] first; ``history`` is the
     input as far back as the greatest delay; ``recent`` is x at the latest two samples, the last
-    one last; the rest is as in `reobserve.observers.contract.ObserverState`.
+    one last; ``sample`` has derivatives, too, also those that were found; the rest is as in
+    `reobserve.observers.contract.ObserverState`.
     """
 
     values: Array
@@ -190,7 +191,7 @@ class DelayEstimator(FixedStepObserver[State]):
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         """u and u', their limits from the left and what they are in between, by default a cubic."""
         period = self.sampling_period
-        u, before, middle = completed(
+        _, u, before, middle = completed(
             u, before, middle, recent=recent, known=2, last=last, period=period
         )
         if middle is None:
@@ -208,7 +209,7 @@ class DelayEstimator(FixedStepObserver[State]):
             values=(size,), recent=(2,), sample=(self.measurements + self.inputs,),
         )  # fmt: skip
         history = as_kind("state.history", checked.history, InputHistory)
-        if history.steps != self.history_steps or history.step_size != self.sampling_period:
+        if history.steps != self.history_steps or history.sampling_period != self.sampling_period:
             raise InputError("state", problem)
         return checked
 
@@ -222,32 +223,35 @@ class DelayEstimator(FixedStepObserver[State]):
             return super()._read_inputs(name, u, rows)
         return as_signal_rows(name, u, 1, rows=rows)
 
-    def _completed(self, state: State, record: Record) -> Record:
-        """The record with all derivatives, and with an input that is not held."""
+    def _completed(self, state: State, record: Record) -> tuple[State, Record]:
+        """State and record with all derivatives, and with an input that is not held."""
         sample, known = state.sample, state.history.right[::2, 0]
         y, y_before, y_middle = record.y, record.before[0], record.middle[0]
         if self.measurements > 1:
-            y, y_before, y_middle = completed(
+            last, y, y_before, y_middle = completed(
                 y, y_before, y_middle, recent=state.recent,
                 known=0 if sample is None else state.count + 1,
                 last=None if sample is None else sample[: self.measurements],
                 period=self.sampling_period,
             )  # fmt: skip
+            if sample is not None and last is not None:
+                sample = np.concatenate([last, sample[self.measurements :]])
         # Of a record that starts the past ends at its first row.
         recent = known[-3:-1] if sample is None else known[-2:]
-        last = None if sample is None else sample[self.measurements :]
         u, u_before, u_middle = self._smooth(
-            record.u, record.before[1], record.middle[1], recent, last
-        )
-        return Record(y, u, (y_before, u_before), (y_middle, u_middle))
+            record.u, record.before[1], record.middle[1], recent,
+            None if sample is None else sample[self.measurements :],
+        )  # fmt: skip
+        completed_record = Record(y, u, (y_before, u_before), (y_middle, u_middle))
+        return replace(state, sample=sample), completed_record
 
     def _fill(self, state: State, record: Record) -> Rows:
-        rows = super()._fill(state, self._completed(state, record))
+        rows = super()._fill(*self._completed(state, record))
         after = replace(rows.state, recent=latest(state.recent, record.y[:, 0]))
         return rows._replace(state=after)
 
-    def _finding(self, state: State, record: Record, finite: int) -> str:
-        return super()._finding(state, self._completed(state, record), finite)
+    def _finding(self, state: State, record: Record, *where: Any) -> str:
+        return super()._finding(*self._completed(state, record), *where)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

@@ -51,7 +51,8 @@ class State:
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
-    samples, the last one last; the rest is as in `reobserve.observers.contract.ObserverState`.
+    samples, the last one last; ``sample`` has y, u and all its derivatives, also those that were
+    found; the rest is as in `reobserve.observers.contract.ObserverState`.
     """
 
     values: Array
@@ -183,18 +184,21 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
             return super()._read_inputs(name, u, rows)
         return as_signal_rows(name, u, self.order, rows=rows)
 
-    def _completed(self, state: State, record: Record) -> Record:
-        """The record with all derivatives, and with an input that need not be held."""
+    def _completed(self, state: State, record: Record) -> tuple[State, Record]:
+        """State and record with all derivatives, and with an input that need not be held."""
         begun = state.sample is not None
-        u, before, middle = completed(
+        last, u, before, middle = completed(
             record.u, record.before[1], record.middle[1],
             recent=state.recent, known=state.count + 1 if begun else 0,
             last=None if state.sample is None else state.sample[1:], period=self.sampling_period,
         )  # fmt: skip
-        return Record(record.y, u, (record.before[0], before), (record.middle[0], middle))
+        if state.sample is not None and last is not None:
+            state = replace(state, sample=np.concatenate([state.sample[:1], last]))
+        y_before, y_middle = record.before[0], record.middle[0]
+        return state, Record(record.y, u, (y_before, before), (y_middle, middle))
 
     def _fill(self, state: State, record: Record) -> Rows:
-        rows = super()._fill(state, self._completed(state, record))
+        rows = super()._fill(*self._completed(state, record))
         off = rows.estimates["switched_off"][state.sample is None : rows.finite]
         # A sample that is stepped is no record: each one at which the gain is off would warn.
         if len(record.y) > 1 and len(off) and float(np.min(off)) >= 1.0:
@@ -207,8 +211,8 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
         after = replace(rows.state, recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
 
-    def _finding(self, state: State, record: Record, finite: int) -> str:
-        return super()._finding(state, self._completed(state, record), finite)
+    def _finding(self, state: State, record: Record, *where: Any) -> str:
+        return super()._finding(*self._completed(state, record), *where)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

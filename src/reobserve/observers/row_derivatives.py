@@ -3,7 +3,8 @@
 An observer that needs a signal and its derivatives up to the order n takes rows of all n + 1, from
 those who have them, or of the signal alone. Then it takes the derivatives, at each sample, of the
 polynomial through that sample and the n + 1 before it; at the start, as long as there are fewer,
-through those that there are. For a smooth signal and the sampling period h the derivative of order
+through those that there are, and from the first to the second sample the derivatives are those of
+the second. For a smooth signal and the sampling period h the derivative of order
 i is off by h^(n + 2 - i) times a constant. Noise is amplified: of the size e on the samples, it is
 of the size e / h^i and more on the derivatives, 2.5 e / h on u' for n = 1.
 """
@@ -55,8 +56,8 @@ def completed(
     known: int,
     last: Array | None,
     period: float,
-) -> tuple[Array, Array, Array | None]:
-    """A signal with its derivatives, the limits from the left, and the values in the middle.
+) -> tuple[Array | None, Array, Array, Array | None]:
+    """``last`` and a signal with its derivatives, its limits from the left, its middles.
 
     Where limits are given of the signal alone, its derivatives do not jump; where middles are,
     these take the mean of those beside them. Without limits the signal does not jump.
@@ -73,7 +74,14 @@ def completed(
     period
         The sampling period [s].
     """
-    full = rows if rows.shape[1] > 1 else _with_derivatives(rows[:, 0], recent, known, period)
+    full = rows
+    if rows.shape[1] == 1:
+        full = _with_derivatives(rows[:, 0], recent, known, period)
+        # A first sample has none of its own; what it says of them is not read before the second.
+        if last is not None and known == 1:
+            last = np.concatenate([last[:1], full[0, 1:]])
+        elif known == 0 and len(full) > 1:
+            full[0, 1:] = full[1, 1:]
     if before is None:
         before = full
     elif before.shape[1] == 1:
@@ -81,7 +89,7 @@ def completed(
     if middle is not None and middle.shape[1] == 1:
         rates = rows_before(full, last)[:, 1:]
         middle = np.concatenate([middle, 0.5 * (rates + full[:, 1:])], axis=1)
-    return full, before, middle
+    return last, full, before, middle
 
 
 def rows_before(rows: Array, last: Array | None) -> Array:
