@@ -20,6 +20,7 @@ from benchmarks.timing import interleaved
 from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_high_gain_loop import run as observer_loop
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.plants.delayed_input import DelayedInputPlant, _simulate, delayed
 from reobserve.timeseries.signals import Signal
 
@@ -151,17 +152,18 @@ def _observer_against_c(
         record, record, states, off,
     )  # fmt: skip
     times = interleaved(
-        {"run": lambda: observer.run(y, u, start), "loop": loop, "C": call}, repeats
+        {"run": lambda: run_on_halves(observer, y, u, state=start), "loop": loop, "C": call},
+        repeats,
     )
     section.rows += [
         Row(f"observer, {kind}: compiled loop alone", times["loop"], "C", times["C"], aim=_AIM),
         Row(f"observer, {kind}: run, checks included", times["run"], "C loop", times["C"]),
     ]
-    found = observer.run(y, u, start)
+    found = run_on_halves(observer, y, u, state=start)
     section.checks += [
         Check(f"observer, {kind}, C, estimates", _largest(states, by_c), 1e-10),
         Check(f"observer, {kind}, C, share switched off", _largest(off, off_by_c), 1e-10),
-        Check(f"observer, {kind}, run, delay [s]", _largest(states[:, 2], found.delay), 0.0),
+        Check(f"observer, {kind}, run, delay [s]", _largest(states[:, 2], found["delay"]), 0.0),
     ]
     held = np.mean((states[:, 2] == _BOUNDS[0]) | (states[:, 2] == _BOUNDS[1]))
     section.notes.append(f"observer, {kind}: held {held:.2%}, switched off {off.mean():.2%}")
@@ -196,7 +198,7 @@ def _against_scipy(section: Section, repeats: int) -> None:
 
     def both() -> Array:
         DelayedInputPlant(MODEL).simulate(_START[0], control, _DELAY, 0.5 * STEP, 2 * steps)
-        return observer.run(y, u, start).delay
+        return run_on_halves(observer, y, u, state=start)["delay"]
 
     pair = interleaved({"both": both, "scipy": lambda: solve(begin, _JUMPS[:2], _BOTH)}, repeats)
     scale = HORIZON / span
@@ -209,7 +211,8 @@ def _against_scipy(section: Section, repeats: int) -> None:
     # After one second, while the delay still moves.
     soon = round(1.0 / STEP)
     finer = _observer(0.0, STEP / 8)
-    exact = finer.run(*_record("ramp", STEP / 8, 8 * soon), start).delay[-1]
+    fine_y, fine_u = _record("ramp", STEP / 8, 8 * soon)
+    exact = run_on_halves(finer, fine_y, fine_u, state=start)["delay"][-1]
     by_scipy = float(solve(begin, (0.0, 1.0), _BOTH)[-1][4])
     ends = np.rint(np.array(_JUMPS[1:]) / STEP).astype(int)
     section.checks += [
@@ -245,8 +248,10 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
 
     def checked(number: int) -> float:
         (output, inputs), (output_before, inputs_before) = draws[number % len(draws)]
-        done = observer.run(output, inputs, start, output_before, inputs_before)
-        return float(done.delay[-1])
+        done = run_on_halves(
+            observer, output, inputs, state=start, y_before=output_before, u_before=inputs_before
+        )
+        return float(done["delay"][-1])
 
     def alone(number: int) -> float:
         states, off = np.empty((steps + 1, 3)), np.empty(steps)

@@ -30,6 +30,7 @@ INNER = {
     "observers.delay_estimator.check_rate",
     "observers.extended_state_loop.read_pair",
     "observers.fixed_step.run_on_halves",
+    "observers.row_derivatives.as_signal_rows",
     "observers.linear_filter.as_controls",
     "observers.linear_filter.check_belief",
     "observers.rigid_body_observer.whole_steps",

@@ -50,7 +50,7 @@ def backwards(_: float, x: Array) -> Array:
 def reversed_oscillator(step: float, poles: tuple[float, float] = (-1.7, -2.5)) -> Any:
     return normal_form_observer(
         ["-x1_", "x0 - (1 - x0**2)*x1_"], ["x0"], ["x0", "x1_"],
-        poles=poles, order=8, step_size=step,
+        poles=poles, order=8, sampling_period=step,
     )  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float)
     observer = reversed_oscillator(step)
     y = its_output(step, round(0.4 / step))
     with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
-        observer.run(y, observer.init([0.0, 0.0]))
+        run_on_halves(observer, y, state=observer.init([0.0, 0.0]))
     assert caught.value.time == pytest.approx(0.116, abs=0.005)
     begun = max(round(caught.value.time / step) - 128, 0) * step  # steps before the last finite row
     assert (f"; from t = {begun:g} s on its step" in str(caught.value)) == (step == 1e-4)
@@ -105,18 +105,18 @@ def test_a_step_too_long_for_a_series_gain_is_not_called_divergence(step: float)
 def test_with_the_step_that_the_message_names_the_run_is_that_of_the_continuous_observer() -> None:
     observer = reversed_oscillator(2e-3)
     with pytest.raises(DivergenceError, match="with 1/256 of it"):
-        observer.run(its_output(2e-3, 200), observer.init([0.0, 0.0]))
+        run_on_halves(observer, its_output(2e-3, 200), state=observer.init([0.0, 0.0]))
     step = 2e-3 / 256
-    finer = replace(observer, step_size=step)
-    run = finer.run(its_output(step, 51200), finer.init([0.0, 0.0]))
-    assert run.estimate[-1] == pytest.approx(continuous(1e-10).sol(0.4)[2:4], abs=0.02)
+    finer = replace(observer, sampling_period=step)
+    run = run_on_halves(finer, its_output(step, 51200), state=finer.init([0.0, 0.0]))
+    assert run["state"][-1] == pytest.approx(continuous(1e-10).sol(0.4)[2:4], abs=0.02)
 
 
 def test_an_observer_that_diverges_itself_is_called_that() -> None:
     """Order 2 on the oscillator of the paper escapes at 9.736 s, by error control, too."""
     observer = normal_form_observer(
         ["b", "-a + (1 - a**2)*b"], ["a"], ["a", "b"],
-        injection=[[-2.0], [-4.0]], order=2, step_size=2e-3,
+        injection=[[-2.0], [-4.0]], order=2, sampling_period=2e-3,
     )  # fmt: skip
 
     def forwards(t: float, x: Array) -> Array:
@@ -127,7 +127,7 @@ def test_an_observer_that_diverges_itself_is_called_that() -> None:
         forwards, (0, 20), [2.0, 0.5], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=times
     )
     with pytest.raises(DivergenceError, match=ITSELF) as caught:
-        observer.run(found.y[:1].T, observer.init([0.0, 0.0]))
+        run_on_halves(observer, found.y[:1].T, state=observer.init([0.0, 0.0]))
     form = observer.normal_form
     gain, injection = form.gain.upto(2), form.problem.injection
 
@@ -156,14 +156,16 @@ def still(columns: int | None, steps: int) -> Array:
 
 def high_gain(rho: float, step: float) -> Callable[[], Any]:
     observer = HighGainObserver(MODEL, rho, step)
-    return lambda: observer.run(still(None, 3000), still(None, 3000), observer.init([1.0, 0.0]))
+    record = np.zeros(3001)
+    return lambda: observer.run(record, record, state=observer.init([1.0, 0.0]))
 
 
 def extended(rho: float, step: float) -> Callable[[], Any]:
     observer = ExtendedHighGainObserver(MODEL, step, rho, 1, (0.0, 1.0))
     time = 0.5 * step * np.arange(2 * 3000 + 1)
     u = np.column_stack([np.sin(time), np.cos(time)])
-    return lambda: observer.run(still(None, 3000), u, observer.init([1.0, 0.0], 0.5))
+    y, start = still(None, 3000), observer.init([1.0, 0.0], 0.5)
+    return lambda: run_on_halves(observer, y, u, state=start)
 
 
 def rigid(observer: Any, steps: int = 4000) -> Callable[[], Any]:
@@ -253,7 +255,7 @@ def of_bank(**how: Any) -> Any:
 
 def of_levant(**how: Any) -> Any:
     differentiator = LevantDifferentiator(1e200, 1e60, 1, (1.0, 1.0))
-    return differentiator.run(np.zeros(9), differentiator.init([1e300, 0.0]), **how)
+    return differentiator.run(np.zeros(9), state=differentiator.init([1e300, 0.0]), **how)
 
 
 def of_extended_state(**how: Any) -> Any:
@@ -266,10 +268,9 @@ def of_extended_state(**how: Any) -> Any:
 
 def of_least_squares(**how: Any) -> Any:
     estimator = LeastSquaresDelayEstimator(1.0, 1.0, (0.0, 1.5), 0.01, 1.0, 100.0)
-    still = np.tile([1.0, 0.0], (2001, 1))
-    state = estimator.init(0.3, 0.4, np.tile([1.0, 0.0], (301, 1)))
-    output = 1 - 0.5 * np.exp(-0.005 * np.arange(2001.0))[:, None]
-    return estimator.run(output, still, state, **how)
+    state = estimator.init(0.4, 0.3, np.ones(151))
+    output = 1 - 0.5 * np.exp(-0.01 * np.arange(1001.0))
+    return estimator.run(output, np.ones(1001), state=state, **how)
 
 
 def of_adaptive(**how: Any) -> Any:

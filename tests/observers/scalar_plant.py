@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator, Run
+from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.run import Run
+from tests.observers.halves import past_of
 
 Array = NDArray[np.float64]
 Delay = Callable[[Array], Array]
@@ -69,18 +72,28 @@ def plant(u: Input, delay: Delay, time: Array, a: float, b: float, x0: float = 0
 def record(
     estimator: DelayEstimator, u: Input, delay: Delay, end: float, x0: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """What the estimator reads: its output, u and u', and the past of u and u'."""
-    h, a, b = estimator.step_size, estimator.decay, estimator.input_gain
+    """What the estimator reads at half periods: its output, u and u', and the past of u and u'."""
+    h, a, b = estimator.sampling_period, estimator.decay, estimator.input_gain
     time = half_steps(h, end)
     x = plant(u, delay, time, a, b, x0)
-    columns = [x, b * u(time - delay(time))[:, 0] - a * x][: estimator.output_columns]
+    columns = [x, b * u(time - delay(time))[:, 0] - a * x][: estimator.measurements]
     back = 0.5 * h * np.arange(-2 * estimator.history_steps, 1)
     return np.stack(columns, axis=1), u(time), u(back)
 
 
-def run(estimator: DelayEstimator, u: Input, delay: Delay, end: float, first: float = 0.3) -> Run:
-    output, control, past = record(estimator, u, delay, end)
-    return estimator.run(output, control, estimator.init(first, 0.0, past))
+def observed(
+    estimator: DelayEstimator, rows: tuple[Array, Array, Array], first: float = 0.3, x0: float = 0.0
+) -> Run[State]:
+    """A run over what `record` gives, from a first estimate."""
+    output, control, past = rows
+    start = estimator.init(x0, first, **past_of(past))
+    return run_on_halves(estimator, output, control, state=start)
+
+
+def run(
+    estimator: DelayEstimator, u: Input, delay: Delay, end: float, first: float = 0.3
+) -> Run[State]:
+    return observed(estimator, record(estimator, u, delay, end), first)
 
 
 def least_squares(h: float, covariance: float, forgetting: float) -> LeastSquaresDelayEstimator:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from reobserve.errors import DivergenceError, InputError
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator
+from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
+from reobserve.observers.fixed_step import run_on_halves
+from tests.observers.halves import past_of, rows_of, stepped
 from tests.observers.scalar_plant import (
     ALL,
     BOUNDS,
@@ -18,6 +21,7 @@ from tests.observers.scalar_plant import (
     SMOOTH,
     Input,
     half_steps,
+    observed,
     paper_delay,
     record,
     run,
@@ -34,47 +38,56 @@ def test_streaming_gives_the_bits_of_a_batch(kind: str) -> None:
     control[40:] += 0.1
     control_before[41:] += 0.1
     past[20:], past_before[21:] = 0.0, 0.0
-    whole = estimator.run(
-        output, control, estimator.init(0.3, 0.0, past, past_before), control_before
-    )
-    state, delays = estimator.init(0.3, 0.0, past, past_before), [0.3]
-    for k in range(0, len(output) - 1, 2):
-        three = slice(k, k + 3)
-        state, delay = estimator.step(state, output[three], control[three], control_before[three])
-        delays.append(delay)
-    assert np.array_equal(whole.delay, delays)
+    start = estimator.init(0.0, 0.3, **past_of(past, past_before))
+    whole = run_on_halves(estimator, output, control, state=start, u_before=control_before)
+    state, found = stepped(estimator, start, output, control, u_before=control_before)
+    assert np.array_equal(whole["delay"], rows_of(found, "delay"))
+    assert np.array_equal(whole["values"], rows_of(found, "values"))
     assert np.array_equal(whole.state.values, state.values)
     assert state.count == whole.state.count == 180
     assert np.array_equal(whole.state.history.right, state.history.right)
     assert np.array_equal(whole.state.history.left, state.history.left)
-    assert np.ptp(whole.delay) > 0.05
+    assert np.ptp(whole["delay"]) > 0.05
+    # The limits of u from the left are read, in the record and in its past; a relay, which looks
+    # at the sign alone, need not notice.
+    if kind not in SMOOTH:
+        return
+    for other, left in ((start, control), (estimator.init(0.0, 0.3, **past_of(past)), None)):
+        before = control_before if left is None else left
+        run = run_on_halves(estimator, output, control, state=other, u_before=before)
+        assert not np.array_equal(run["delay"], whole["delay"])
 
 
 def test_least_squares_winds_up_at_rest_and_says_when() -> None:
     estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, 100.0)
     still = np.tile([1.0, 0.0], (2001, 1))
     output = 1 - np.exp(-half_steps(0.01, 10.0)[:, None]) * 0.5
-    state = estimator.init(0.3, 0.4, np.tile([1.0, 0.0], (301, 1)))
-    done = estimator.run(output, still, state, on_divergence="return")
+    state = estimator.init(0.4, 0.3, np.tile([1.0, 0.0], (151, 1)))
+    done = run_on_halves(estimator, output, still, state=state, on_divergence="return")
     assert done.diverged_at is not None
     assert 0 < done.diverged_at < 10
     assert done.state is state
-    assert len(done.delay) == round(done.diverged_at / 0.01) + 1
-    assert np.isfinite(done.values).all()
-    last = 2 * (len(done.delay) - 1)
-    before = estimator.run(output[: last + 1], still[: last + 1], state)
+    assert len(done) == round(done.diverged_at / 0.01) + 1
+    assert np.isfinite(done["values"]).all()
+    last = 2 * len(done) - 1
+    before = run_on_halves(estimator, output[:last], still[:last], state=state)
     assert before.diverged_at is None
-    with pytest.raises(DivergenceError, match=f"finite up to t = {done.diverged_at:g} s"):
-        estimator.step(before.state, output[last : last + 3], still[last : last + 3])
+    said = f"finite up to t = {done.diverged_at:g} s .* its step of 0.01 s is too long"
+    with pytest.raises(DivergenceError, match=said):
+        estimator.step(
+            before.state, output[last + 1], still[last + 1], middle=(output[last], still[last])
+        )
 
 
 def test_a_run_leaves_its_inputs_as_they_were() -> None:
     estimator = SMOOTH["adaptive"](0.05)
     output, control, past = record(estimator, FAST, short_delay, 1.0)
-    state = estimator.init(0.3, 0.0, past)
-    copies = [a.copy() for a in (output, control, state.values, state.history.right)]
-    estimator.run(output, control, state)
-    for kept, now in zip(copies, (output, control, state.values, state.history.right), strict=True):
+    state = estimator.init(0.0, 0.3, past[::2])
+    arrays = (output, control, past, state.values, state.history.right, state.recent)
+    copies = [a.copy() for a in arrays]
+    estimator.run(output[::2], control[::2], state=state)
+    estimator.run(output[::2], control[::2, 0], state=state)
+    for kept, now in zip(copies, arrays, strict=True):
         assert np.array_equal(kept, now)
 
 
@@ -85,7 +98,7 @@ def test_a_run_leaves_its_inputs_as_they_were() -> None:
         ("adaptive", {"delay_bounds": (1, 1)}, "delay_bounds: 1 and 1 s must be 0 <= tau_min <"),
         ("adaptive", {"delay_bounds": (1,)}, "delay_bounds: has shape (1,), must be a list of 2"),
         ("relay", {"input_gain": 0}, "input_gain: 0 must not be zero"),
-        ("relay", {"step_size": 0}, "step_size: 0 must be greater than zero"),
+        ("relay", {"sampling_period": 0}, "sampling_period: 0 must be greater than zero"),
         ("relay", {"decay": np.nan}, "decay: nan has an entry that is not finite"),
         ("relay", {"relay_gain": -1}, "relay_gain: -1 must be greater than zero"),
         ("relay", {"relay_on": "tau"}, "relay_on: 'tau' must be one of delay, inverse"),
@@ -110,18 +123,20 @@ def test_wrong_parameters_are_refused(kind: str, change: dict[str, object], sent
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"initial_delay": 1.6}, "initial_delay: 1.6 s must be from 0 to 1.5 s"),
-        ({"initial_delay": -0.1}, "initial_delay: -0.1 s must be from 0 to 1.5 s"),
-        ({"initial_delay": 0.0}, "initial_delay: 0 s must be greater than zero for a relay on"),
-        ({"initial_output": np.inf}, "initial_output: inf has an entry that is not finite"),
-        ({"past_input": np.zeros((299, 2))}, "past_input: goes back 1.49 s, must go back the "),
-        ({"past_input": np.zeros((301, 1))}, "past_input: has shape (301, 1), must have an odd"),
-        ({"past_input": np.full((301, 2), np.nan)}, "past_input: sample 0 is [nan, nan], must"),
-        ({"past_input_before": np.zeros((303, 2))}, "past_input_before: has 303 rows, must have"),
+        ({"delay": 1.6}, "delay: 1.6 s must be from 0 to 1.5 s"),
+        ({"delay": -0.1}, "delay: -0.1 s must be from 0 to 1.5 s"),
+        ({"delay": 0.0}, "delay: 0 s must be greater than zero for a relay on"),
+        ({"state": np.inf}, "state: inf has an entry that is not finite"),
+        ({"past_u": np.zeros((150, 2))}, "past_u: goes back 1.49 s, must go back the greatest"),
+        ({"past_u": np.zeros((151, 3))}, "past_u: has shape (151, 3), must have 2 columns, a sig"),
+        ({"past_u": np.zeros((0, 2))}, "past_u: has shape (0, 2), must have one row or more of 2"),
+        ({"past_u": np.full((151, 2), np.nan)}, "past_u: sample 0 is [nan, nan], must"),
+        ({"before": np.zeros((153, 2))}, "before: has 153 rows, must have 151 like past_u"),
+        ({"middle": np.zeros((151, 4))}, "middle: has shape (151, 4), must have 2 columns, a sig"),
     ],
 )
 def test_a_wrong_start_is_refused(arguments: dict[str, object], sentence: str) -> None:
-    good = {"initial_delay": 0.3, "initial_output": 0.0, "past_input": np.zeros((301, 2))}
+    good = {"state": 0.0, "delay": 0.3, "past_u": np.zeros((151, 2))}
     with pytest.raises(InputError) as caught:
         ALL["inverse"](0.01).init(**{**good, **arguments})  # type: ignore[arg-type]
     assert str(caught.value).startswith(sentence)
@@ -130,31 +145,38 @@ def test_a_wrong_start_is_refused(arguments: dict[str, object], sentence: str) -
 def test_wrong_records_are_refused() -> None:
     estimator, other = ALL["relay"](0.01), ALL["adaptive"](0.01)
     output, control = np.zeros((5, 2)), np.zeros((5, 2))
-    state = estimator.init(0.3, 0.0, np.zeros((301, 2)))
+    state = estimator.init(0.0, 0.3, np.zeros((151, 2)))
+    another = other.init(0.0, 0.3, np.zeros((151, 2)))
+    coarse = ALL["relay"](0.02).init(0.0, 0.3, np.zeros((151, 2)))
     holed = control.copy()
     holed[2, 0] = np.nan
-    for wrong, sentence in (
-        ((output[:, :1], control, state), "output: has shape (5, 1), must have an odd number of"),
-        ((output[:4], control, state), "output: has shape (4, 2), must have an odd number of ro"),
-        ((output, control[:3], state), "control: has 3 rows, must have 5 like output"),
-        ((holed, control, state), "output: sample 2 is [nan, 0.0], must be finite"),
-        ((output, holed, state), "control: sample 2 is [nan, 0.0], must be finite"),
-        ((output, control, state, control[:3]), "control_before: has 3 rows, must have 5 like c"),
-        ((output, control, other.init(0.3, 0.0, np.zeros((301, 2)))), "state: is of an estimato"),
-    ):
+    columns = "must have 2 columns, a signal and its derivatives up to the order 1, or one, the"
+    wrong: list[tuple[tuple[Any, ...], State, str]] = [
+        ((np.zeros((5, 3)), control), state, f"y: has shape (5, 3), {columns}"),
+        ((output, np.zeros((5, 3))), state, f"u: has shape (5, 3), {columns}"),
+        ((output, control[:3]), state, "u: has 3 rows, must have 5 like y"),
+        ((output, None), state, "u: is left out, must have shape (5, 2)"),
+        ((holed, control), state, "y: sample 2 is [nan, 0.0], must be finite"),
+        ((output, holed), state, "u: sample 2 is [nan, 0.0], must be finite"),
+        ((output, control), another, "state: is of an estimator of another kind, sampling peri"),
+        ((output, control), coarse, "state: is of an estimator of another kind, sampling peri"),
+    ]
+    for rows, start, sentence in wrong:
         with pytest.raises(InputError) as caught:
-            estimator.run(*wrong)  # type: ignore[arg-type]
+            estimator.run(*rows, state=start)
         assert str(caught.value).startswith(sentence)
+    with pytest.raises(InputError, match=r"^before u: has 3 rows, must have 5 like y"):
+        estimator.run(output, control, state=state, before=(None, control[:3]))
+    with pytest.raises(InputError, match=r"^y: has shape \(5, 2\), must have one row or more of 1"):
+        other.run(output, control, state=another)
 
 
 def test_longer_pasts_do_no_harm_and_shared_docstrings_warn() -> None:
     estimator = ALL["adaptive"](0.05)
     output, control, past = record(estimator, FAST, short_delay, 3.0)
     longer = FAST(0.025 * np.arange(-100, 1))
-    assert np.array_equal(
-        estimator.run(output, control, estimator.init(0.3, 0.0, past)).delay,
-        estimator.run(output, control, estimator.init(0.3, 0.0, longer)).delay,
-    )
+    one, other = (observed(estimator, (output, control, rows)) for rows in (past, longer))
+    assert np.array_equal(one["delay"], other["delay"])
     for make in ALL.values():
         assert "reconstruction" in (type(make(0.05)).__doc__ or "")
 
@@ -164,8 +186,8 @@ def test_longer_pasts_do_no_harm_and_shared_docstrings_warn() -> None:
 
 def rms_in_the_windows(estimator: DelayEstimator) -> list[float]:
     """Over the ends of the three constant pieces, and over the varying one."""
-    h = estimator.step_size
-    delay = run(estimator, Input(), paper_delay, 120.0).delay
+    h = estimator.sampling_period
+    delay = run(estimator, Input(), paper_delay, 120.0)["delay"]
     time = h * np.arange(len(delay))
     wrong = delay - paper_delay(time)
     return [

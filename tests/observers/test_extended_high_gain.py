@@ -12,7 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, Run
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.run import Run
 from reobserve.timeseries.signals import Signal
 from tests.plants.test_delayed_plants import PENDULUM, PIECES, PROFILE, RAMP, SINE, START
 
@@ -59,15 +61,16 @@ def observer(case: Case, step: float) -> ExtendedHighGainObserver:
     )  # fmt: skip
 
 
-def observed(case: Case, step: float, end: float) -> Run:
+def observed(case: Case, step: float, end: float) -> Run[State]:
     y, u = record(case.applied, step, end)
     built = observer(case, step)
     start = built.init([0.0, 0.0], FIRST_DELAY)
-    return built.run(y, u[:, : case.order + 1], start, on_divergence="return")
+    inputs = u[:, : case.order + 1]
+    return run_on_halves(built, y, inputs, state=start, on_divergence="return")
 
 
-def together(run: Run) -> Array:
-    return np.column_stack([run.estimate, run.delay])
+def together(run: Run[State]) -> Array:
+    return np.column_stack([run["state"], run["delay"]])
 
 
 # ---- The same equations, written again: plant, observer and S by DOP853 from event to event
@@ -216,27 +219,28 @@ def test_order_four_with_the_projection_and_the_switch(name: str) -> None:
 # ---- Inside steps
 
 
-def inside(case: Case, step: float, run: Run, k: int, share: float) -> float:
+def inside(case: Case, step: float, run: Run[State], k: int, share: float) -> float:
     """The delay at a part of step k: a shorter step on the parabola through the same samples.
 
     For the algebraic S, whose gains do not change.
     """
-    y, u = record(case.applied, step, (len(run.delay) - 1) * step)
+    y, u = record(case.applied, step, (len(run) - 1) * step)
     theta = share * np.array([[0.0], [0.5], [1.0]])
     weights = np.hstack([
         2 * (theta - 0.5) * (theta - 1), 4 * theta * (1 - theta), 2 * theta * (theta - 0.5)
     ])  # fmt: skip
     three = slice(2 * k, 2 * k + 3)
     built = observer(case, share * step)
-    start = built.init(run.estimate[k], run.delay[k])
-    return built.step(start, weights @ y[three], weights @ u[three, : case.order + 1])[2]
+    start = built.init(run["state"][k], run["delay"][k])
+    inputs = weights @ u[three, : case.order + 1]
+    return float(run_on_halves(built, weights @ y[three], inputs, state=start)["delay"][-1])
 
 
 def test_the_instants_of_the_projection() -> None:
     """To the part of a step, each by bisection: when the delay comes to a bound or leaves it."""
     case, step = CASES["ramp, m = 2"][0], 5e-4
     run = observed(case, step, 1.0)
-    held = np.isin(run.delay, BOUNDS)
+    held = np.isin(run["delay"], BOUNDS)
     found = []
     for k in np.flatnonzero(np.diff(held)):
         low, high = 0.0, 1.0
@@ -266,21 +270,21 @@ def test_the_delay_stays_in_its_interval(seed: int) -> None:
     y, u = record(applied, step, end)
     built = observer(case, step)
     start = built.init(draw.uniform(-2, 2, 2), draw.uniform(*case.bounds))
-    run = built.run(y, u[:, : case.order + 1], start)
+    run = run_on_halves(built, y, u[:, : case.order + 1], state=start)
     assert run.diverged_at is None
-    assert run.delay.min() >= case.bounds[0]
-    assert run.delay.max() <= case.bounds[1]
+    assert run["delay"].min() >= case.bounds[0]
+    assert run["delay"].max() <= case.bounds[1]
 
 
 def test_a_peak_between_two_samples_does_not_leave_the_interval() -> None:
     """The bound is between the peak and the samples beside it: both ends of the step are inside."""
     step, small = 0.02, 1e-4
     free = Case("ramp", 5.0, 2, dynamic=True, bounds=(0.0, 5.0))
-    coarse, fine = (observed(free, h, 1.6).delay for h in (step, small))
+    coarse, fine = (observed(free, h, 1.6)["delay"] for h in (step, small))
     bound = 0.5 * float(coarse.max() + fine.max())
     assert fine.max() - bound > 5e-5
     narrow = Case("ramp", 5.0, 2, dynamic=True, bounds=(0.0, bound))
-    cut, known = (observed(narrow, h, 1.6).delay for h in (step, small))
+    cut, known = (observed(narrow, h, 1.6)["delay"] for h in (step, small))
     after = np.arange(len(cut)) > int(np.argmax(coarse)) + 1
     missed, left = (np.abs(d - known[:: round(step / small)])[after].max() for d in (coarse, cut))
     assert left < 0.5 * missed

@@ -17,6 +17,8 @@ from reobserve.observers.extended_high_gain import (
     State,
     SwitchedOffWarning,
 )
+from reobserve.observers.fixed_step import run_on_halves
+from tests.observers.halves import rows_of, stepped
 from tests.observers.test_extended_high_gain import (
     FIRST_DELAY,
     Case,
@@ -43,29 +45,33 @@ def test_stepping_and_running_in_pieces_give_the_bits_of_a_batch(switched: str) 
     pair = np.column_stack([y, u[:, 0]])
     (y, a), (y_before, b) = (pair + right).T, (pair + left).T
     rate = u[:, 1:]
-    rows = (y, np.column_stack([a, rate]), y_before, np.column_stack([b, rate]))
+    u, u_before = np.column_stack([a, rate]), np.column_stack([b, rate])
     start = built.init([0.0, 0.0], FIRST_DELAY)
-    whole = built.run(*rows[:2], start, *rows[2:])
-    assert 0.05 < whole.switched_off.mean() < 0.4
-    state, stepped = start, [[0.0, 0.0, FIRST_DELAY]]
-    for k in range(len(whole.delay) - 1):
-        three = [row[2 * k : 2 * k + 3] for row in rows]
-        state, x, delay = built.step(state, *three)
-        stepped.append([*x, delay])
-    assert np.array_equal(stepped, together(whole))
-    first = built.run(*(r[:801] for r in rows[:2]), start, *(r[:801] for r in rows[2:]))
-    rest = built.run(*(r[800:] for r in rows[:2]), first.state, *(r[800:] for r in rows[2:]))
-    assert np.array_equal(together(rest), together(whole)[400:])
-    assert rest.state.count == state.count == whole.state.count
+    whole = run_on_halves(built, y, u, state=start, y_before=y_before, u_before=u_before)
+    assert 0.05 < whole["switched_off"][1:].mean() < 0.4
+    state, found = stepped(built, start, y, u, y_before, u_before)
+    for name in ("state", "delay", "switched_off"):
+        assert np.array_equal(rows_of(found, name), whole[name])
+    first, rest = start, []
+    for rows in (slice(801), slice(801, None)):
+        run = run_on_halves(
+            built, y[rows], u[rows], state=first, y_before=y_before[rows], u_before=u_before[rows]
+        )
+        first = run.state
+        rest.append(together(run))
+    assert np.array_equal(np.concatenate(rest), together(whole))
+    assert run.state.count == state.count == whole.state.count == 1000
     # The limits from the left are read: without them the run is another one.
-    assert not np.array_equal(built.run(*rows[:2], start).delay, whole.delay)
+    assert not np.array_equal(run_on_halves(built, y, u, state=start)["delay"], whole["delay"])
 
 
 def test_a_run_leaves_its_arguments_as_they_were() -> None:
     y, u = (values.copy() for values in record("sine", 0.01, 1.0))
     kept, built = (y.copy(), u.copy()), observer(Case("sine", 5.0, 2), 0.01)
     start = built.init([0.1, 0.0], FIRST_DELAY)
-    built.run(y, u, start)
+    run_on_halves(built, y, u, state=start)
+    built.run(y, u, state=start)
+    built.run(y, u[:, 0], state=start)
     assert np.array_equal(y, kept[0])
     assert np.array_equal(u, kept[1])
     assert start.values.tolist() == [0.1, 0.0, FIRST_DELAY]
@@ -80,15 +86,15 @@ def test_a_step_beyond_the_method_diverges_and_says_when() -> None:
     run = observed(case, step, 20.0)
     assert run.diverged_at is not None
     assert 0 < run.diverged_at < 20
-    assert len(run.delay) == round(run.diverged_at / step) + 1 == len(run.switched_off) + 1
+    assert len(run["delay"]) == round(run.diverged_at / step) + 1 == len(run["switched_off"])
     assert np.isfinite(together(run)).all()
     assert run.state.count == 0, "the state that the run started from"
     (y, u), built = record("sine", step, 20.0), observer(case, step)
-    last = 2 * (len(run.delay) - 1)
-    before = built.run(y[: last + 1], u[: last + 1], built.init([0.0, 0.0], FIRST_DELAY))
+    last, start = 2 * len(run) - 1, built.init([0.0, 0.0], FIRST_DELAY)
+    before = run_on_halves(built, y[:last], u[:last], state=start)
     assert before.diverged_at is None
     with pytest.raises(DivergenceError, match=f"finite up to t = {run.diverged_at:g} s and not"):
-        built.step(before.state, y[last : last + 3], u[last : last + 3])
+        built.step(before.state, y[last + 1], u[last + 1], middle=(y[last], u[last]))
 
 
 @pytest.mark.parametrize("switched", ["delay", "all"])
@@ -97,18 +103,27 @@ def test_a_threshold_that_is_never_passed_warns_with_the_share(switched: str) ->
     sentence = r"^threshold: 5 is above \|xi\^\| for 100 % of the record, so the delay was never "
     with pytest.warns(SwitchedOffWarning, match=sentence):
         run = observed(Case("sine", 2.5, 2, 5.0, switched), 0.01, 10.0)
-    assert np.array_equal(run.switched_off, np.ones(1000))
-    assert np.array_equal(run.delay, np.full(1001, FIRST_DELAY))
+    assert np.array_equal(run["switched_off"], [0.0, *np.ones(1000)])
+    assert np.array_equal(run["delay"], np.full(1001, FIRST_DELAY))
     with warnings.catch_warnings():
         warnings.simplefilter("error", SwitchedOffWarning)
         some = observed(Case("sine", 2.5, 2, 3.9, switched), 0.01, 10.0)
-    assert 0.5 < some.switched_off.mean() < 1
+        assert 0.5 < some["switched_off"][1:].mean() < 1
+        # Steps do not warn, of which any one may be off.
+        y, u = record("sine", 0.01, 1.0)
+        built = observer(Case("sine", 2.5, 2, 5.0, switched), 0.01)
+        state, found = stepped(built, built.init([0.0, 0.0], FIRST_DELAY), y, u)
+    assert np.array_equal(rows_of(found, "switched_off"), [0.0, *np.ones(100)])
+    with pytest.warns(SwitchedOffWarning, match=sentence) as told:
+        built.run(y[1:], u[1:], state=state)
+    assert told[-1].filename == __file__
 
 
 # ---- One sentence
 
 GOOD: dict[str, Any] = {
-    "model": PENDULUM.model, "step_size": 0.01, "rho": 5.0, "order": 2, "delay_bounds": (0.0, 1.5),
+    "model": PENDULUM.model, "sampling_period": 0.01, "rho": 5.0, "order": 2,
+    "delay_bounds": (0.0, 1.5),
 }  # fmt: skip
 SKEW = [[1, 2, 0], [0, 1, 0], [0, 0, 1]]
 BAD_OBSERVERS: list[Any] = [
@@ -117,7 +132,7 @@ BAD_OBSERVERS: list[Any] = [
     ({"rho": np.nan}, "rho: nan has an entry that is not finite"),
     ({"rho": "5"}, "rho: '5' is not a number"),
     ({"rho": 1e200}, "rho: 1e+200 1/s must keep S and the gains inside the float range"),
-    ({"step_size": 0}, "step_size: 0 must be greater than zero"),
+    ({"sampling_period": 0}, "sampling_period: 0 must be greater than zero"),
     ({"order": 0}, "order: 0 must be a whole number, 1 or more: order 0 holds no delay"),
     ({"order": 2.5}, "order: 2.5 must be a whole number"),
     ({"order": "2"}, "order: '2' must be a whole number"),
@@ -155,13 +170,13 @@ def test_observers(change: dict[str, Any], sentence: str) -> None:
 @pytest.mark.parametrize(
     ("estimate", "delay", "sentence"),
     [
-        ([0, 0], 1.6, "initial_delay: 1.6 s must be inside its bounds, [0, 1.5] s"),
-        ([0, 0], -0.1, "initial_delay: -0.1 s must be inside its bounds, [0, 1.5] s"),
-        ([0, 0], np.nan, "initial_delay: nan has an entry that is not finite"),
-        ([0, 0], [0.3], "initial_delay: [0.3] must be one number"),
-        ([0, 0, 0], 0.3, "initial_estimate: has shape (3,), must be a list of 2 numbers"),
-        ([0, np.inf], 0.3, "initial_estimate: [0.0, inf] has an entry that is not finite"),
-        ("ab", 0.3, "initial_estimate: 'ab' is not a number"),
+        ([0, 0], 1.6, "delay: 1.6 s must be inside its bounds, [0, 1.5] s"),
+        ([0, 0], -0.1, "delay: -0.1 s must be inside its bounds, [0, 1.5] s"),
+        ([0, 0], np.nan, "delay: nan has an entry that is not finite"),
+        ([0, 0], [0.3], "delay: [0.3] must be one number"),
+        ([0, 0, 0], 0.3, "state: has shape (3,), must be a list of 2 numbers"),
+        ([0, np.inf], 0.3, "state: [0.0, inf] has an entry that is not finite"),
+        ("ab", 0.3, "state: 'ab' is not a number"),
     ],
 )
 def test_starts(estimate: Any, delay: Any, sentence: str) -> None:
@@ -170,40 +185,60 @@ def test_starts(estimate: Any, delay: Any, sentence: str) -> None:
 
 Y, U = np.zeros(5), np.ones((5, 3))
 HOLED = np.where(np.arange(5) == 2, np.nan, 0.0)
-DERIVATIVES = "must have 3 columns: u and its derivatives up to the order 2"
-ROWS = "must have an odd number of rows, 3 or more, of 3 numbers"
+DERIVATIVES = "must have 3 columns, a signal and its derivatives up to the order 2, or one, the s"
 BAD_RECORDS: list[Any] = [
-    ((Y, U[:, :1]), f"inputs: has shape (5, 1), {DERIVATIVES}"),
-    ((Y, U[:, :2]), f"inputs: has shape (5, 2), {DERIVATIVES}"),
-    ((Y, np.ones((5, 4))), f"inputs: has shape (5, 4), {DERIVATIVES}"),
-    ((Y, Y), f"inputs: has shape (5,), {DERIVATIVES}"),
-    ((Y, [[1, 2, 3], [1, 2], [1]]), f"inputs: has shape (3,), {DERIVATIVES}"),
-    ((Y[:4], U[:4]), f"inputs: has shape (4, 3), {ROWS}"),
-    ((Y[:1], U[:1]), f"inputs: has shape (1, 3), {ROWS}"),
-    ((Y, U + HOLED[:, None]), "inputs: sample 2 is [nan, nan, nan], must be finite"),
-    ((Y, [["a"] * 3] * 5), "inputs: is no array of numbers"),
-    ((Y[:3], U), "output: has 3 rows, must have 5 like u"),
-    ((HOLED, U), "output: sample 2 is nan, must be finite"),
-    ((list("abcde"), U), "output: is no array of numbers"),
-    (([[1], [1, 2], [1], [1], [1]], U), "output: is no array of numbers"),
-    ((Y, U, Y[:3]), "output_before: has 3 rows, must have 5 like u"),
-    ((Y, U, HOLED), "output_before: sample 2 is nan, must be finite"),
-    ((Y, U, Y, U[:, :2]), f"inputs_before: has shape (5, 2), {DERIVATIVES}"),
-    ((Y, U, None, U[:3]), "inputs_before: has 3 rows, must have 5"),
+    ({"u": U[:, :2]}, f"u: has shape (5, 2), {DERIVATIVES}"),
+    ({"u": np.ones((5, 4))}, f"u: has shape (5, 4), {DERIVATIVES}"),
+    ({"u": [[1, 2, 3], [1, 2], [1]]}, "u: is no array of numbers"),
+    ({"u": np.ones((5, 3, 1))}, "u: has shape (5, 3, 1), must have one row or more of 1 number"),
+    ({"u": None}, "u: is left out, must have shape (5, 3)"),
+    ({"u": U + HOLED[:, None]}, "u: sample 2 is [nan, nan, nan], must be finite"),
+    ({"u": [["a"] * 3] * 5}, "u: is no array of numbers"),
+    ({"y": Y[:3]}, "u: has 5 rows, must have 3 like y"),
+    ({"y": Y[:0]}, "y: has shape (0, 1), must have one row or more of 1 number"),
+    ({"y": HOLED}, "y: sample 2 is [nan], must be finite"),
+    ({"y": list("abcde")}, "y: is no array of numbers"),
+    ({"y": [[1], [1, 2], [1], [1], [1]]}, "y: is no array of numbers"),
+    ({"before": (Y[:3], None)}, "before y: has 3 rows, must have 5 like y"),
+    ({"before": (HOLED, None)}, "before y: sample 2 is [nan], must be finite"),
+    ({"before": (Y, U[:, :2])}, f"before u: has shape (5, 2), {DERIVATIVES}"),
+    ({"before": (None, U[:3])}, "before u: has 3 rows, must have 5 like y"),
+    ({"middle": (None, U[:, :2])}, f"middle u: has shape (5, 2), {DERIVATIVES}"),
+    ({"middle": U}, "middle: ndarray of shape (5, 3) must be a pair of y and u"),
 ]
 
 
-@pytest.mark.parametrize(("rows", "sentence"), BAD_RECORDS)
-def test_records(rows: tuple[Any, ...], sentence: str) -> None:
+@pytest.mark.parametrize(("changed", "sentence"), BAD_RECORDS)
+def test_records(changed: dict[str, Any], sentence: str) -> None:
     built = ExtendedHighGainObserver(**GOOD)
-    start = built.init([0, 0], FIRST_DELAY)
-    refused(lambda: built.run(rows[0], rows[1], start, *rows[2:]), sentence)
-    refused(lambda: built.step(start, *rows), sentence)
+    rows: dict[str, Any] = {"y": Y, "u": U, **changed}
+    refused(lambda: built.run(**rows, state=built.init([0, 0], FIRST_DELAY)), sentence)
+
+
+@pytest.mark.parametrize(
+    ("row", "sentence"),
+    [
+        (([0.0, 0.0], 1.0), "y: has shape (1, 2), must have one row or more of 1 number"),
+        ((np.nan, 1.0), "y: sample 0 is [nan], must be finite"),
+        ((0.0, [1.0, 2.0]), f"u: has shape (1, 2), {DERIVATIVES}"),
+        ((0.0, None), "u: is left out, must have shape (1, 3)"),
+        ((0.0, "a"), "u: 'a' is no array of numbers"),
+    ],
+)
+def test_single_samples(row: tuple[Any, Any], sentence: str) -> None:
+    built = ExtendedHighGainObserver(**GOOD)
+    refused(lambda: built.step(built.init([0, 0], FIRST_DELAY), *row), sentence)
 
 
 def test_states_of_another_observer() -> None:
-    built = ExtendedHighGainObserver(**GOOD)
-    refused(lambda: built.run(Y, U, State(np.zeros(2))), "state: must be of an observer of 2 stat")
+    built, other = (
+        ExtendedHighGainObserver(**GOOD),
+        ExtendedHighGainObserver(**{**GOOD, "order": 1}),
+    )
+    problem = "state: must be of an observer of 2 states and the order 2"
+    refused(lambda: built.run(Y, U, state=State(np.zeros(2), np.zeros(3))), problem)
+    refused(lambda: built.run(Y, U, state=other.init([0, 0], FIRST_DELAY)), problem)
+    refused(lambda: built.run(Y, U), "state: must be given: ExtendedHighGainObserver.init says")
 
 
 # ---- Through the command line
@@ -239,7 +274,10 @@ BAD_CONFIG: list[Any] = [
     ({"scenarios": {"sine": {"output_noise": -1}}}, "scenarios.sine.output_noise: -1 must not be"),
     ({"observrs": {}}, "observrs: unknown key; did you mean 'observers'?"),
     (changed("order2", model="penduum"), "observers.order2.model: 'penduum' must be one of pend"),
-    (changed("order2", step_size=0.003), "observers.order2.step_size: 0.0015 s must be a whole"),
+    (
+        changed("order2", sampling_period=0.003),
+        "observers.order2.sampling_period: 0.0015 s must",
+    ),
     (changed("order2", rho=0), "observers.order2.rho: 0 must be greater than zero"),
     (changed("order2", order=0), "observers.order2.order: 0 must be from 1 to 2"),
     (
@@ -254,7 +292,7 @@ BAD_CONFIG: list[Any] = [
         changed("order2", derivatives="exat"),
         "observers.order2.derivatives: 'exat' must be one of",
     ),
-    (changed("order2", initial_delay=2), "observers.order2.initial_delay: 2 s must be inside its"),
+    (changed("order2", initial_delay=2), "observers.order2.initial_delay: 2 s must be from 0 to"),
     (changed("order2", threshold=-1), "observers.order2.threshold: -1 must not be negative"),
     (changed("order2", switched="gain"), "observers.order2.switched: 'gain' must be one of delay"),
     (changed("order2", initial_matrix=-1.0), "observers.order2.initial_matrix: must be positive"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from fractions import Fraction
 from math import comb
 from typing import Any
@@ -15,8 +16,11 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from reobserve.errors import DivergenceError, InputError
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
+from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
+from tests.observers.halves import rows_of, stepped
 
 Array = NDArray[np.float64]
 
@@ -210,6 +214,9 @@ MODELS = {
 each_size = pytest.mark.parametrize("n", MODELS)
 
 
+PARTS = slice(23), slice(23, None)  # up to a sample's own row, and from the next middle on
+
+
 def jumping_record(steps: int) -> tuple[Array, Array, Array, Array]:
     """y, u and their limits from the left, which differ at every second step."""
     rng = np.random.default_rng(3)
@@ -226,25 +233,22 @@ def test_stepping_gives_the_bits_of_a_run(n: int) -> None:
     start = observer.init(np.linspace(-1, 1, n))
     kept = start.estimate.copy()
     output, known, output_before, input_before = record
-    run = observer.run(output, known, start, output_before, input_before)
-    state, rows = start, []
-    for k in range(steps):
-        y, u, y_before, u_before = (part[2 * k : 2 * k + 3] for part in record)
-        state, estimate = observer.step(state, y, u, y_before, u_before)
-        rows.append(estimate)
-    assert np.array_equal(rows, run.estimate[1:])
+    left = {"y_before": output_before, "u_before": input_before}
+    run = run_on_halves(observer, output, known, state=start, **left)
+    state, rows = stepped(observer, start, *record)
+    assert np.array_equal(rows_of(rows, "state"), run["state"])
     assert np.array_equal(state.estimate, run.state.estimate)
     assert state.count == run.state.count == steps
     assert np.array_equal(start.estimate, kept)
     # Both limits from the left matter.
-    for left in ((None, input_before), (output_before, None)):
-        other = observer.run(output, known, start, *left)
-        assert not np.array_equal(other.estimate, run.estimate)
+    for name, values in left.items():
+        other = run_on_halves(observer, output, known, state=start, **{name: values})  # type: ignore[arg-type]
+        assert not np.array_equal(other["state"], run["state"])
     # Two runs in a row are one.
-    parts = [part[:23] for part in record], [part[22:] for part in record]
-    one = observer.run(parts[0][0], parts[0][1], start, parts[0][2], parts[0][3])
-    two = observer.run(parts[1][0], parts[1][1], one.state, parts[1][2], parts[1][3])
-    assert np.array_equal(np.concatenate([one.estimate, two.estimate[1:]]), run.estimate)
+    first, second = ({name: part[rows] for name, part in left.items()} for rows in PARTS)
+    one = run_on_halves(observer, output[:23], known[:23], state=start, **first)
+    two = run_on_halves(observer, output[23:], known[23:], state=one.state, **second)
+    assert np.array_equal(np.concatenate([one["state"], two["state"]]), run["state"])
 
 
 def y_of(time: Any, late: bool) -> Any:
@@ -286,10 +290,13 @@ def test_order_four_also_where_the_record_jumps(n: int) -> None:
         right = [np.where(late, f(time, True), f(time, False)) for f in (y_of, u_of)]
         left = [np.where(late_before, f(time, True), f(time, False)) for f in (y_of, u_of)]
         observer = HighGainObserver(MODELS[n], rho, step)
-        run = observer.run(right[0], right[1], observer.init(start), left[0], left[1])
-        errors.append(np.abs(run.estimate[-1] - expected).max())
-        run = observer.run(right[0], right[1], observer.init(start))
-        without.append(np.abs(run.estimate[-1] - expected).max())
+        begun = observer.init(start)
+        run = run_on_halves(
+            observer, right[0], right[1], state=begun, y_before=left[0], u_before=left[1]
+        )
+        errors.append(np.abs(run["state"][-1] - expected).max())
+        run = run_on_halves(observer, right[0], right[1], state=begun)
+        without.append(np.abs(run["state"][-1] - expected).max())
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(4.0, abs=0.15)
     assert errors[-1] < 1e-7
@@ -305,11 +312,12 @@ def test_the_error_of_a_chain_decays_as_its_matrix_says(n: int) -> None:
     last = np.polynomial.Polynomial([1.0, -3.0, 3.0])
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
     offset = np.linspace(1.0, 2.0, n)
-    run = observer.run(truth[:, 0], last.deriv()(time), observer.init(truth[0] + offset))
+    start = observer.init(truth[0] + offset)
+    run = run_on_halves(observer, truth[:, 0], last.deriv()(time), state=start)
     closed = shift(n) - np.outer(high_gain(n, rho), first(n))
     for k in (100, 300, 600):
         expected = expm(closed * k * step) @ offset
-        assert run.estimate[k] - truth[2 * k] == pytest.approx(expected, abs=1e-7)
+        assert run["state"][k] - truth[2 * k] == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -321,10 +329,11 @@ def test_a_wrong_delay_on_a_ramp_leaves_a_known_error(n: int) -> None:
     time = np.arange(8001) * step / 2
     last = np.polynomial.Polynomial([0.0, -slope * delay, slope / 2])
     truth = np.stack([last.integ(n - 1 - i)(time) for i in range(n)], axis=1)
-    run = observer.run(truth[:, 0], slope * (time - assumed), observer.init(truth[0]))
+    known = slope * (time - assumed)
+    run = run_on_halves(observer, truth[:, 0], known, state=observer.init(truth[0]))
     at_rest = [comb(n, i) / rho ** (n - i) for i in range(n)]
     expected = slope * (delay - assumed) * np.array(at_rest)
-    assert run.estimate[-1] - truth[-1] == pytest.approx(expected, rel=1e-5)
+    assert run["state"][-1] - truth[-1] == pytest.approx(expected, rel=1e-5)
 
 
 # --- Divergence and bad input -------------------------------------------------------------------
@@ -334,27 +343,28 @@ def test_a_divergent_run_returns_the_finite_rows_and_their_time() -> None:
     # The Runge-Kutta method itself is unstable here: rho times the step is 4.
     observer = HighGainObserver(MODELS[2], 20.0, 0.2)
     start = observer.init([1.0, 0.0])
-    record = np.zeros(4001)
-    run = observer.run(record, record, start, on_divergence="return")
-    rows = len(run.estimate)
+    record = np.zeros(2001)
+    run = observer.run(record, record, state=start, on_divergence="return")
+    rows = len(run)
     assert 2 < rows < 2001
-    assert np.isfinite(run.estimate).all()
-    assert np.abs(run.estimate[-1]).max() > 1e250
+    assert np.isfinite(run["state"]).all()
+    assert np.abs(run["state"][-1]).max() > 1e250
     assert run.diverged_at == pytest.approx((rows - 1) * 0.2)
     assert run.state is start
-    shorter = observer.run(record[: 2 * rows - 1], record[: 2 * rows - 1], start)
+    shorter = observer.run(record[:rows], record[:rows], state=start)
     assert shorter.diverged_at is None
-    assert np.array_equal(shorter.estimate, run.estimate)
+    assert np.array_equal(shorter["state"], run["state"])
     with pytest.raises(DivergenceError, match=r"^HighGainObserver diverged: .* t = 1.4 s"):
-        observer.step(State(np.array([1e307, 0.0]), 7), np.zeros(3), np.zeros(3))
+        observer.step(State(np.array([1e307, 0.0]), np.zeros(2), 7), 0.0, 0.0)
 
 
 def test_steps_below_the_limit_stay_stable() -> None:
-    record = np.zeros(2001)
+    record = np.zeros(1001)
     sizes = []
     for product in (2.7, 2.85):
         observer = HighGainObserver(model(2, no_drift, constant_gain, 1.0), 10.0, product / 10)
-        sizes.append(np.abs(observer.run(record, record, observer.init([1.0, 0.0])).estimate[-1]))
+        run = observer.run(record, record, state=observer.init([1.0, 0.0]))
+        sizes.append(np.abs(run["state"][-1]))
     assert sizes[0].max() < 1e-6
     assert sizes[1].max() > 1e3
 
@@ -367,53 +377,60 @@ def test_steps_below_the_limit_stay_stable() -> None:
         ({"rho": float("inf")}, "rho: inf has an entry that is not finite"),
         ({"rho": [1.0, 2.0]}, r"rho: .* must be one number, not an array of shape \(2,\)"),
         ({"rho": 1e200}, "rho: 1e.200 1/s must keep S and the gains inside the float range"),
-        ({"step_size": 0.0}, "step_size: 0 must be greater than zero"),
+        ({"sampling_period": 0.0}, "sampling_period: 0 must be greater than zero"),
     ],
 )
 def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}$"):
-        HighGainObserver(**{"model": MODELS[2], "rho": 5.0, "step_size": 0.01, **changed})
+        HighGainObserver(**{"model": MODELS[2], "rho": 5.0, "sampling_period": 0.01, **changed})
 
 
-LIST = "must be a list of an odd number of samples, 3 or more"
+ONE = "must have one row or more of 1 number"
 
 
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"output": np.zeros(4)}, rf"output: has shape \(4,\), {LIST}"),
-        ({"output": np.zeros(1)}, rf"output: has shape \(1,\), {LIST}"),
-        ({"output": np.zeros((5, 1))}, rf"output: has shape \(5, 1\), {LIST}"),
-        ({"output": 1.0}, rf"output: has shape \(\), {LIST}"),
-        ({"output": ["a"] * 5}, "output: is no array of numbers"),
-        ({"output": [0, 0, 0, np.nan, 0]}, "output: sample 3 is nan, must be finite"),
+        ({"y": np.zeros((5, 2))}, rf"y: has shape \(5, 2\), {ONE}"),
+        ({"y": np.zeros((0, 1))}, rf"y: has shape \(0, 1\), {ONE}"),
+        ({"y": 1.0}, rf"y: has shape \(\), {ONE}"),
+        ({"y": ["a"] * 5}, "y: is no array of numbers"),
+        ({"y": [0, 0, 0, np.nan, 0]}, r"y: sample 3 is \[nan\], must be finite"),
+        ({"u": np.zeros(3)}, "u: has 3 rows, must have 5 like y"),
+        ({"u": None}, r"u: is left out, must have shape \(5, 1\)"),
+        ({"before": (np.zeros(7), None)}, "before y: has 7 rows, must have 5 like y"),
         (
-            {"delayed_input": np.zeros(3)},
-            "delayed_input: has 3 rows, must have 5 like output",
+            {"before": (None, [0, 0, np.inf, 0, 0])},
+            r"before u: sample 2 is \[inf\], must be finite",
         ),
-        (
-            {"output_before": np.zeros(7)},
-            "output_before: has 7 rows, must have 5 like output",
-        ),
-        (
-            {"input_before": [0, 0, np.inf, 0, 0]},
-            "input_before: sample 2 is inf, must be finite",
-        ),
+        ({"middle": (np.zeros((5, 2)), None)}, rf"middle y: has shape \(5, 2\), {ONE}"),
     ],
 )
 def test_wrong_records_are_refused(changed: dict[str, Any], said: str) -> None:
     observer = HighGainObserver(MODELS[2], 5.0, 0.01)
-    record = {"output": np.zeros(5), "delayed_input": np.zeros(5), **changed}
+    record: dict[str, Any] = {"y": np.zeros(5), "u": np.zeros(5), **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         observer.run(**record, state=observer.init([0.0, 0.0]))
 
 
+def test_an_observer_survives_a_pickle_if_its_fields_have_a_place() -> None:
+    observer, y = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 5.0, 0.01), np.linspace(0, 1, 9)
+    again = pickle.loads(pickle.dumps(observer))
+    start = observer.init([0.1, 0.0])
+    assert np.array_equal(again.run(y, y, state=start)["state"],
+                          observer.run(y, y, state=start)["state"])  # fmt: skip
+    with pytest.raises(pickle.PicklingError, match="field pendulum_drift stands nowhere"):
+        pickle.dumps(HighGainObserver(MODELS[2], 5.0, 0.01))
+
+
 def test_wrong_states_are_refused() -> None:
     observer = HighGainObserver(MODELS[2], 5.0, 0.01)
-    with pytest.raises(InputError, match=r"^initial_estimate: has shape \(3,\)"):
+    with pytest.raises(InputError, match=r"^state: has shape \(3,\)"):
         observer.init([0.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):
-        observer.run(np.zeros(3), np.zeros(3), State(np.zeros(3)))
+        observer.run(np.zeros(3), np.zeros(3), state=State(np.zeros(3)))
+    with pytest.raises(InputError, match=r"^state: must be given: HighGainObserver.init says"):
+        observer.run(np.zeros(3), np.zeros(3))
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from scipy.linalg import expm
 
 from reobserve.errors import DivergenceError
 from reobserve.models.polynomial import PolynomialSystem
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
@@ -23,6 +24,7 @@ from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.gain import GAINS
 from reobserve.synthesis.normal_form.solver import solver_for
+from tests.observers.halves import rows_of, stepped
 from tests.synthesis.normal_form.systems import (
     Case,
     Polynomials,
@@ -134,10 +136,10 @@ def test_identity_form_against_an_independent_integration(kind: str, order: int)
     step, steps = 1e-3, 3000
     states = integrated(identity_right(kind, order), ESTIMATE, np.arange(steps + 1) * step)
     observer = IdentityObserver(form(), order, step, kind)
-    run = observer.run(plant(step, steps)[:, :1], observer.init(ESTIMATE))
+    run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
     assert run.diverged_at is None
     assert run.state.count == steps
-    assert np.max(np.abs(run.estimate - states[:, 2:])) < 1e-9
+    assert np.max(np.abs(run["state"] - states[:, 2:])) < 1e-9
 
 
 @pytest.mark.parametrize("with_cubic", [False, True])
@@ -155,12 +157,11 @@ def test_transformed_form_against_an_independent_integration(with_cubic: bool) -
         np.arange(steps + 1) * step,
     )[:, 2:]
     observer = TransformedObserver(chosen, 4, step)
-    run = observer.run(plant(step, steps)[:, :1], observer.init(ESTIMATE))
-    assert run.coordinates is not None
-    assert np.max(np.abs(run.coordinates - z)) < 1e-9
+    run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
+    assert np.max(np.abs(run["coordinates"] - z)) < 1e-9
     read = as_function(T)
     wanted = np.array([read(row) for row in z])
-    assert np.max(np.abs(run.estimate - wanted) / (1 + np.abs(wanted))) < 1e-9
+    assert np.max(np.abs(run["state"] - wanted) / (1 + np.abs(wanted))) < 1e-9
 
 
 def built(name: str, step: float, *, with_cubic: bool = False) -> NormalFormObserver:
@@ -177,8 +178,8 @@ def test_order_four_in_the_step(name: str) -> None:
     for count in [*steps, 6400]:
         step = 4.0 / count
         observer = built(name, step)
-        run = observer.run(plant(step, count)[:, :1], observer.init(ESTIMATE))
-        ends[count] = run.estimate[-1]
+        run = run_on_halves(observer, plant(step, count)[:, :1], state=observer.init(ESTIMATE))
+        ends[count] = run["state"][-1]
     errors = [np.linalg.norm(ends[count] - ends[6400]) for count in steps]
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(-4.0, abs=0.25)
@@ -190,16 +191,21 @@ def test_steps_and_pieces_give_the_bits_of_a_batch_run(name: str) -> None:
     y = plant(0.01, steps)[:, :1]
     observer = built(name, 0.01)
     state = observer.init(ESTIMATE)
-    whole = observer.run(y, state)
-    for k in range(steps):
-        state, estimate = observer.step(state, y[2 * k : 2 * k + 3])
-        assert estimate.tobytes() == whole.estimate[k + 1].tobytes()
+    before = y.copy()
+    before[40] += 0.1  # a limit from the left, which matters
+    whole = run_on_halves(observer, y, state=state, y_before=before)
+    state, found = stepped(observer, state, y, y_before=before)
+    assert rows_of(found, "state").tobytes() == whole["state"].tobytes()
     assert state.values.tobytes() == whole.state.values.tobytes()
     assert state.count == whole.state.count == steps
-    first = observer.run(y[: 2 * 120 + 1], observer.init(ESTIMATE))
-    second = observer.run(y[2 * 120 :], first.state)
-    pieces = np.concatenate([first.estimate, second.estimate[1:]])
-    assert pieces.tobytes() == whole.estimate.tobytes()
+    first = run_on_halves(observer, y[:241], state=observer.init(ESTIMATE), y_before=before[:241])
+    assert np.any(
+        run_on_halves(observer, y, state=observer.init(ESTIMATE))["state"][20:]
+        != whole["state"][20:]
+    )
+    second = run_on_halves(observer, y[241:], state=first.state)
+    pieces = np.concatenate([first["state"], second["state"]])
+    assert pieces.tobytes() == whole["state"].tobytes()
     assert second.state.count == steps
 
 
@@ -214,22 +220,23 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
     start = np.concatenate([ESTIMATE, np.zeros(power), [1.0]])
     observer = TransformedObserver(form(1), 0, step)
     y = (np.arange(2 * steps + 1) * 0.5 * step) ** power
-    run = observer.run(y[:, None], observer.init(ESTIMATE))
+    run = run_on_halves(observer, y, state=observer.init(ESTIMATE))
     wanted = np.array([(expm(chain * k * step) @ start)[:2] for k in range(steps + 1)])
-    np.testing.assert_allclose(run.estimate, wanted, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(run["state"], wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_order_zero_is_the_constant_gain_however_it_is_read() -> None:
     y = plant(0.01, 300)[:, :1]
     observers = [IdentityObserver(form(), 0, 0.01, kind) for kind in GAINS]
-    assert len({o.run(y, o.init(ESTIMATE)).estimate.tobytes() for o in observers}) == 1
+    runs = [run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers]
+    assert len({rows.tobytes() for rows in runs}) == 1
 
 
 def test_exact_linearisation_makes_both_forms_one() -> None:
     step, steps = 2e-3, 5000
     y = plant(step, steps)[:, :1]
     observers = [built(name, step, with_cubic=True) for name in ("jacobian", "transformed")]
-    one, other = (o.run(y, o.init(ESTIMATE)).estimate for o in observers)
+    one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers)
     assert np.max(np.abs(one - other)) < 1e-9
 
 
@@ -238,9 +245,8 @@ def test_the_error_is_exactly_linear_in_z() -> None:
     x = plant(step, steps)
     z = np.stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3], axis=1)[::2]
     observer = TransformedObserver(form(3, with_cubic=True), 2, step)
-    run = observer.run(x[:, :1], observer.init(ESTIMATE))
-    assert run.coordinates is not None
-    error = run.coordinates - z
+    run = run_on_halves(observer, x[:, :1], state=observer.init(ESTIMATE))
+    error = run["coordinates"] - z
     every = range(0, steps + 1, 250)
     wanted = [expm(A * k * step) @ error[0] for k in every]
     assert np.max(np.abs(error[list(every)] - wanted)) < 1e-10
@@ -252,10 +258,10 @@ def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
     y = plant(step, steps)[:, :1]
     observer = IdentityObserver(form(), 2, step)
     start = observer.init([0.0, 0.0])
-    run = observer.run(y, start, on_divergence="return")
+    run = run_on_halves(observer, y, state=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(9.736, abs=0.01)
-    assert len(run.estimate) == round(run.diverged_at / step) + 1
-    assert np.isfinite(run.estimate).all()
+    assert len(run) == round(run.diverged_at / step) + 1
+    assert np.isfinite(run["state"]).all()
     assert run.state is start
     right = identity_right("series", 2)
     escape = solve_ivp(
@@ -264,14 +270,15 @@ def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
         events=_far, max_step=0.1,
     )  # fmt: skip
     assert escape.t_events[0][0] == pytest.approx(run.diverged_at, abs=0.02)
-    half = 2 * (len(run.estimate) // 2)
-    before = observer.run(y[: half + 1], start)
+    half = 2 * (len(run) // 2)
+    before = run_on_halves(observer, y[: half + 1], state=start)
     assert before.diverged_at is None
-    after = observer.run(y[half:], before.state, on_divergence="return")
-    assert after.diverged_at == pytest.approx(run.diverged_at - before.state.count * step)
-    state = observer.run(y[: 2 * len(run.estimate) - 1], start).state
+    after = run_on_halves(observer, y[half + 1 :], state=before.state, on_divergence="return")
+    assert after.diverged_at == pytest.approx(run.diverged_at)
+    last = 2 * len(run) - 1
+    state = run_on_halves(observer, y[:last], state=start).state
     with pytest.raises(DivergenceError, match=rf"up to t = {run.diverged_at:g} s and not after"):
-        observer.step(state, y[2 * len(run.estimate) - 2 : 2 * len(run.estimate) + 1])
+        observer.step(state, y[last + 1], middle=(y[last], None))
 
 
 def _far(_: float, values: Array) -> float:
@@ -285,15 +292,22 @@ def test_an_estimate_that_overflows_at_the_start() -> None:
     """z is finite, T(z) is not: no row is left, and the state is the one to begin with."""
     observer = TransformedObserver(form(5), 4, 0.1)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
-    run = observer.run(np.zeros((5, 1)), start, on_divergence="return")
+    run = observer.run(np.zeros((3, 1)), state=start, on_divergence="return")
     assert run.diverged_at == 0.0
-    assert run.estimate.shape == (0, 2)
+    assert run["state"].shape == (0, 2)
     assert run.state is start
+
+
+@pytest.mark.parametrize("name", ["series", "transformed"])
+def test_without_a_state_a_run_starts_from_the_origin(name: str) -> None:
+    observer, y = built(name, 0.01), plant(0.01, 30)[::2, :1]
+    known = observer.run(y, state=observer.init([0.0, 0.0]))
+    assert np.array_equal(observer.run(y)["state"], known["state"])
 
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_series_of_fractions_run_as_floats_do(kind: Any) -> None:
     y = plant(0.01, 300)[:, :1]
     floats, fractions = (kind(form(5, exact=exact), 4, 0.01) for exact in (False, True))
-    one, other = (o.run(y, o.init(ESTIMATE)).estimate for o in (floats, fractions))
+    one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in (floats, fractions))
     np.testing.assert_allclose(np.asarray(other, dtype=np.float64), one, rtol=0, atol=1e-12)

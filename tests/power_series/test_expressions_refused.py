@@ -86,7 +86,7 @@ def test_code_in_a_right_hand_side_does_not_run(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=r"^(dynamics|output|variables)"):
             normal_form_observer(
-                dynamics, output, variables, order=1, step_size=0.1, poles=[-1.3, -2.1]
+                dynamics, output, variables, order=1, sampling_period=0.1, poles=[-1.3, -2.1]
             )
     assert not target.exists()
 
@@ -146,7 +146,7 @@ def test_shared_parts_do_not_multiply_beyond_the_bound() -> None:
     "how", [{"order": 200}, {"order": 10**9}, {"expanded": 500}, {"order": 1, "degree": 10**30}]
 )
 def test_orders_and_degrees_beyond_reach_are_refused(how: dict[str, Any]) -> None:
-    given = {"order": 3, "step_size": 0.1, "poles": [-1.3, -2.1], **how}
+    given = {"order": 3, "sampling_period": 0.1, "poles": [-1.3, -2.1], **how}
     with pytest.raises(InputError, match=r"^(degree|order|expanded): .*(100|too high)"):
         normal_form_observer(["b", "-sin(a) - b"], ["a"], ["a", "b"], **given)
 
@@ -163,7 +163,7 @@ def test_arguments_of_other_types_are_refused() -> None:
                 output,
                 variables,
                 order=1,
-                step_size=0.1,
+                sampling_period=0.1,
                 poles=[-2.0],  # type: ignore[arg-type]
             )
 

@@ -104,7 +104,7 @@ def test_wrong_samples_are_refused() -> None:
         InputHistory(1.0, good, np.zeros((7, 2)))
     with pytest.raises(InputError, match=r"^right: has shape \(4, 2\), must have an odd number"):
         InputHistory(1.0, np.zeros((4, 2)), good)
-    with pytest.raises(InputError, match=r"^step_size: 0 must be greater than zero"):
+    with pytest.raises(InputError, match=r"^sampling_period: 0 must be greater than zero"):
         InputHistory(0.0, good, good)
     past = InputHistory(1.0, good, good)
     with pytest.raises(InputError, match=r"^steps: 3 must be from 1 to the 2 that there are"):
@@ -112,3 +112,17 @@ def test_wrong_samples_are_refused() -> None:
     for ago in ([-0.1], [2.1], 1.0):
         with pytest.raises(InputError, match=r"^ago: must be a list of times from 0 to 2 s"):
             past.at(ago)
+
+
+def test_a_halved_history_has_the_same_polynomials_and_jumps() -> None:
+    draw = np.random.default_rng(3)
+    right = draw.normal(size=(13, 2))
+    left = right.copy()
+    left[4] += 1.0  # it jumps where the second step ends
+    history = InputHistory(0.1, right, left)
+    finer = history.halved()
+    assert (finer.steps, finer.sampling_period) == (12, 0.05)
+    ago = np.linspace(0.0, 0.6, 173)
+    assert finer.at(ago) == pytest.approx(history.at(ago), abs=1e-11)
+    assert np.array_equal(finer.right[::2], right)
+    assert np.array_equal(finer.left[::2], left)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copyreg
 import inspect
 from collections.abc import Callable
+from functools import reduce
+from importlib import import_module
+from pickle import PicklingError
 from typing import Any
 
 from numba.core.ccallback import CFunc
@@ -39,3 +43,20 @@ def vector_field(function: Callable[..., None]) -> Any:
 def is_vector_field(value: Any) -> bool:
     """Whether a value was made by `vector_field`."""
     return isinstance(value, CFunc)
+
+
+def _at(module: str, name: str) -> Any:
+    """What stands at a place in a module."""
+    return reduce(getattr, name.split("."), import_module(module))
+
+
+def _place(field: CFunc) -> tuple[Any, tuple[str, str]]:
+    """How a pickle holds a vector field: by its place, as it holds functions."""
+    function = field.__wrapped__
+    module, name = function.__module__, function.__qualname__
+    if "<locals>" in name or _at(module, name) is not field:
+        raise PicklingError(f"the vector field {name} stands nowhere in the module {module}")
+    return _at, (module, name)
+
+
+copyreg.pickle(CFunc, _place)

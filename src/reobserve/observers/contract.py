@@ -247,7 +247,7 @@ class Observer(ABC, Generic[StateKind]):
     def _read(
         self, y: ArrayLike, u: ArrayLike | None, before: Pair | None, middle: Pair | None
     ) -> Record:
-        measured = as_sample_rows("y", y, self.measurements, missing=self.reads_missing)
+        measured = self._read_measurements("y", y)
         rows = len(measured)
         known = self._read_inputs("u", u, rows)
         if not self.reads_between:
@@ -259,6 +259,9 @@ class Observer(ABC, Generic[StateKind]):
             measured, known, self._read_pair("before", before, rows),
             self._read_pair("middle", middle, rows),
         )  # fmt: skip
+
+    def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
+        return as_sample_rows(name, y, self.measurements, rows=rows, missing=self.reads_missing)
 
     def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
         if u is None and not self.inputs:
@@ -274,7 +277,7 @@ class Observer(ABC, Generic[StateKind]):
             return (None, None)
         y, u = _as_pair(name, pair)
         return (
-            None if y is None else as_sample_rows(f"{name} y", y, self.measurements, rows=rows),
+            None if y is None else self._read_measurements(f"{name} y", y, rows),
             None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
 

@@ -38,12 +38,13 @@ from numpy.typing import NDArray
 from reobserve.numerics.matrices import as_positive
 from reobserve.observers.delay_estimator import DelayEstimator, check_rate
 from reobserve.observers.delay_estimator_loop import law, run_law
+from reobserve.observers.fixed_step import Samples
 from reobserve.timeseries.input_history import InputHistory
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AdaptiveDelayEstimator(DelayEstimator):
     """Adaptive identification of a delay; a reconstruction, see the module.
 
@@ -74,13 +75,13 @@ class AdaptiveDelayEstimator(DelayEstimator):
         super().__post_init__()
         for name in ("filter_time", "forgetting", "adaptation_gain"):
             object.__setattr__(self, name, as_positive(name, getattr(self, name)))
-        check_rate("filter_time", 1.0 / self.filter_time, self.step_size)
-        check_rate("forgetting", self.forgetting, self.step_size)
+        check_rate("filter_time", 1.0 / self.filter_time, self.sampling_period)
+        check_rate("forgetting", self.forgetting, self.sampling_period)
 
-    def _start(self, delay: float, output: float) -> Array:
-        return np.array([delay, output, self.decay * output, 0.0, 0.0, 0.0])
+    def _values(self, x: float, delay: float) -> Array:
+        return np.array([delay, x, self.decay * x, 0.0, 0.0, 0.0])
 
-    def _run(self, output: Array, history: InputHistory, rows: Array) -> int:
+    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
         parameters = [
             self.decay,
             self.input_gain,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reobserve.numerics.kernel import compiled_with_signature, kernel
 from reobserve.observers.delay_estimator import DelayEstimator
+from reobserve.observers.fixed_step import Samples
 from reobserve.timeseries.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Task(NamedTuple):
     bounds: tuple[float, float]
     step: float
     output: Array
+    output_before: Array
     right: Array
     left: Array
     first: int
@@ -58,7 +60,7 @@ def run_law(
     law: Any,
     parameters: list[float],
     estimator: DelayEstimator,
-    output: Array,
+    output: Samples,
     history: InputHistory,
     rows: Array,
 ) -> int:
@@ -70,8 +72,9 @@ def run_law(
     task = Task(
         np.array(parameters),
         estimator.delay_bounds,
-        estimator.step_size,
-        output,
+        estimator.sampling_period,
+        output.right,
+        output.left,
         history.right,
         history.left,
         first,
@@ -84,7 +87,7 @@ def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Ar
     """The derivative at a part of step ``k``, before the projection."""
     x = 2.0 * (fraction - 0.5) * (fraction - 1.0) * task.output[2 * k, 0]
     x += 4.0 * fraction * (1.0 - fraction) * task.output[2 * k + 1, 0]
-    x += 2.0 * fraction * (fraction - 0.5) * task.output[2 * k + 2, 0]
+    x += 2.0 * fraction * (fraction - 0.5) * task.output_before[2 * k + 2, 0]
     u, rate = past_input(
         task.right, task.left, task.first + 2 * k, fraction, values[0] / task.step, task.step
     )

@@ -43,12 +43,13 @@ from reobserve.errors import InputError
 from reobserve.numerics.matrices import as_positive, as_scalar
 from reobserve.observers.delay_estimator import DelayEstimator, check_rate
 from reobserve.observers.delay_estimator_loop import law, run_law
+from reobserve.observers.fixed_step import Samples
 from reobserve.timeseries.input_history import InputHistory
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LeastSquaresDelayEstimator(DelayEstimator):
     """Output-error recursive least squares for a delay; a reconstruction, see the module.
 
@@ -79,13 +80,13 @@ class LeastSquaresDelayEstimator(DelayEstimator):
         put(self, "forgetting", as_scalar("forgetting", self.forgetting))
         if self.forgetting < 0:
             raise InputError("forgetting", f"{self.forgetting:g} must be zero or more")
-        check_rate("decay", self.decay, self.step_size)
-        check_rate("forgetting", self.forgetting, self.step_size)
+        check_rate("decay", self.decay, self.sampling_period)
+        check_rate("forgetting", self.forgetting, self.sampling_period)
 
-    def _start(self, delay: float, output: float) -> Array:
-        return np.array([delay, output, 0.0, 1.0 / self.initial_covariance])
+    def _values(self, x: float, delay: float) -> Array:
+        return np.array([delay, x, 0.0, 1.0 / self.initial_covariance])
 
-    def _run(self, output: Array, history: InputHistory, rows: Array) -> int:
+    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
         parameters = [self.decay, self.input_gain, self.forgetting]
         return run_law(_law, parameters, self, output, history, rows)
 

@@ -47,6 +47,7 @@ from reobserve.numerics.arguments import as_word
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_positive
 from reobserve.observers.delay_estimator import DelayEstimator, State
+from reobserve.observers.fixed_step import Samples
 from reobserve.timeseries.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
@@ -54,12 +55,12 @@ Array = NDArray[np.float64]
 RELAYS = ("delay", "inverse")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VariableStructureDelayEstimator(DelayEstimator):
     """A relay that moves a delay; a reconstruction, see the module.
 
-    Its only value is theta. ``output`` holds x and x' [1/s], shape (2 m + 1, 2); the relay reads
-    record and input at the start of each step and holds over it.
+    It measures x and x' [1/s], or x alone. Its only value is theta. The relay reads measurement
+    and input at the start of each period and holds over it.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class VariableStructureDelayEstimator(DelayEstimator):
     relay_gain: float
     relay_on: str
 
-    output_columns: ClassVar[int] = 2
+    measurements: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,37 +87,37 @@ class VariableStructureDelayEstimator(DelayEstimator):
 
     def init(
         self,
-        initial_delay: float,
-        initial_output: float,
-        past_input: ArrayLike,
-        past_input_before: ArrayLike | None = None,
+        state: float,
+        delay: float,
+        past_u: ArrayLike,
+        *,
+        before: ArrayLike | None = None,
+        middle: ArrayLike | None = None,
     ) -> State:
-        """As `DelayEstimator.init`; the relay has no use for ``initial_output``.
+        """As `DelayEstimator.init`; the relay has no use for ``state``.
 
         Raises
         ------
         InputError
-            As there; and for the relay on the inverse if the initial delay is zero.
+            As there; and for the relay on the inverse if the delay is zero.
         """
-        state = super().init(initial_delay, initial_output, past_input, past_input_before)
-        if self.relay_on == "inverse" and state.values[0] == 0:
-            raise InputError(
-                "initial_delay", "0 s must be greater than zero for a relay on its inverse"
-            )
-        return state
+        begun = super().init(state, delay, past_u, before=before, middle=middle)
+        if self.relay_on == "inverse" and begun.values[0] == 0:
+            raise InputError("delay", "0 s must be greater than zero for a relay on its inverse")
+        return begun
 
-    def _start(self, delay: float, output: float) -> Array:
+    def _values(self, x: float, delay: float) -> Array:
         return np.array([delay])
 
-    def _run(self, output: Array, history: InputHistory, rows: Array) -> int:
+    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
         return _run(
             self.decay,
             self.input_gain,
             self.relay_gain,
             self.relay_on == "inverse",
             self.delay_bounds,
-            self.step_size,
-            output,
+            self.sampling_period,
+            output.right,
             history.right,
             history.left,
             2 * self.history_steps,

@@ -18,8 +18,9 @@ between the samples. Inside a step, inputs are taken from their three samples by
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,15 +29,10 @@ from reobserve.errors import InputError, shown
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.arguments import as_kind, as_word
 from reobserve.numerics.matrices import as_positive, as_positive_definite, as_scalar, as_vector
-from reobserve.observers.contract import (
-    FixedStepObserver,
-    OnDivergence,
-    Record,
-    Rows,
-    Samples,
-    check_state,
-)
+from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.extended_high_gain_loop import run
+from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 
 Array = NDArray[np.float64]
@@ -52,44 +48,42 @@ class SwitchedOffWarning(UserWarning):
 
 @dataclass(frozen=True)
 class State:
-    """All the observer remembers: x^ and tau^ in one vector, shape (n + 1,), and its steps."""
+    """All the observer remembers: a value that may be stored, copied and stepped again.
+
+    ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
+    samples, the last one last; ``sample`` has y, u and all its derivatives, also those that were
+    found; the rest is as in `reobserve.observers.contract.ObserverState`.
+    """
 
     values: Array
+    recent: Array
+    sample: Array | None = None
     count: int = 0
 
 
-@dataclass(frozen=True)
-class Run:
-    """Estimates at the ends of the steps of a record.
-
-    ``estimate`` x^, shape (k, n), and ``delay`` tau^ [s], shape (k,), have their first row at the
-    start of the record; ``switched_off``, shape (k - 1,), is the share of each step in which the
-    gain was off. ``diverged_at`` is None, or the time [s] since that start after which the state
-    left the range of floating-point numbers; then k counts the rows up to it. ``state`` is the
-    one to go on from, or after a divergence the one that the run started from.
-    """
-
-    estimate: Array
-    delay: Array
-    switched_off: Array
-    state: State
-    diverged_at: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
+@dataclass(frozen=True, repr=False, eq=False)
+class ExtendedHighGainObserver(FixedStepObserver[State]):
     """The observer (9) for a model (1) of any size and any Taylor order.
+
+    It measures y and knows u and its derivatives up to the order m: rows of m + 1 numbers, or of
+    u alone, to which it finds the derivatives from the samples so far, as
+    `reobserve.observers.row_derivatives` says. The input is smooth, by assumption, so in between
+    u and its derivatives, as y, go in straight lines from row to row.
+
+    Its estimates are ``state``, x^, shape (k, n), ``delay``, tau^ [s], shape (k,), and
+    ``switched_off``, shape (k,): the share of the period before the row in which gains were
+    switched off, 0 in the first row of a record.
 
     Parameters
     ----------
     model
         f, G and their parameters.
-    step_size
-        [s]; a record has two samples a step.
+    sampling_period
+        [s], and the step of the method.
     rho
         The one tuning parameter of the gain [1/s].
     order
-        m, the order of the Taylor expansion: how many derivatives of u a record holds.
+        m, the order of the Taylor expansion: how many derivatives of u it takes.
     delay_bounds
         The interval [s] in which the delay is known to be.
     threshold
@@ -103,12 +97,17 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
     Raises
     ------
     InputError
-        If rho or the step is not positive, the order below 1, the bounds are negative or not in
+        If rho or the period is not positive, the order below 1, the bounds are negative or not in
         order, the threshold is negative, ``switched`` another word, or S(0) not positive definite.
+
+    Warns
+    -----
+    SwitchedOffWarning
+        If the gain was off for the whole record of a run.
     """
 
     model: TriangularModel
-    step_size: float
+    sampling_period: float
     rho: float
     order: int
     delay_bounds: tuple[float, float]
@@ -116,10 +115,13 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
     switched: str = "delay"
     initial_matrix: ArrayLike | None = None
 
+    measurements: ClassVar[int] = 1
+    units: ClassVar[Mapping[str, str]] = {"state": "", "delay": "s", "switched_off": "1"}
+
     def __post_init__(self) -> None:
         put = object.__setattr__
         as_kind("model", self.model, TriangularModel)
-        put(self, "step_size", as_positive("step_size", self.step_size))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
             raise InputError(
                 "order",
@@ -149,128 +151,78 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
             gains[early] = high_gain_over_time(size, self.rho, self.initial_matrix, times[early])
         return gains
 
-    def init(self, initial_estimate: ArrayLike, initial_delay: float) -> State:
-        """The state before the first step, from x^(0), shape (n,), and tau^(0) [s].
+    @property
+    def inputs(self) -> int:
+        """m + 1; u alone will do."""
+        return self.order + 1
+
+    def init(self, state: ArrayLike, delay: float) -> State:
+        """The state at the first sample, from x^(0), shape (n,), and tau^(0) [s].
 
         Raises
         ------
         InputError
             If a shape is wrong or the delay is outside its bounds (Assumption 6).
         """
-        x = as_vector("initial_estimate", initial_estimate, self.model.states)
-        delay = as_scalar("initial_delay", initial_delay)
+        x, tau = as_vector("state", state, self.model.states), as_scalar("delay", delay)
         least, most = self.delay_bounds
-        if not least <= delay <= most:
+        if not least <= tau <= most:
             raise InputError(
-                "initial_delay", f"{delay:g} s must be inside its bounds, [{least:g}, {most:g}] s"
+                "delay", f"{tau:g} s must be inside its bounds, [{least:g}, {most:g}] s"
             )
-        return State(np.append(x, delay))
+        return State(np.append(x, tau), np.zeros(self.order + 1))
 
-    def step(
-        self,
-        state: State,
-        output: ArrayLike,
-        inputs: ArrayLike,
-        output_before: ArrayLike | None = None,
-        inputs_before: ArrayLike | None = None,
-    ) -> tuple[State, Array, float]:
-        """One step: the next state, and x^ and tau^ at the step's end.
+    def _checked(self, state: Any) -> State:
+        n, derivatives = self.model.states, self.order + 1
+        return check_state(
+            state, State, f"must be of an observer of {n} states and the order {self.order}",
+            values=(n + 1,), recent=(derivatives,), sample=(1 + derivatives,),
+        )  # fmt: skip
 
-        The arguments are those of `run` for a record of three rows. Stepping through a record
-        gives the bits that `run` gives.
+    def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
+        if u is None:
+            return super()._read_inputs(name, u, rows)
+        return as_signal_rows(name, u, self.order, rows=rows)
 
-        Raises
-        ------
-        InputError
-            As `run`.
-        DivergenceError
-            As `run`.
-        """
-        record = self._read(output, inputs, output_before, inputs_before)
-        done = self._observe(self._checked(state), record)
-        return done.state, done.estimate[-1], float(done.delay[-1])
+    def _completed(self, state: State, record: Record) -> tuple[State, Record]:
+        """State and record with all derivatives, and with an input that need not be held."""
+        begun = state.sample is not None
+        last, u, before, middle = completed(
+            record.u, record.before[1], record.middle[1],
+            recent=state.recent, known=state.count + 1 if begun else 0,
+            last=None if state.sample is None else state.sample[1:], period=self.sampling_period,
+        )  # fmt: skip
+        if state.sample is not None and last is not None:
+            state = replace(state, sample=np.concatenate([state.sample[:1], last]))
+        y_before, y_middle = record.before[0], record.middle[0]
+        return state, Record(record.y, u, (y_before, before), (y_middle, middle))
 
-    def run(
-        self,
-        output: ArrayLike,
-        inputs: ArrayLike,
-        state: State,
-        output_before: ArrayLike | None = None,
-        inputs_before: ArrayLike | None = None,
-        *,
-        on_divergence: OnDivergence = "raise",
-    ) -> Run:
-        """Estimates over a whole record, by one compiled loop.
-
-        Parameters
-        ----------
-        output
-            Measured y, shape (2 k + 1,), sampled every half step.
-        inputs
-            u and its derivatives up to the order m, shape (2 k + 1, m + 1).
-        state
-            From `init`, or from an earlier run to go on.
-        output_before, inputs_before
-            Where a record jumps between samples, as held noise does: the limits from the left.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong or a sample is not finite.
-        DivergenceError
-            If an estimate leaves the range of floating-point numbers; it says whether a shorter
-            step would have helped.
-
-        Warns
-        -----
-        SwitchedOffWarning
-            If the gain was off for the whole record.
-        """
-        record = self._read(output, inputs, output_before, inputs_before)
-        done = self._observe(self._checked(state), record, on_divergence)
-        if len(done.switched_off) and float(np.min(done.switched_off)) >= 1.0:
+    def _fill(self, state: State, record: Record) -> Rows:
+        rows = super()._fill(*self._completed(state, record))
+        off = rows.estimates["switched_off"][state.sample is None : rows.finite]
+        # A sample that is stepped is no record: each one at which the gain is off would warn.
+        if len(record.y) > 1 and len(off) and float(np.min(off)) >= 1.0:
             warnings.warn(
                 f"threshold: {self.threshold:g} is above |xi^| for 100 % of the record, so the "
                 "delay was never observed; lower it",
                 SwitchedOffWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
-        return done
+        after = replace(rows.state, recent=latest(state.recent, record.u[:, 0]))
+        return rows._replace(state=after)
 
-    def _checked(self, state: State) -> State:
-        n = self.model.states
-        problem = f"must be of an observer of {n} states"
-        return check_state(state, State, problem, values=(n + 1,))
+    def _finding(self, state: State, record: Record, *where: Any) -> str:
+        return super()._finding(*self._completed(state, record), *where)
 
-    def _read(
-        self,
-        output: ArrayLike,
-        inputs: ArrayLike,
-        output_before: ArrayLike | None,
-        inputs_before: ArrayLike | None,
-    ) -> Record:
-        for name, values in (("inputs", inputs), ("inputs_before", inputs_before)):
-            shape = _shape(values)
-            if values is not None and (len(shape) != 2 or shape[1] != self.order + 1):
-                raise InputError(
-                    name,
-                    f"has shape {shape}, must have {self.order + 1} columns: u and its "
-                    f"derivatives up to the order {self.order}",
-                )
-        u = Samples.read("inputs", inputs, inputs_before, self.order + 1)
-        y = Samples.read("output", output, output_before, None, rows=len(u.right), like="u")
-        return y, u
-
-    def _fill(self, state: State, record: Record) -> Rows:
-        y, u = record
-        states = np.empty((y.steps + 1, self.model.states + 1))
+    def _integrate(self, state: State, steps: Steps) -> Rows:
+        y, u = steps
+        rows = np.empty((y.steps + 1, self.model.states + 1))
         off = np.zeros(y.steps + 1)
-        states[0] = state.values
-        right = left = self._table(y.right, u.right, state.count)
+        rows[0] = state.values
+        right = left = self._table(y.right[:, 0], u.right, state.count)
         if y.left is not y.right or u.left is not u.right:
-            left = self._table(y.left, u.left, state.count)
+            left = right.copy()
+            left[:, :1], left[:, 1 : self.order + 2] = y.left, u.left
         finite = run(
             self.model.drift,
             self.model.input_gain,
@@ -278,32 +230,23 @@ class ExtendedHighGainObserver(FixedStepObserver[State, Run]):
             self.order,
             1 + SWITCHED.index(self.switched),
             np.array([*self.delay_bounds, self.threshold], dtype=np.float64),
-            self.step_size,
+            self.sampling_period,
             right,
             left,
-            states,
+            rows,
             off[1:],
         )
-        return Rows((states, off), finite, State(states[-1].copy(), state.count + y.steps))
+        after = replace(state, values=rows[-1].copy(), count=state.count + y.steps)
+        estimates = {
+            "state": np.ascontiguousarray(rows[:, :-1]), "delay": rows[:, -1].copy(),
+            "switched_off": off,
+        }  # fmt: skip
+        return Rows(estimates, finite, after)
 
     def _table(self, y: Array, u: Array, count: int) -> Array:
         """y, u and its derivatives, and the gains, one row a sample, from step ``count`` on."""
-        half = np.arange(2 * count, 2 * count + len(y)) * (0.5 * self.step_size)
+        half = np.arange(2 * count, 2 * count + len(y)) * (0.5 * self.sampling_period)
         table = np.empty((len(u), u.shape[1] + self.model.states + 2))
         table[:, 0], table[:, 1 : u.shape[1] + 1] = y, u
         table[:, u.shape[1] + 1 :] = self._gains(half)
         return table
-
-    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
-        states, off = arrays
-        return Run(
-            np.ascontiguousarray(states[:, :-1]), states[:, -1].copy(), off[1:], state, diverged_at
-        )
-
-
-def _shape(values: ArrayLike | None) -> tuple[int, ...]:
-    """The shape of an array, or of lists; rows of different lengths count as one column."""
-    try:
-        return np.asarray(values).shape
-    except Exception:  # rows of different lengths, or an object that fails in a way of its own
-        return (len(values),) if isinstance(values, list | tuple) else ()

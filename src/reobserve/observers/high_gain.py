@@ -9,9 +9,10 @@ column of S^-1, the gains binom(n, i) rho^i.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,15 +21,15 @@ from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_positive, as_vector
-from reobserve.observers import contract
-from reobserve.observers.contract import FixedStepObserver, OnDivergence, Rows, Samples, check_state
+from reobserve.observers.contract import Rows, check_state
+from reobserve.observers.fixed_step import FixedStepObserver, Steps
 from reobserve.synthesis.high_gain import high_gain
 
 Array = NDArray[np.float64]
 
 
 class Record(NamedTuple):
-    """What the observer reads, arrays of shape (2 m + 1,); see `HighGainObserver.run`."""
+    """What the loop reads, arrays of shape (2 m + 1,): y and u with their limits from the left."""
 
     output: Array
     output_before: Array
@@ -40,34 +41,21 @@ class Record(NamedTuple):
 class State:
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
-    ``estimate`` is x^, shape (n,); ``count`` steps were taken.
+    ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.contract.ObserverState`.
     """
 
     estimate: Array
+    sample: Array | None = None
     count: int = 0
 
 
-@dataclass(frozen=True)
-class Run:
-    """Estimates at the ends of the steps of a record.
-
-    ``estimate`` x^ has shape (m, n), its first row at the start of the record. ``diverged_at`` is
-    None, or the time [s] since that start after which the state left the range of floating-point
-    numbers; then m counts the rows up to it. ``state`` is the one to go on from, or after a
-    divergence the one that the run started from.
-    """
-
-    estimate: Array
-    state: State
-    diverged_at: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class HighGainObserver(FixedStepObserver[State, Run]):
+@dataclass(frozen=True, repr=False, eq=False)
+class HighGainObserver(FixedStepObserver[State]):
     """The observer (36), integrated by the classical Runge-Kutta method.
 
-    It reads the record at both ends and in the middle of each step: two samples a step. The
-    method itself is stable only for rho times the step below 2.78.
+    It measures y and knows u as it reaches the plant: in row k, u(t_k - tau_m). Its estimate is
+    ``state``, x^, shape (k, n). The method itself is stable only for rho times the sampling period
+    below 2.78.
 
     Parameters
     ----------
@@ -75,24 +63,28 @@ class HighGainObserver(FixedStepObserver[State, Run]):
         The plant as the observer knows it; n is its number of states.
     rho
         [1/s]; all eigenvalues of Lambda - S^-1 C^T C are -rho.
-    step_size
-        [s].
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
     InputError
-        If ``rho`` or ``step_size`` is not positive, or rho^n is beyond floating-point numbers.
+        If ``rho`` or the period is not positive, or rho^n is beyond floating-point numbers.
     """
 
     model: TriangularModel
     rho: float
-    step_size: float
+    sampling_period: float
+
+    measurements: ClassVar[int] = 1
+    inputs: ClassVar[int] = 1
+    units: ClassVar[Mapping[str, str]] = {"state": ""}
 
     def __post_init__(self) -> None:
         put = object.__setattr__
         as_kind("model", self.model, TriangularModel)
         put(self, "rho", as_positive("rho", self.rho))
-        put(self, "step_size", as_positive("step_size", self.step_size))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         _ = self.gain  # refuses what has no gain now and not at the first step
 
     @cached_property
@@ -100,82 +92,23 @@ class HighGainObserver(FixedStepObserver[State, Run]):
         """S^-1 C^T, shape (n,)."""
         return high_gain(self.model.states, self.rho)
 
-    def init(self, initial_estimate: ArrayLike) -> State:
-        """The state before the first step, from an estimate of x, shape (n,).
+    def init(self, state: ArrayLike) -> State:
+        """The state at the first sample, from an estimate of x, shape (n,).
 
         Raises
         ------
         InputError
             If it is not n finite numbers.
         """
-        return State(as_vector("initial_estimate", initial_estimate, self.model.states))
+        return State(as_vector("state", state, self.model.states))
 
-    def step(
-        self,
-        state: State,
-        output: ArrayLike,
-        delayed_input: ArrayLike,
-        output_before: ArrayLike | None = None,
-        input_before: ArrayLike | None = None,
-    ) -> tuple[State, Array]:
-        """One step: the next state, and the estimate at the step's end, shape (n,).
-
-        The arguments are those of `run` for a record of three samples: the start, the middle and
-        the end of the step. Stepping through a record gives the bits that `run` gives.
-
-        Raises
-        ------
-        InputError
-            As `run`.
-        DivergenceError
-            As `run`.
-        """
-        run = self.run(output, delayed_input, state, output_before, input_before)
-        return run.state, run.estimate[-1]
-
-    def run(
-        self,
-        output: ArrayLike,
-        delayed_input: ArrayLike,
-        state: State,
-        output_before: ArrayLike | None = None,
-        input_before: ArrayLike | None = None,
-        *,
-        on_divergence: OnDivergence = "raise",
-    ) -> Run:
-        """Estimates over a whole record, by one compiled loop.
-
-        Parameters
-        ----------
-        output, delayed_input
-            Measured y and u(t - tau_m), shape (2 m + 1,), sampled every half step.
-        state
-            From `init`, or from an earlier run to go on.
-        output_before, input_before
-            Where a record jumps at samples, as held noise does: the limits from the left, same
-            shape. They are used at the ends of steps: a jump belongs there, not in the middle.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong, a sample is not finite or the state is not of such an observer.
-        DivergenceError
-            If an estimate leaves the range of floating-point numbers; it says whether a shorter
-            step would have helped.
-        """
+    def _checked(self, state: Any) -> State:
         n = self.model.states
-        state = check_state(state, State, f"must be of an observer of {n} states", estimate=(n,))
-        y = Samples.read("output", output, output_before, None)
-        u = Samples.read(
-            "delayed_input", delayed_input, input_before, None,
-            rows=len(y.right), like="output", left_name="input_before",
-        )  # fmt: skip
-        return self._observe(state, (y, u), on_divergence)
+        problem = f"must be of an observer of {n} states"
+        return check_state(state, State, problem, estimate=(n,), sample=(2,))
 
-    def _fill(self, state: State, record: contract.Record) -> Rows:
-        y, u = record
+    def _integrate(self, state: State, steps: Steps) -> Rows:
+        y, u = steps
         rows = np.empty((y.steps + 1, self.model.states))
         rows[0] = state.estimate
         finite = _run(
@@ -183,14 +116,12 @@ class HighGainObserver(FixedStepObserver[State, Run]):
             self.model.input_gain,
             self.model.parameters,
             self.gain,
-            self.step_size,
-            Record(y.right, y.left, u.right, u.left),
+            self.sampling_period,
+            Record(y.right[:, 0], y.left[:, 0], u.right[:, 0], u.left[:, 0]),
             rows,
         )
-        return Rows((rows,), finite, State(rows[-1].copy(), state.count + y.steps))
-
-    def _result(self, arrays: tuple[Array, ...], state: State, diverged_at: float | None) -> Run:
-        return Run(arrays[0], state, diverged_at)
+        after = State(rows[-1].copy(), state.sample, state.count + y.steps)
+        return Rows({"state": rows}, finite, after)
 
 
 @kernel

@@ -14,18 +14,19 @@ last state is then driven nine times too hard for the others to follow.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError, shown
+from reobserve.errors import InputError, shown
 from reobserve.numerics.arguments import as_flag, as_whole
 from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_numbers, as_positive, as_samples, as_vector
-from reobserve.observers.contract import OnDivergence, check_state, raises
+from reobserve.numerics.matrices import as_positive, as_vector
+from reobserve.observers.contract import Observer, Record, Rows, check_state
 
 Array = NDArray[np.float64]
 
@@ -49,40 +50,30 @@ class Law(NamedTuple):
 class State:
     """All the differentiator remembers: a value that may be stored, copied and stepped again.
 
-    ``estimate`` holds z0 to zn, shape (n+1,), at the next sample, made from those before it;
-    ``count`` samples were taken.
+    ``derivatives`` holds z0 to zn, shape (n+1,), at the last sample, or at the first one if there
+    was none; the rest is as in `reobserve.observers.contract.ObserverState`.
     """
 
-    estimate: Array
+    derivatives: Array
+    sample: Array | None = None
     count: int = 0
 
 
-@dataclass(frozen=True)
-class Run:
-    """Estimates of u and its derivatives at the samples.
-
-    ``estimate`` has shape (m, n+1), columns z0 to zn; a row is made from the samples before its
-    own, the first is the state that the run started from. ``diverged_at`` is None, or the time
-    [s] since the first sample after which the state left the range of floating-point numbers;
-    then m counts the rows up to it. ``state`` is the one to go on from, or after a divergence the
-    one that the run started from.
-    """
-
-    estimate: Array
-    state: State
-    diverged_at: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class LevantDifferentiator:
+@dataclass(frozen=True, repr=False, eq=False)
+class LevantDifferentiator(Observer[State]):
     """The differentiator (37) for samples at a fixed period, in its homogeneous discretisation.
+
+    It measures u, the signal to differentiate, and has no known input; what the signal does
+    between samples it does not ask. Its estimate is ``derivatives``, shape (k, n+1), columns z0 to
+    zn. A row is made from the samples before its own, the first is what the run started from:
+    without a state, the first sample and derivatives of zero.
 
     Parameters
     ----------
     L
         Bound on the derivative of order n + 1 of u [unit of u / s^(n+1)].
-    period
-        Time between samples [s].
+    sampling_period
+        [s].
     order
         n, the highest derivative to estimate.
     lambdas
@@ -99,10 +90,15 @@ class LevantDifferentiator:
     """
 
     L: float
-    period: float
+    sampling_period: float
     order: int = 2
     lambdas: ArrayLike | None = None
     printed: bool = False
+
+    measurements: ClassVar[int] = 1
+    inputs: ClassVar[int] = 0
+    units: ClassVar[Mapping[str, str]] = {"derivatives": ""}
+    reads_between: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -118,7 +114,7 @@ class LevantDifferentiator:
         if chosen.min() <= 0:
             raise InputError("lambdas", f"{shown(chosen.tolist())} must all be greater than zero")
         put(self, "L", as_positive("L", self.L))
-        put(self, "period", as_positive("period", self.period))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "lambdas", chosen)
 
     @cached_property
@@ -130,72 +126,35 @@ class LevantDifferentiator:
         if self.printed:
             factors[-1] = lambdas[-1]
         # T^j / j! as a running product: no factorial to overflow.
-        taylor = np.cumprod(np.concatenate([[1.0], self.period / index[1:]]))
+        taylor = np.cumprod(np.concatenate([[1.0], self.sampling_period / index[1:]]))
         return Law(factors, (left - 1.0) / left, taylor)
 
-    def init(self, initial_estimate: ArrayLike | None = None) -> State:
-        """The state before the first sample, from estimates of u and its derivatives, or zeros.
+    def init(self, derivatives: ArrayLike) -> State:
+        """The state at the first sample, from estimates of u and its derivatives, shape (n+1,).
 
         Raises
         ------
         InputError
-            If the estimate is not n + 1 finite numbers.
+            If they are not n + 1 finite numbers.
         """
-        if initial_estimate is None:
-            return State(np.zeros(self.order + 1))
-        return State(as_vector("initial_estimate", initial_estimate, self.order + 1))
+        return State(as_vector("derivatives", derivatives, self.order + 1))
 
-    def step(self, state: State, sample: float) -> tuple[State, Array]:
-        """Take one sample of u: the next state, and the estimate at the sample, shape (n+1,).
+    def _start(self, first: Array) -> State:
+        return self.init(np.append(first, np.zeros(self.order)))
 
-        The estimate for the next sample, which knows this one, is the state's own. Stepping
-        through samples gives the bits that `run` gives.
-
-        Raises
-        ------
-        InputError
-            If the sample is not one finite number, or the state is not of such a differentiator.
-        DivergenceError
-            As `run`.
-        """
-        run = self.run(as_numbers("samples", sample)[None], state)
-        return run.state, run.estimate[0]
-
-    def run(
-        self, samples: ArrayLike, state: State, *, on_divergence: OnDivergence = "raise"
-    ) -> Run:
-        """Estimates at all samples, by one compiled loop.
-
-        Parameters
-        ----------
-        samples
-            u at a fixed period, shape (m,).
-        state
-            From `init`, or from an earlier run to go on with the sample after its last.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If the samples are not a list of finite numbers, or the state is not of such a
-            differentiator.
-        DivergenceError
-            If an estimate leaves the range of floating-point numbers.
-        """
-        loud, lines = raises(on_divergence), self.order + 1
+    def _checked(self, state: Any) -> State:
         problem = f"must be of a differentiator of order {self.order}"
-        state = check_state(state, State, problem, estimate=(lines,))
-        values = as_samples("samples", samples, None)
-        rows = np.empty((len(values) + 1, lines))
-        rows[0] = state.estimate
-        finite = _run(self._law, values, rows)
-        if finite == len(rows):
-            return Run(rows[:-1], State(rows[-1].copy(), state.count + len(values)), None)
-        diverged_at = (finite - 1) * self.period
-        if loud:
-            raise DivergenceError(type(self).__name__, state.count * self.period + diverged_at)
-        return Run(rows[:finite], state, diverged_at)
+        return check_state(state, State, problem, derivatives=(self.order + 1,), sample=(1,))
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        last = np.empty(0) if state.sample is None else state.sample
+        samples, begun = np.append(last, record.y), len(last)  # the row of the last one is known
+        steps = len(samples) - 1
+        rows = np.empty((steps + 1, self.order + 1))
+        rows[0] = state.derivatives
+        finite = _run(self._law, samples, rows) - begun
+        after = State(rows[-1].copy(), record.y[-1].copy(), state.count + steps)
+        return Rows({"derivatives": rows[begun:]}, finite, after)
 
 
 @kernel
@@ -208,7 +167,7 @@ def _run(law: Law, samples: Array, rows: Array) -> int:
     polynomial the steps scale as the differentiator does, and zi keeps its order n + 1 - i.
     """
     lines = rows.shape[1]
-    for k in range(len(samples)):
+    for k in range(len(rows) - 1):
         z, after = rows[k], rows[k + 1]
         # zi - v(i-1) is minus the injection one line above: no need to form v itself.
         error = z[0] - samples[k]

@@ -26,7 +26,7 @@ def normal_form_observer(
     variables: Sequence[Any],
     *,
     order: int,
-    step_size: float,
+    sampling_period: float,
     poles: Sequence[complex] | None = None,
     injection: ArrayLike | None = None,
     form: str = "identity",
@@ -44,8 +44,8 @@ def normal_form_observer(
         The n states: symbols, or their names.
     order
         Of the gain; 0 is the constant gain.
-    step_size
-        [s]; records have two samples a step.
+    sampling_period
+        [s].
     poles
         The eigenvalues [1/s] of the error dynamics, n of them.
     injection
@@ -82,5 +82,5 @@ def normal_form_observer(
         matrix = PolynomialMap.linear(values)
     series = normal_form(system, highest, injection=matrix, poles=poles)
     if form == "identity":
-        return IdentityObserver(series, order, step_size, gain)
-    return TransformedObserver(series, order, step_size)
+        return IdentityObserver(series, order, sampling_period, gain)
+    return TransformedObserver(series, order, sampling_period)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from reobserve.numerics.arguments import as_word
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.small_systems import solve_in_place
+from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 from reobserve.power_series.maps import stacked
@@ -48,7 +49,7 @@ class Work(NamedTuple):
     matrix: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class IdentityObserver(NormalFormObserver):
     """The observer (11), integrated by the classical Runge-Kutta method.
 
@@ -77,22 +78,22 @@ class IdentityObserver(NormalFormObserver):
         inner = polynomials(stacked([system.dynamics, fed, gain]))
         return Law(inner, polynomials(outer), polynomials(injection), kind)
 
-    def _start(self, estimate: Array) -> Array:
+    def _values(self, estimate: Array) -> Array:
         return estimate
 
-    def _run(self, values: Array, output: Array, rows: Array) -> int:
-        law, n = self._law, len(values)
+    def _run(self, output: Samples, rows: Array) -> int:
+        law, n = self._law, rows.shape[1]
         room = max(len(part.parent) for part in law[:-1])
-        inner = np.empty(len(law.inner.start) - 1)
-        return _run(law, Work(np.empty(room), inner, np.empty(n * n)), self.step_size, output, rows)
+        work = Work(np.empty(room), np.empty(len(law.inner.start) - 1), np.empty(n * n))
+        return _run(law, work, self.sampling_period, output.right, output.left, rows)
 
-    def _read(self, rows: Array) -> tuple[Array, None]:
-        return rows, None
+    def _estimates(self, rows: Array) -> dict[str, Array]:
+        return {"state": rows}
 
 
 @kernel
 def _run(  # noqa: PLR0912, see below
-    law: Law, work: Work, step: float, output: Array, rows: Array
+    law: Law, work: Work, step: float, output: Array, output_before: Array, rows: Array
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows.
 
@@ -104,8 +105,9 @@ def _run(  # noqa: PLR0912, see below
     measured, slopes, x = np.empty((3, n)), np.empty((4, n)), np.empty(n)
     values = work.values
     for k in range(len(rows) - 1):
-        for j in range(3):
+        for j in range(2):
             evaluate(law.injection, output[2 * k + j], work.monomials, measured[j])
+        evaluate(law.injection, output_before[2 * k + 2], work.monomials, measured[2])
         for stage in range(4):
             for i in range(n):
                 x[i] = rows[k, i]

@@ -9,13 +9,16 @@ start is z = S(x^).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.numerics.kernel import kernel
+from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
 from reobserve.power_series.maps import PolynomialMap
@@ -23,9 +26,14 @@ from reobserve.power_series.maps import PolynomialMap
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class TransformedObserver(NormalFormObserver):
-    """The observer (9), (10) with T up to the degree ``order + 1``."""
+    """The observer (9), (10) with T up to the degree ``order + 1``.
+
+    Its estimates are ``state``, x^, and ``coordinates``, z, both of shape (k, n).
+    """
+
+    units: ClassVar[Mapping[str, str]] = {"state": "", "coordinates": ""}
 
     @cached_property
     def T(self) -> PolynomialMap:
@@ -37,7 +45,7 @@ class TransformedObserver(NormalFormObserver):
         """e^(A h), and the weights of l(y) at the start, the middle and the end of a step."""
         from scipy.linalg import expm
 
-        A, h = self.normal_form.problem.A, self.step_size
+        A, h = self.normal_form.problem.A, self.sampling_period
         n = len(A)
         # The exponential of this block matrix holds in its first row e^(A h) and the integrals
         # of e^(A (h - s)) s^k / k! over a step, k = 0, 1, 2.
@@ -50,31 +58,37 @@ class TransformedObserver(NormalFormObserver):
         weights = np.array([I0 - 3.0 * I1 + 2.0 * I2, 4.0 * I1 - 4.0 * I2, 2.0 * I2 - I1])
         return np.ascontiguousarray(row[:, 0]), weights
 
-    def _start(self, estimate: Array) -> Array:
+    def _values(self, estimate: Array) -> Array:
         # Of series in fractions the values are no floats.
         return np.asarray(self.normal_form.S.upto(self.order + 1)(estimate), dtype=np.float64)
 
-    def _run(self, values: Array, output: Array, rows: Array) -> int:
+    def _run(self, output: Samples, rows: Array) -> int:
         transition, weights = self._transition
         injection = polynomials(self.normal_form.problem.injection)
-        return _run(transition, weights, injection, output, rows)
+        return _run(transition, weights, injection, output.right, output.left, rows)
 
-    def _read(self, rows: Array) -> tuple[Array, Array]:
+    def _estimates(self, rows: Array) -> dict[str, Array]:
         estimate = np.empty_like(rows)
         _evaluate_rows(polynomials(self.T), rows, estimate)
-        return estimate, rows
+        return {"state": estimate, "coordinates": rows}
 
 
 @kernel
 def _run(
-    transition: Array, weights: Array, injection: Polynomials, output: Array, rows: Array
+    transition: Array,
+    weights: Array,
+    injection: Polynomials,
+    output: Array,
+    output_before: Array,
+    rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows."""
     n = rows.shape[1]
     room, fed = np.empty(len(injection.parent)), np.empty((3, n))
     for k in range(len(rows) - 1):
-        for j in range(3):
+        for j in range(2):
             evaluate(injection, output[2 * k + j], room, fed[j])
+        evaluate(injection, output_before[2 * k + 2], room, fed[2])
         for i in range(n):
             after = 0.0
             for c in range(n):

@@ -62,11 +62,11 @@ def plant_grid(plant: Recorded, most_steps: int) -> tuple[int, float]:
         return multiple("horizon", horizon, step, "the step"), step
 
 
-def stride(plant: Recorded, step_size: Any) -> int:
+def stride(plant: Recorded, sampling_period: Any) -> int:
     """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
     step = as_positive("plant.step", plant.step)
-    half = 0.5 * as_positive("step_size", step_size)
-    return multiple("step_size", half, step, "plant.step, two in a step")
+    half = 0.5 * as_positive("sampling_period", sampling_period)
+    return multiple("sampling_period", half, step, "plant.step, two in a step")
 
 
 def noise_hold(plant: Noisy) -> int:

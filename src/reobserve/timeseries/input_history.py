@@ -31,7 +31,7 @@ class InputHistory:
 
     Parameters
     ----------
-    step_size
+    sampling_period
         [s].
     right
         u and u' [1/s], shape (2 m + 1, 2): at both ends and in the middle of each of m steps.
@@ -44,13 +44,13 @@ class InputHistory:
         If a shape is wrong or a sample is not finite.
     """
 
-    step_size: float
+    sampling_period: float
     right: Array
     left: Array
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "step_size", as_positive("step_size", self.step_size))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         right, left = samples_with_limits("right", self.right, self.left, "left")
         put(self, "right", right)
         put(self, "left", left)
@@ -67,7 +67,7 @@ class InputHistory:
         """
         right, left = samples_with_limits("right", right, left, "left")
         return InputHistory(
-            self.step_size,
+            self.sampling_period,
             np.concatenate([self.right[:-1], right]),
             np.concatenate([self.left, left[1:]]),
         )
@@ -83,7 +83,18 @@ class InputHistory:
         if not 1 <= (steps := as_whole("steps", steps, 0)) <= self.steps:
             raise InputError("steps", f"{steps} must be from 1 to the {self.steps} that there are")
         rows = 2 * steps + 1
-        return InputHistory(self.step_size, self.right[-rows:].copy(), self.left[-rows:].copy())
+        return InputHistory(
+            self.sampling_period, self.right[-rows:].copy(), self.left[-rows:].copy()
+        )
+
+    def halved(self) -> InputHistory:
+        """The same over twice as many steps, each half with the polynomial of its whole."""
+        rows = 2 * len(self.right) - 1
+        finer = self.at((rows - 1 - np.arange(rows)) * (0.25 * self.sampling_period))
+        finer[::2] = self.right
+        before = finer.copy()
+        before[::2] = self.left
+        return InputHistory(0.5 * self.sampling_period, finer, before)
 
     def at(self, ago: ArrayLike) -> Array:
         """Values of u and u' ``ago`` seconds, shape (k,), before the end; shape (k, 2).
@@ -94,10 +105,10 @@ class InputHistory:
             If an instant is not inside the history.
         """
         times = as_floats("ago", ago)
-        span = self.steps * self.step_size
+        span = self.steps * self.sampling_period
         if times.ndim != 1 or np.any(times < 0) or np.any(times > span * (1 + 1e-12)):
             raise InputError("ago", f"must be a list of times from 0 to {span:g} s")
-        return _at(self.right, self.left, self.step_size, times)
+        return _at(self.right, self.left, self.sampling_period, times)
 
 
 def samples_with_limits(

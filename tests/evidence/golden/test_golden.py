@@ -29,7 +29,7 @@ from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, copy_project
 ONLY_REFUSED = {
     "ilo": (".update_interval", ".noise_period", ".integral_gains", ".noise_levels"),
     "lie": (".order", ".orders", ".degree", ".points"),  # whole numbers
-    "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.step_size"),
+    "delay": (".order", ".noise_period", ".mean_delay", ".sampling", "relay.sampling_period"),
     "imm": (".plain.period", ".step.period", ".share", ".clock", ".order"),
 }
 # Others are names in the form of numbers, no constants: whole keys, and places inside a value.

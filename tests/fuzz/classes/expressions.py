@@ -53,7 +53,7 @@ def make(random: Random) -> Case:
     changed: dict[str, Any] = {}
     if random.random() < 0.3:
         name = random.choice(
-            ["order", "poles", "step_size", "variables", "output", "degree", "expanded"]
+            ["order", "poles", "sampling_period", "variables", "output", "degree", "expanded"]
         )
         odd = [
             0,
@@ -93,8 +93,8 @@ def examples() -> Iterator[Case]:
 def case(texts: list[str], changed: dict[str, Any]) -> Case:
     """Make an observer from it."""
     arguments: dict[str, Any] = {
-        "dynamics": texts, "output": ["a"], "variables": ["a", "w"], "order": 2, "step_size": 0.01,
-        "poles": [-1.5, -2], "expanded": 3, **changed,
+        "dynamics": texts, "output": ["a"], "variables": ["a", "w"], "order": 2,
+        "sampling_period": 0.01, "poles": [-1.5, -2], "expanded": 3, **changed,
     }  # fmt: skip
     return Case(f"{texts!r:.200} {changed!r:.100}", lambda: normal_form_observer(**arguments))
 

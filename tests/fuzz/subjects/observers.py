@@ -83,7 +83,7 @@ def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> 
 
 
 def recorded(
-    observer: Any, started: tuple[Any, ...], y: Any, u: Any, takes: tuple[str, ...] = ()
+    observer: Any, started: tuple[Any, ...], y: Any, u: Any = None, takes: tuple[str, ...] = ()
 ) -> Iterator[Subject]:
     """Start an observer, run it over a record and step it, with all that it may be told."""
 
@@ -100,7 +100,8 @@ def recorded(
     state, time = observer.init(*started), observer.sampling_period * np.arange(len(y))
     yield subject(observer.init, *started, of=observer)
     yield Subject(f"{name}.run", run, (y, u, state, time, (y, u), (y, u), "raise"), takes)
-    yield Subject(f"{name}.step", step, (state, y[0], u[0], (y[0], u[0]), (y[0], u[0])), takes)
+    row = y[0], None if u is None else u[0]
+    yield Subject(f"{name}.step", step, (state, *row, row, row), takes)
 
 
 def _rigid_bodies() -> Iterator[Subject]:
@@ -128,25 +129,23 @@ def _delays() -> Iterator[Subject]:
     for kind, parameters in arguments.items():
         yield subject(kind, *plain, *parameters)
         estimator = kind(*plain, *parameters)
-        output = np.tile(np.sin(HALF)[:, None], (1, estimator.output_columns))
-        samples = (output, past), (output[:3], past[:3])
-        yield from used(estimator, (0.05, 0.0, past), *samples)
+        output = np.tile(np.sin(HALF)[:, None], (1, estimator.measurements))
+        yield from recorded(estimator, (0.0, 0.05, past), output, past)
+        yield from recorded(estimator, (0.0, 0.05, past[:, 0]), output[:, 0], past[:, 0])
 
 
 def _high_gains() -> Iterator[Subject]:
     model = pendulum(9.81, 0.5, 0.2, 0.3)
     y = 0.1 * np.cos(HALF)
     yield subject(HighGainObserver, model, 10.0, 0.01)
-    yield from used(
-        HighGainObserver(model, 10.0, 0.01), ([0.1, 0.0],), (y, 0 * y), (y[:3], 0 * y[:3])
-    )
+    yield from recorded(HighGainObserver(model, 10.0, 0.01), ([0.1, 0.0],), y, 0 * y)
     arguments = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
     yield subject(ExtendedHighGainObserver, *arguments)
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])
-    samples = (y, inputs), (y[:3], inputs[:3])
-    yield from used(ExtendedHighGainObserver(*arguments), ([0.0], 0.5), *samples)
+    for u in (inputs, inputs[:, 0]):
+        yield from recorded(ExtendedHighGainObserver(*arguments), ([0.0], 0.5), y, u)
     yield subject(LevantDifferentiator, 1.0, 0.01, 2, [3.0, 1.5, 1.0], False)
-    yield from used(LevantDifferentiator(1.0, 0.01), ([0.0, 0.0, 0.0],), (y,), (0.1,))
+    yield from recorded(LevantDifferentiator(1.0, 0.01), ([0.0, 0.0, 0.0],), y)
 
 
 def _filters() -> Iterator[Subject]:
@@ -187,13 +186,13 @@ def _normal_forms() -> Iterator[Subject]:
 
     def observer(order: Any, step: Any, poles: Any, form: Any, gain: Any, degree: Any) -> object:
         return normal_form_observer(
-            ["-w", "a - (1 - a**2)*w"], ["a"], ["a", "w"], order=order, step_size=step, poles=poles,
-            form=form, gain=gain, degree=degree, expanded=3,
+            ["-w", "a - (1 - a**2)*w"], ["a"], ["a", "w"], order=order, sampling_period=step,
+            poles=poles, form=form, gain=gain, degree=degree, expanded=3,
         )  # fmt: skip
 
     def injected(injection: Any, variables: Any) -> object:
         return normal_form_observer(
-            ["-w", "a - (1 - a**2)*w"], ["a"], variables, order=1, step_size=0.01,
+            ["-w", "a - (1 - a**2)*w"], ["a"], variables, order=1, sampling_period=0.01,
             injection=injection,
         )  # fmt: skip
 
@@ -206,4 +205,4 @@ def _normal_forms() -> Iterator[Subject]:
     yield subject(IdentityObserver, series, 2, 0.01, "series")
     yield subject(TransformedObserver, series, 2, 0.01)
     for one in (IdentityObserver(series, 2, 0.01), TransformedObserver(series, 2, 0.01)):
-        yield from used(one, ([0.1, 0.0],), (y,), (y[:3],))
+        yield from recorded(one, ([0.1, 0.0],), y)

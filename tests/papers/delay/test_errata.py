@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.plants.delayed_input import DelayedInputPlant
@@ -48,7 +49,7 @@ def with_derivatives(control: Signal, order: int, time: Array) -> Array:
 @cache
 def delay_error(applied: str, rho: float, order: int, threshold: float, end: float) -> Array:
     """tau^ - tau at the ends of steps."""
-    delay = observed(Case(applied, rho, order, threshold), STEP, end).delay
+    delay = observed(Case(applied, rho, order, threshold), STEP, end)["delay"]
     return delay - PROFILE(STEP * np.arange(len(delay)))[:, 0]
 
 
@@ -117,9 +118,9 @@ def test_the_printed_differentiator_makes_the_observer_useless_without_any_noise
     found = {}
     for printed in (False, True):
         law = LevantDifferentiator(0.11, 0.5 * STEP, 2, (3.0, 1.5, 1.0), printed)
-        rates = law.run(exact[:, 0], law.init()).estimate[:, 1:]
-        inputs = np.column_stack([exact[:, 0], rates])
-        delay = built.run(y, inputs, built.init([0.0, 0.0], FIRST_DELAY)).delay
+        rates = law.run(exact[:, 0], state=law.init(np.zeros(3)))["derivatives"][:, 1:]
+        inputs, start = np.column_stack([exact[:, 0], rates]), built.init([0.0, 0.0], FIRST_DELAY)
+        delay = run_on_halves(built, y, inputs, state=start)["delay"]
         error = delay - PROFILE(STEP * np.arange(len(delay)))[:, 0]
         found[printed] = rms_of(seconds(error, 5, 60))
     known = rms_of(seconds(delay_error("sine", 2.5, 2, 0.7, 60.0), 5, 60))
@@ -167,8 +168,8 @@ def test_on_the_sine_it_does_not_for_m_1() -> None:
 def test_both_orders_are_the_same_on_a_ramp_to_the_last_bit() -> None:
     for dynamic in (False, True):
         first, second = (observed(Case("ramp", 5.0, m, dynamic=dynamic), STEP, 120) for m in (1, 2))
-        assert np.array_equal(first.delay, second.delay)
-        assert np.array_equal(first.estimate, second.estimate)
+        assert np.array_equal(first["delay"], second["delay"])
+        assert np.array_equal(first["state"], second["state"])
 
 
 def test_a_constant_delay_is_found_with_the_slow_pole() -> None:
@@ -226,8 +227,8 @@ def late_delays(states: int, order: int, rho: float, control: Signal) -> tuple[A
     )
     built = ExtendedHighGainObserver(MODELS[states], STEP, rho, order, (0.0, 1.5))
     start = built.init(np.zeros(states), FIRST_DELAY)
-    run = built.run(x[:, 0].copy(), with_derivatives(control, order, time), start)
-    return time[::2][-2000:], run.delay[-2000:]
+    run = run_on_halves(built, x[:, 0], with_derivatives(control, order, time), state=start)
+    return time[::2][-2000:], run["delay"][-2000:]
 
 
 @pytest.mark.parametrize("states", MODELS)
@@ -256,7 +257,7 @@ def test_any_size_and_any_order_within_the_bound_of_taylor(states: int, order: i
 
 def test_the_observer_is_off_around_the_singular_instants_and_not_the_printed_ones() -> None:
     """0.2 t = pi/2 [pi]; printed is 0.15 t = pi/2 [2 pi]."""
-    off = observed(Case("sine", 2.5, 1, 0.7), STEP, 120.0).switched_off
+    off = observed(Case("sine", 2.5, 1, 0.7), STEP, 120.0)["switched_off"][1:]
     at = STEP * (np.arange(len(off)) + 0.5)
     edges = np.flatnonzero(np.abs(np.diff(off > 0.5)))
     centres = at[edges].reshape(-1, 2).mean(axis=1)
@@ -281,7 +282,7 @@ def test_the_form_that_is_called_upper_triangular_must_be_lower_triangular() -> 
         plant = DelayedInputPlant(model)
         x = plant.simulate([0, 1], signal(sine(1, 1)), signal(constant(0)), 0.5 * STEP, 4000)
         built = HighGainObserver(model, 5.0, STEP)
-        estimate = built.run(x[:, 0].copy(), known, built.init([0, 0])).estimate
+        estimate = run_on_halves(built, x[:, 0], known, state=built.init([0, 0]))["state"]
         found.append(np.max(np.abs(estimate[-1] - x[-1])))
     assert found[0] < 1e-8
     assert found[1] > 1e3
@@ -294,13 +295,14 @@ def test_the_threshold_of_example_1_would_keep_the_observer_of_example_2_off() -
     u, at = with_derivatives(SINE, 2, time), time[::2]
     for order in (1, 2):
         built = ExtendedHighGainObserver(LAG.model, STEP, 5.0, order, (0.0, 1.5), 0.7)
+        start = built.init([0.0], FIRST_DELAY)
         with pytest.warns(SwitchedOffWarning, match="100 %"):
-            run = built.run(x, u[:, : order + 1], built.init([0.0], FIRST_DELAY))
-        assert np.all(run.delay == FIRST_DELAY)
+            run = run_on_halves(built, x, u[:, : order + 1], state=start)
+        assert np.all(run["delay"] == FIRST_DELAY)
     scaled = ExtendedHighGainObserver(LAG.model, STEP, 5.0, 2, (0.0, 1.5), 0.7 / 20)
     with warnings.catch_warnings():
         warnings.simplefilter("error", SwitchedOffWarning)
-        delay = scaled.run(x, u, scaled.init([0.0], FIRST_DELAY)).delay
+        delay = run_on_halves(scaled, x, u, state=scaled.init([0.0], FIRST_DELAY))["delay"]
     error = delay - PROFILE(at)[:, 0]
     spans = ((12, 20), (32, 40), (52, 60), (66, 120))
     rms = [rms_of(seconds(error, *span)) for span in spans]

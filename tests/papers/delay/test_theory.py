@@ -241,12 +241,12 @@ def test_without_a_threshold_the_law_for_m_2_ends_where_xi_does(step: float) -> 
     case = Case("sine", 2.5, 2, dynamic=True)
     run = observed(case, step, 10.0)
     assert run.diverged_at == pytest.approx(8.53, abs=0.05)
-    time = step * np.arange(len(run.delay))
+    time = step * np.arange(len(run))
     second = -0.04 * np.sin(0.2 * time)
-    xi = GAIN * (-0.2 * np.cos(0.2 * time) + 0.5 * second * run.delay)
-    error = run.estimate[:, 0] - record("sine", step, 10.0)[0][::2][: len(time)]
+    xi = GAIN * (-0.2 * np.cos(0.2 * time) + 0.5 * second * run["delay"])
+    error = run["state"][:, 0] - record("sine", step, 10.0)[0][::2][: len(time)]
     third = -0.008 * np.cos(0.2 * time)
-    slope = -GAIN * second * 2.5**3 * error + 2 * xi * GAIN * (0.5 * third * run.delay - second)
+    slope = -GAIN * second * 2.5**3 * error + 2 * xi * GAIN * (0.5 * third * run["delay"] - second)
     before = slice(round(8.3 / step), round(8.48 / step))
     assert np.gradient(xi**2, step)[before] == pytest.approx(slope[before], rel=0.01)
     assert np.all(xi[before] < 0)

@@ -10,7 +10,8 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import ConvergenceWarning, Run, State
+from reobserve.observers.normal_form_observer import ConvergenceWarning, State
+from reobserve.observers.run import Run
 from reobserve.power_series.expressions import from_expressions
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.convergence import convergence, part_norms, warning
@@ -168,7 +169,8 @@ def test_the_warning_says_how_far_how_long_and_when() -> None:
 def test_check_domain_warns_and_returns_the_sentence() -> None:
     observer = IdentityObserver(scalar(1, 1, -0.5, 13), 4, 0.1)
     inside, outside = (
-        Run(np.array([[0.0], [top]]), None, State(np.zeros(1)), None) for top in (0.9, 1.1)
+        Run(np.arange(2.0), {"state": np.array([[0.0], [top]])}, {}, State(np.zeros(1)))
+        for top in (0.9, 1.1)
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")

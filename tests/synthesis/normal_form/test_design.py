@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from reobserve.errors import InputError
 from reobserve.models.polynomial import PolynomialSystem
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
@@ -65,16 +66,18 @@ def test_one_call_for_a_system_of_ones_own(name: str, form: str) -> None:
     described, poles, start = SYSTEMS[name]
     step, steps = 0.02, 800
     x, y = simulated(described, start, np.arange(2 * steps + 1) * step / 2)
-    observer = normal_form_observer(*described, order=6, step_size=step, poles=poles, form=form)
+    observer = normal_form_observer(
+        *described, order=6, sampling_period=step, poles=poles, form=form
+    )
     reached = np.linalg.eigvals(np.asarray(observer.normal_form.problem.A))
     np.testing.assert_allclose(np.poly(reached), np.poly(poles), atol=1e-9)
-    run = observer.run(pd.DataFrame(y), observer.init([0.0] * len(start)))
-    error = np.linalg.norm(run.estimate - x[::2], axis=1)
+    run = run_on_halves(observer, y, state=observer.init([0.0] * len(start)))
+    error = np.linalg.norm(run["state"] - x[::2], axis=1)
     assert run.diverged_at is None
     # Left over: the error of the integrator, and what the cut-off T leaves out.
     assert error[-1] < (1e-6 if form == "identity" else 1e-3) * error[0]
-    listed = observer.run(y.tolist(), observer.init(np.zeros(len(start))))
-    assert listed.estimate.tobytes() == run.estimate.tobytes()
+    listed, framed = observer.run(y.tolist()), observer.run(pd.DataFrame(y))
+    assert listed["state"].tobytes() == framed["state"].tobytes()
 
 
 @pytest.mark.parametrize("gain", GAINS)
@@ -87,19 +90,19 @@ def test_one_call_is_the_construction_step_by_step(gain: str) -> None:
         IdentityObserver(series, 4, 0.02, gain), TransformedObserver(series, 4, 0.02)
     ]  # fmt: skip
     for form, other in zip(("identity", "transformed"), by_hand, strict=True):
-        how: dict[str, Any] = {"order": 4, "step_size": 0.02, "form": form, "gain": gain}
+        how: dict[str, Any] = {"order": 4, "sampling_period": 0.02, "form": form, "gain": gain}
         for given in ({"poles": [-1.2, -2.1]}, {"injection": injection}):
             one = normal_form_observer(*DUFFING, **how, **given)
-            left, right = (o.run(y, o.init([0.1, 0.0])) for o in (one, other))
-            assert left.estimate.tobytes() == right.estimate.tobytes()
+            left, right = (o.run(y, state=o.init([0.1, 0.0])) for o in (one, other))
+            assert left["state"].tobytes() == right["state"].tobytes()
             assert left.state.values.tobytes() == right.state.values.tobytes()
 
 
 def test_symbols_of_sympy_serve_as_text_does() -> None:
     angle, rate = sympy.symbols("angle rate", real=True)
     one = normal_form_observer([rate, -sympy.sin(angle) - rate / 5], [angle], [angle, rate],
-                               order=4, step_size=0.1, poles=[-1, -1.7])  # fmt: skip
-    other = normal_form_observer(*PENDULUM, order=4, step_size=0.1, poles=[-1, -1.7])
+                               order=4, sampling_period=0.1, poles=[-1, -1.7])  # fmt: skip
+    other = normal_form_observer(*PENDULUM, order=4, sampling_period=0.1, poles=[-1, -1.7])
     np.testing.assert_allclose(
         one.normal_form.gain.coefficients, other.normal_form.gain.coefficients, rtol=1e-14
     )
@@ -107,9 +110,9 @@ def test_symbols_of_sympy_serve_as_text_does() -> None:
 
 def test_the_domain_can_be_checked_after_one_call() -> None:
     """The series of f go up to degree 25, enough for the radius, though the gain is of order 4."""
-    observer = normal_form_observer(["x - x**2"], ["x"], ["x"], order=4, step_size=0.1,
+    observer = normal_form_observer(["x - x**2"], ["x"], ["x"], order=4, sampling_period=0.1,
                                     poles=[-0.5], degree=25)  # fmt: skip
-    run = observer.run(np.full((41, 1), 0.5), observer.init([0.5]))
+    run = observer.run(np.full((41, 1), 0.5), state=observer.init([0.5]))
     assert observer.check_domain(run) is None
 
 
@@ -195,12 +198,12 @@ REVERSED = (["-x2", "-(1 - x1**2)*x2 + x1"], ["x1"], ["x1", "x2"])
 def test_resonant_poles_are_refused_with_m_and_lambda() -> None:
     """alpha = (-1 +- sqrt(3) i) / 2, whose sum is -1: -2 is 2 alpha1 + 2 alpha2."""
     with pytest.raises(InputError) as caught:
-        normal_form_observer(*REVERSED, order=3, step_size=0.1, poles=[-2, -3.5])
+        normal_form_observer(*REVERSED, order=3, sampling_period=0.1, poles=[-2, -3.5])
     said = str(caught.value)
     for part in ("the eigenvalue -2", "m = (2, 2)", "alpha = -0.5+0.866025j, -0.5-0.866025j",
                  "a degree below 4"):  # fmt: skip
         assert part in said
-    below = normal_form_observer(*REVERSED, order=2, step_size=0.1, poles=[-2, -3.5])
+    below = normal_form_observer(*REVERSED, order=2, sampling_period=0.1, poles=[-2, -3.5])
     assert below.normal_form.S.degree == 3
 
 

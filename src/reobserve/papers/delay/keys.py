@@ -88,7 +88,7 @@ class Extended:
     threshold: NotNegative
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
-    step_size: Positive
+    sampling_period: Positive
     lambdas: Annotated[Levels, vector(3)] | None = None
     L: Positive | None = None
     sampling: Positive | None = None
@@ -111,7 +111,7 @@ class Standard:
     rho: Positive
     mean_delay: Positive
     initial_estimate: State
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -123,7 +123,7 @@ class LeastSquares:
     initial_covariance: Positive
     forgetting: NotNegative
     initial_delay: float
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -136,7 +136,7 @@ class Adaptive:
     forgetting: Positive
     adaptation_gain: Positive
     initial_delay: float
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -148,7 +148,7 @@ class Relay:
     relay_gain: Positive
     relay_on: Literal["delay", "inverse"]
     initial_delay: float
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -166,7 +166,7 @@ class Tradeoff:
     rhos: Levels
     runs: Annotated[int, within(1, 100_000)]
     away: NotNegative
-    step_size: Positive
+    sampling_period: Positive
     title: str = ""
 
 
@@ -212,7 +212,7 @@ class Theory:
     derivative_errors: Levels
     noises: Levels
     faster: Positive
-    step_size: Positive
+    sampling_period: Positive
     cases: Count
 
 

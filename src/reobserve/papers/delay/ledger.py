@@ -17,11 +17,11 @@ def check(ledger: keys.Ledger) -> None:
     for name, observer in ledger.observers.items():
         with building(f"observers.{name}"):
             observe.build(Job(ledger.plant, observer=observer))
-            stride(ledger.plant, observer.step_size)
+            stride(ledger.plant, observer.sampling_period)
     _check_studies(ledger)
     _check_models(ledger)
     with located("theory"):
-        stride(ledger.plant, ledger.theory.step_size)
+        stride(ledger.plant, ledger.theory.sampling_period)
         for name, kind in NEEDED.items():
             named(ledger.observers, name, kind)
         named(ledger.observers, "order2_noise", keys.Extended).levant()
@@ -35,7 +35,7 @@ def _check_studies(ledger: keys.Ledger) -> None:
     for name, study in ledger.studies.items():
         if isinstance(study, keys.Tradeoff):
             with located(f"studies.{name}"):
-                stride(ledger.plant, study.step_size)
+                stride(ledger.plant, study.sampling_period)
                 for observer in study.observers:
                     named(ledger.observers, observer, keys.Extended)
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.numerics.matrices import as_vector
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
 from reobserve.papers.delay.setup import UNITS, build_model, delay_bounds
@@ -35,7 +37,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     """
     job = read_job(keys.Ledger, settings)
     observer = job.observer
-    every = stride(job.plant, observer.step_size)
+    every = stride(job.plant, observer.sampling_period)
     channels = _RUNS[observer.algorithm](job, plant, every)
     return Series(plant.time[:: 2 * every], channels, plant.events)
 
@@ -43,9 +45,11 @@ def estimate(settings: Settings, plant: Series) -> Series:
 def build_extended(job: Job) -> ExtendedHighGainObserver:
     """The extended observer that an ``observers`` branch states; `InputError` if it cannot be."""
     observer = job.observer
-    built = ExtendedHighGainObserver(
-        build_model(job.plant, observer.model),
-        observer.step_size,
+    model = build_model(job.plant, observer.model)
+    _check_start(job, model.states)
+    return ExtendedHighGainObserver(
+        model,
+        observer.sampling_period,
         observer.rho,
         observer.order,
         delay_bounds(job.plant),
@@ -53,17 +57,14 @@ def build_extended(job: Job) -> ExtendedHighGainObserver:
         observer.switched,
         None if observer.initial_matrix == "algebraic" else observer.initial_matrix,
     )
-    built.init(observer.initial_estimate, observer.initial_delay)
-    return built
 
 
 def build_standard(job: Job) -> HighGainObserver:
     """The standard observer that an ``observers`` branch states; `InputError` if it cannot be."""
     observer = job.observer
     model = build_model(job.plant, observer.model)
-    built = HighGainObserver(model, observer.rho, observer.step_size)
-    built.init(observer.initial_estimate)
-    return built
+    _check_start(job, model.states)
+    return HighGainObserver(model, observer.rho, observer.sampling_period)
 
 
 def build_estimator(job: Job) -> DelayEstimator:
@@ -76,7 +77,7 @@ def build_estimator(job: Job) -> DelayEstimator:
     """
     observer: keys.Estimator = job.observer
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
-    common = (rate, gain, delay_bounds(job.plant), observer.step_size)
+    common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
     match observer:
         case keys.LeastSquares():
             return LeastSquaresDelayEstimator(
@@ -108,12 +109,18 @@ def build(settings: Settings) -> Any:
     if isinstance(observer, keys.Standard):
         records.check_mean_delay(job, observer.mean_delay)
         return build_standard(job)
-    least, most = delay_bounds(job.plant)
-    if not least <= observer.initial_delay <= most:
-        raise InputError(
-            "initial_delay", f"{observer.initial_delay:g} s must be from {least:g} to {most:g} s"
-        )
+    _check_start(job)
     return build_estimator(job)
+
+
+def _check_start(job: Job, states: int = 0) -> None:
+    """What an observer of so many states starts from, by the keys of its branch."""
+    observer, (least, most) = job.observer, delay_bounds(job.plant)
+    if states:
+        as_vector("initial_estimate", observer.initial_estimate, states)
+    delay = getattr(observer, "initial_delay", least)
+    if not least <= delay <= most:
+        raise InputError("initial_delay", f"{delay:g} s must be from {least:g} to {most:g} s")
 
 
 Found = dict[str, Channel]
@@ -124,19 +131,16 @@ def _extended(job: Job, plant: Series, every: int) -> Found:
     built = build_extended(job)
     y, y_before = records.output(plant)
     u, u_before = records.inputs(job, observer, plant)
-    run = built.run(
-        y[::every],
-        u[::every],
-        built.init(observer.initial_estimate, observer.initial_delay),
-        y_before[::every],
-        u_before[::every],
-    )
+    run = run_on_halves(
+        built, y[::every], u[::every],
+        state=built.init(observer.initial_estimate, observer.initial_delay),
+        y_before=y_before[::every], u_before=u_before[::every],
+    )  # fmt: skip
     unit = UNITS[observer.model][0]
-    off = np.concatenate([[0.0], run.switched_off])
     return {
-        "state": Channel(run.estimate, unit),
-        "delay": Channel(run.delay, "s"),
-        "off": Channel(off, "1"),
+        "state": Channel(run["state"], unit),
+        "delay": Channel(run["delay"], "s"),
+        "off": Channel(run["switched_off"], "1"),
     }
 
 
@@ -145,21 +149,27 @@ def _standard(job: Job, plant: Series, every: int) -> Found:
     built = build_standard(job)
     y, y_before = records.output(plant)
     u, u_before = records.delayed_input(job, plant, observer.mean_delay)
-    start = built.init(observer.initial_estimate)
-    run = built.run(y[::every], u[::every], start, y_before[::every], u_before[::every])
-    return {"state": Channel(run.estimate, UNITS[observer.model][0])}
+    run = run_on_halves(
+        built, y[::every], u[::every], state=built.init(observer.initial_estimate),
+        y_before=y_before[::every], u_before=u_before[::every],
+    )  # fmt: skip
+    return {"state": Channel(run["state"], UNITS[observer.model][0])}
 
 
 def _estimator(job: Job, plant: Series, every: int) -> Found:
     observer = job.observer
     built = build_estimator(job)
     x = plant["state"]
-    if built.output_columns == 2:
+    if built.measurements == 2:
         rate, gain = build_model(job.plant, "lag").parameters
         x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
     past, control = records.past_and_present(job, plant, every)
-    run = built.run(x[::every], control, built.init(observer.initial_delay, float(x[0, 0]), past))
-    return {"delay": Channel(run.delay, "s")}
+    start = built.init(
+        float(x[0, 0]), observer.initial_delay, past[::2],
+        middle=np.concatenate([past[:1], past[1::2]]),
+    )  # fmt: skip
+    run = run_on_halves(built, x[::every], control, state=start)
+    return {"delay": Channel(run["delay"], "s")}
 
 
 _RUNS: dict[str, Callable[[Job, Series, int], Found]] = {

@@ -115,6 +115,6 @@ def _note(job: Job) -> str:
         )
     return (
         f"ρ = {first.rho:g}, τ̂(0), x(0), x̂(0), S(0) of Table I. Chosen here: {noise},\n"
-        f"the dynamic equation of S, Runge-Kutta steps of {1000 * first.step_size:g} ms, and "
+        f"the dynamic equation of S, Runge-Kutta steps of {1000 * first.sampling_period:g} ms, and "
         "that below the threshold only the gain of the delay is switched off."
     )

@@ -62,8 +62,10 @@ def _differentiated(job: Job, observer: keys.Extended, u: Array) -> Array:
     Between two of its samples the differentiator runs on without correction: u' along u''.
     """
     found = differentiator(job, observer)
-    every = round(found.period / job.plant.step)
-    estimate = found.run(u[::every], found.init()).estimate
+    every = round(found.sampling_period / job.plant.step)
+    samples = u[::every]
+    start = found.init(np.zeros(found.order + 1))
+    estimate = found.run(samples, state=start)["derivatives"]
     index = np.arange(len(u))
     rates = estimate[index // every, 1:].copy()
     rates[:, 0] += rates[:, 1] * (index % every) * job.plant.step
@@ -120,7 +122,7 @@ def past_and_present(job: Job, plant: Series, every: int) -> Pair:
         If the greatest delay is no multiple of the step of the observer, ``2 every`` samples.
     """
     most = delay_bounds(job.plant)[1]
-    first = multiple("step_size", most, 2 * every * plant.step, "the step") * 2 * every
+    first = multiple("sampling_period", most, 2 * every * plant.step, "the step") * 2 * every
     past = np.column_stack([plant["past_input"], plant["past_derivatives"][:, 0]])
     present = np.column_stack([plant["input"], plant["input_derivatives"][:, 0]])
     return past[: first + 1 : every], present[::every]

@@ -19,6 +19,7 @@ from reobserve.errors import located
 from reobserve.ledger.types import Job
 from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay.observe import build_extended
 from reobserve.papers.delay.scoring import root_mean_square
 from reobserve.timeseries.grid import noise_hold, stride
@@ -45,10 +46,12 @@ def run(job: Job, plant: Series) -> list[Row]:
     tasks = []
     for (name, body), rho in product(job.observers.items(), study.rhos):
         # Errors are counted long after the dynamic gain has come to rest at the algebraic one.
-        changed = replace(body, rho=rho, step_size=study.step_size, initial_matrix="algebraic")
+        changed = replace(
+            body, rho=rho, sampling_period=study.sampling_period, initial_matrix="algebraic"
+        )
         with located(f"observers.{name}"):
             tasks.append((name, rho, build_extended(Job(job.plant, observer=changed))))
-    every = stride(job.plant, study.step_size)
+    every = stride(job.plant, study.sampling_period)
     scored = _scored(plant, study.away)[:: 2 * every]
     true = plant["delay"][:: 2 * every], plant["state"][:: 2 * every, 0]
     rates = plant["input_derivatives"][::every]
@@ -64,8 +67,11 @@ def run(job: Job, plant: Series) -> list[Row]:
             ) -> list[Array]:
                 observer = task[2]
                 inputs = [np.column_stack([part, rates[:, : observer.order]]) for part in u]
-                found = observer.run(y[0], inputs[0], observer.init(*start), y[1], inputs[1])
-                estimates = (found.delay, found.estimate[:, 0])
+                found = run_on_halves(
+                    observer, y[0], inputs[0], state=observer.init(*start), y_before=y[1],
+                    u_before=inputs[1],
+                )  # fmt: skip
+                estimates = (found["delay"], found["state"][:, 0])
                 return [
                     root_mean_square((estimate - truth)[scored])
                     for estimate, truth in zip(estimates, true, strict=True)

@@ -62,7 +62,8 @@ def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
 
 def _errors(body: keys.Levant, truth: Array, noise: Array, printed: bool) -> Array:
     law = LevantDifferentiator(body.L, body.sampling, keys.MOST_DERIVATIVES, body.lambdas, printed)
-    found: Array = law.run(truth[:, 0] + noise, law.init()).estimate - truth
+    start = law.init(np.zeros(keys.MOST_DERIVATIVES + 1))
+    found: Array = law.run(truth[:, 0] + noise, state=start)["derivatives"] - truth
     return found
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from reobserve.ledger.types import Job, named
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
@@ -87,17 +88,17 @@ def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Ar
     What is made of the error comes long after the dynamic gain has come to rest at the algebraic
     one, which is taken from the start.
     """
-    step = job.theory.step_size
-    common = {"derivatives": "exact", "initial_matrix": "algebraic", "step_size": step}
+    step = job.theory.sampling_period
+    common = {"derivatives": "exact", "initial_matrix": "algebraic", "sampling_period": step}
     body = replace(named(job.observers, name, keys.Extended), **(common | changes))
     found = estimate(Job(job.plant, observer=body), plant)
     return found.time, errors(plant, found)["delay"]
 
 
 def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
-    step = job.observers["order2"].step_size
+    step = job.observers["order2"].sampling_period
     for rho in job.theory.rhos:
-        time, error = _delay_error(job, "order2", ramp, rho=rho, step_size=step)
+        time, error = _delay_error(job, "order2", ramp, rho=rho, sampling_period=step)
         moving = error[window(time, *job.metrics.varying)]
         name = f"varying_peak_delay_error_at_rho_{rho:g}"
         yield Metric("order2", name, float(np.max(np.abs(moving))), "s")
@@ -105,9 +106,9 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
 
 def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
     for order, name in ORDERS.items():
-        step = job.observers[name].step_size
+        step = job.observers[name].sampling_period
         for rho in job.theory.rhos:
-            time, error = _delay_error(job, name, sine, rho=rho, step_size=step)
+            time, error = _delay_error(job, name, sine, rho=rho, sampling_period=step)
             value = float(root_mean_square(error[near_and_away(job, sine, time)[1]]))
             yield Metric(f"order_{order}", f"rms_delay_error_at_rho_{rho:g}", value, "s")
 
@@ -131,7 +132,7 @@ def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
     stream = random_stream(SEED, "delay", "theory", "projection")
     bounds = least, most = delay_bounds(job.plant)
     body = named(job.observers, "order2", keys.Extended)
-    step = job.theory.step_size
+    step = job.theory.sampling_period
     every = stride(job.plant, step)
     rows = slice(0, 2 * every * round(2.0 / step) + 1, every)
     y = np.ascontiguousarray(ramp["state"][rows, 0])
@@ -143,7 +144,7 @@ def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
             build_model(job.plant, body.model), step, rho, body.order, bounds
         )
         start = built.init(stream.normal(size=2), stream.uniform(least, most))
-        found.append(built.run(y, u, start).delay)
+        found.append(run_on_halves(built, y, u, state=start)["delay"])
     delays = np.array(found)
     yield Metric("projection", "least_delay", float(np.min(delays)), "s")
     yield Metric("projection", "greatest_delay", float(np.max(delays)), "s")

@@ -107,7 +107,7 @@ class Identity:
     order: Order
     gain: Gain
     initial_estimate: State
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -119,7 +119,7 @@ class Transformed:
     design: str
     order: Order
     initial_estimate: State
-    step_size: Positive
+    sampling_period: Positive
     label: str = ""
 
 
@@ -151,7 +151,7 @@ class EnsembleStudy:
     orders: Orders
     half_width: Positive
     points: Annotated[int, within(2, 1000)]
-    step_size: Positive
+    sampling_period: Positive
     title: str = ""
 
 

@@ -23,7 +23,7 @@ def check(ledger: keys.Ledger) -> None:
             forms[name] = normal_form(problem.system, problem.degree, injection=problem.injection)
     for name, observer in ledger.observers.items():
         with building(f"observers.{name}"):
-            stride(ledger.plant, build_observer(observer, forms[observer.design]).step_size)
+            stride(ledger.plant, build_observer(observer, forms[observer.design]).sampling_period)
     for name, study in ledger.studies.items():
         with located(f"studies.{name}"):
             check_study(study, forms[study.design])

@@ -7,7 +7,9 @@ from typing import Any
 
 from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.contract import OnDivergence
-from reobserve.observers.normal_form_observer import NormalFormObserver, Run
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.run import Run
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_observer, stored_form
 from reobserve.timeseries.grid import stride
@@ -29,9 +31,7 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)
     run, every = observe(observer, mine.initial_estimate, job.plant, plant)
-    channels = {"state": Channel(run.estimate, "1")}
-    if run.coordinates is not None:
-        channels["coordinates"] = Channel(run.coordinates, "1")
+    channels = {name: Channel(rows, "1") for name, rows in run.estimates.items()}
     return Series(plant.time[:: 2 * every], channels)
 
 
@@ -41,8 +41,9 @@ def observe(
     plant_settings: keys.Plant,
     plant: Series,
     on_divergence: OnDivergence = "raise",
-) -> tuple[Run, int]:
+) -> tuple[Run[State], int]:
     """Run an observer on a record; also the plant samples in half of its steps."""
-    every = stride(plant_settings, observer.step_size)
+    every = stride(plant_settings, observer.sampling_period)
     output = plant["output"][::every]
-    return observer.run(output, observer.init(initial), on_divergence=on_divergence), every
+    start = observer.init(initial)
+    return run_on_halves(observer, output, state=start, on_divergence=on_divergence), every

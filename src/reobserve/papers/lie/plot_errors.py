@@ -97,6 +97,6 @@ def _note(job: Job) -> str:
     return (
         f"x(0) = ({start}), x̂(0) = ({estimate}), L₀ = (−2, −4)ᵀ as in the paper. Chosen here: "
         f"output y = x₁, horizon {job.plant.horizon:g} s,\n"
-        f"Runge-Kutta steps of {1000 * first.step_size:g} ms, and the nonlinear injection "
+        f"Runge-Kutta steps of {1000 * first.sampling_period:g} ms, and the nonlinear injection "
         "ℓ(y) = L₀ y + (1/3, 1/3)ᵀ y³, which makes the error exactly linear."
     )

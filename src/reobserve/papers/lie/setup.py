@@ -115,8 +115,8 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
     """
     as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
     if isinstance(observer, keys.Identity):
-        return IdentityObserver(form, observer.order, observer.step_size, observer.gain)
-    return TransformedObserver(form, observer.order, observer.step_size)
+        return IdentityObserver(form, observer.order, observer.sampling_period, observer.gain)
+    return TransformedObserver(form, observer.order, observer.sampling_period)
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:

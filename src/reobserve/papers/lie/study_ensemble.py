@@ -14,6 +14,7 @@ import numpy as np
 
 from reobserve.errors import DivergenceError, located
 from reobserve.ledger.types import Job
+from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
@@ -37,8 +38,8 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     """
     study = job.study
     with located("studies.ensemble"):
-        step = study.step_size
-        steps = multiple("step_size", job.plant.horizon, step, "the step")
+        step = study.sampling_period
+        steps = multiple("sampling_period", job.plant.horizon, step, "the step")
         axis = np.linspace(-1.0, 1.0, study.points)
         axis *= study.half_width
     plant = PolynomialPlant(build_system(job.plant))
@@ -56,8 +57,10 @@ def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
             raise DivergenceError(f"plant from {point}", problem.time) from None
         output = plant.output(states)
         for name, order, observer in built:
-            result = observer.run(output, observer.init(estimates[0]), on_divergence="return")
-            error = result.estimate - states[::2][: len(result.estimate)]
+            result = run_on_halves(
+                observer, output, state=observer.init(estimates[0]), on_divergence="return"
+            )
+            error = result["state"] - states[::2][: len(result)]
             diverged = result.diverged_at is not None
             settled = not diverged and np.isfinite(settling_time(error, step, band))
             squares = np.nan if diverged else float(integral_of_squares(error, step).sum())
@@ -78,7 +81,7 @@ def _observers(
     found: list[tuple[str, int, NormalFormObserver]] = []
     for name, body in job.observers.items():
         with located(f"observers.{name}"):
-            built = build_observer(replace(body, step_size=step), known[body.design])
+            built = build_observer(replace(body, sampling_period=step), known[body.design])
         found.append((name, built.order, built))
     for order in study.orders:
         with located("studies.ensemble.orders"):

@@ -42,7 +42,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     for gain in GAINS:
         for order in study.orders:
             with located("studies.orders"):
-                observer = IdentityObserver(form, order, model.step_size, gain)
+                observer = IdentityObserver(form, order, model.sampling_period, gain)
             rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
             rows.append(_exponent(cycle, where, form, gain, order, gain))
     for name, body in observers.items():
@@ -58,12 +58,12 @@ def _errors(
     job: Job, plant: Series, name: str, order: int, observer: Any, initial: Any
 ) -> Iterator[Row]:
     run, every = observe(observer, initial, job.plant, plant, "return")
-    step = observer.step_size
+    step = observer.sampling_period
     squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
     if run.diverged_at is not None:
         lost = run.diverged_at
     else:
-        error = run.estimate - plant["state"][:: 2 * every]
+        error = run["state"] - plant["state"][:: 2 * every]
         squares = integral_of_squares(error, step)
         settled = settling_time(error, step, job.metrics.settling_band)
     for i, value in enumerate(squares):

@@ -102,12 +102,12 @@ def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     }
     start = as_vector("initial_state", theory.initial_state, forms["linear"].S.variables)
     near = theory.near_share * start
-    figure = Case(start, injection.initial_estimate, plant.horizon, injection.step_size)
+    figure = Case(start, injection.initial_estimate, plant.horizon, injection.sampling_period)
     close = Case(
         near,
         order4.initial_estimate,
         theory.near_duration,
-        order4.step_size,
+        order4.sampling_period,
     )
     highest = forms["linear"].problem.degree - 1
     for name, order, case in (
@@ -125,7 +125,7 @@ def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
             injection.order,
             theory.injection_form,
             injection.initial_estimate,
-            injection.step_size,
+            injection.sampling_period,
         )
     with located("injection_form"):
         error = squared_error(build_observer(injection, forms["nonlinear"]), figure)
