@@ -15,7 +15,7 @@ from benchmarks.filter_peers import CalledFilter, Found, OwnFilter, by_filterpy,
 from benchmarks.filter_problem import LAYER, MEMORY, TRANSITION, banks, models, record
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
-from reobserve.observers.imm import InteractingMultipleModel, State
+from reobserve.observers.imm import IMM, State
 from reobserve.observers.imm_loop import Beliefs, run_bank
 from reobserve.observers.linear_filter_loop import new_work
 
@@ -50,7 +50,7 @@ def run(quick: bool) -> Section:
     return section
 
 
-def _start(bank: InteractingMultipleModel) -> State:
+def _start(bank: IMM) -> State:
     return bank.init(np.zeros(4), 1.0)
 
 
@@ -83,7 +83,7 @@ def _outputs(steps: int) -> tuple[Array, ...]:
     return tuple(np.empty((steps, *shape)) for shape in ((4,), (4, 4), (3,), (3, 1)))
 
 
-def _loop(bank: InteractingMultipleModel, z: Array, u: Array) -> Callable[[], int]:
+def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
     compiled, law = bank._bank, bank._linear[0].law
     assert compiled is not None
@@ -99,9 +99,7 @@ def _loop(bank: InteractingMultipleModel, z: Array, u: Array) -> Callable[[], in
     return call
 
 
-def _c_call(
-    library: ctypes.CDLL, law: str, bank: InteractingMultipleModel, z: Array, u: Array
-) -> Peer:
+def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Peer:
     rows: list[Any] = []
     for model in models():
         inverse = np.linalg.pinv(model.arrays.H)
@@ -127,10 +125,10 @@ def _against_python(section: Section, steps: int, repeats: int) -> None:
     bank, modes = banks()["kalman"], models()
     z, u, truth = record(STEPS)
     start = _start(bank)
-    own = InteractingMultipleModel([OwnFilter(model) for model in modes], TRANSITION)
-    called = InteractingMultipleModel([CalledFilter(one) for one in bank._linear], TRANSITION)
+    own = IMM([OwnFilter(model) for model in modes], TRANSITION)
+    called = IMM([CalledFilter(one) for one in bank._linear], TRANSITION)
 
-    def one_by_one(other: InteractingMultipleModel, rows: int) -> Found:
+    def one_by_one(other: IMM, rows: int) -> Found:
         done = other.run(z[:rows], start, u[:rows])
         return done.estimate, done.probability
 

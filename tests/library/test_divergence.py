@@ -24,7 +24,7 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
@@ -251,7 +251,7 @@ def of_filter(missing: bool) -> Callable[..., Any]:
 
 
 def of_bank(**how: Any) -> Any:
-    bank = InteractingMultipleModel([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
+    bank = IMM([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
     return bank.run(np.full((400, 1), np.nan), bank.init([1.0, 1.0], 1.0), **how)
 
 

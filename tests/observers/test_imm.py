@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.imm import IMM, Run
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -104,7 +104,7 @@ def test_a_bank_of_kalman_filters_agrees_with_filterpy() -> None:
     # Noise so wide that no likelihood comes near the range of floats.
     models = [velocity_model(mode, R=4e-3) for mode in ACTUATOR]
     z, u = velocity_record(400, 200, 0.05)
-    bank = InteractingMultipleModel(kalmans(models), STICKY)
+    bank = IMM(kalmans(models), STICKY)
     run = bank.run(z, bank.init(np.zeros(4), 0.1), u)
     x, P, mu = filterpy_run(filterpy_bank(models, STICKY, 0.1 * np.eye(4)), z, u)
     assert np.abs(run.probability - mu).max() < 1e-10
@@ -118,7 +118,7 @@ def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() 
     z, u = velocity_record(20, 20)
     z[12] += 4.0
     start = 0.001 * np.eye(4)
-    bank = InteractingMultipleModel(kalmans(VELOCITY), STICKY)
+    bank = IMM(kalmans(VELOCITY), STICKY)
     run = bank.run(z, bank.init(np.zeros(4), start), u)
     expected = reference(VELOCITY, [kalman_law] * 3, STICKY, np.zeros(4), start, z, u)
     peer = filterpy_bank(VELOCITY, STICKY, start)
@@ -138,7 +138,7 @@ CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 4.0)
 
 def scalar_run(transition: ArrayLike, start: ArrayLike, rows: int = 200, **kwargs: Any) -> Run:
     """A bank of models that are all the same."""
-    bank = InteractingMultipleModel(kalmans([CONSTANT] * len(np.array(start))), transition)
+    bank = IMM(kalmans([CONSTANT] * len(np.array(start))), transition)
     z = kwargs.get("z", 3.0 + 2.0 * ripple(rows))
     return bank.run(z, bank.init([0.0], 1.0, start))
 
@@ -183,7 +183,7 @@ def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
     # far below the range of floats, with all its digits.
     other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
     z = np.concatenate([6.0 * ripple(500), 0.2 * ripple(6000)])
-    bank = InteractingMultipleModel(kalmans([CONSTANT, other]), np.eye(2))
+    bank = IMM(kalmans([CONSTANT, other]), np.eye(2))
     run = bank.run(z, bank.init([0.0], 1.0))
     alone = [one.run(z, one.init([0.0], 1.0)) for one in kalmans([CONSTANT, other])]
     odds = np.cumsum(alone[0].log_likelihood - alone[1].log_likelihood)
@@ -200,8 +200,8 @@ def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
 def test_a_mode_that_cannot_be_reached_stays_at_zero_and_changes_no_bit() -> None:
     z, u = velocity_record(300, 150)
     closed = np.array([[0.9, 0.1, 0.0], [0.2, 0.8, 0.0], [0.3, 0.3, 0.4]])
-    three = InteractingMultipleModel(kalmans(VELOCITY), closed)
-    two = InteractingMultipleModel(kalmans(VELOCITY[:2]), closed[:2, :2])
+    three = IMM(kalmans(VELOCITY), closed)
+    two = IMM(kalmans(VELOCITY[:2]), closed[:2, :2])
     runs = [
         three.run(z, three.init(np.zeros(4), 1.0, [0.5, 0.5, 0.0]), u),
         two.run(z, two.init(np.zeros(4), 1.0, [0.5, 0.5]), u),
@@ -227,11 +227,11 @@ LAWS = {
 }
 
 
-def bank_of(kind: str, *, mixing: bool = True) -> InteractingMultipleModel:
+def bank_of(kind: str, *, mixing: bool = True) -> IMM:
     filters: list[LinearFilter] = [*(kalmans(MOTION) if kind != "SVSF" else svsfs(MOTION))]
     if kind == "mixed":
         filters[1] = svsfs(MOTION)[1]
-    return InteractingMultipleModel(filters, STICKY, mixing)
+    return IMM(filters, STICKY, mixing)
 
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
@@ -262,7 +262,7 @@ def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool) ->
     z[70:75] = np.nan
     one = bank_of(kind).filters[0]
     assert isinstance(one, LinearFilter)
-    bank = InteractingMultipleModel([one], [[1.0]], mixing)
+    bank = IMM([one], [[1.0]], mixing)
     run = bank.run(z, bank.init(np.zeros(5), P0), u)
     plain = one.run(z, one.init(np.zeros(5), P0), u)
     assert np.array_equal(run.estimate, plain.estimate)
@@ -274,7 +274,7 @@ def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool) ->
     assert run.missing == plain.missing == 5
 
 
-def by_steps(bank: InteractingMultipleModel, z: Array, state: Any, u: Array) -> Run:
+def by_steps(bank: IMM, z: Array, state: Any, u: Array) -> Run:
     rows = []
     for measurement, control in zip(z, u, strict=True):
         state, told = bank.step(state, measurement, control)
@@ -331,7 +331,7 @@ def test_filters_that_are_called_one_by_one_give_the_bits_of_the_compiled_loop(
     z, u = motion_record(60)
     z[20:22] = np.nan
     compiled = bank_of(kind, mixing=mixing)
-    called = InteractingMultipleModel([UsersOwn(one) for one in compiled.filters], STICKY, mixing)
+    called = IMM([UsersOwn(one) for one in compiled.filters], STICKY, mixing)
     start = compiled.init(np.zeros(5), P0)
     assert same_bits(called.run(z, start, u), compiled.run(z, start, u))
 
@@ -344,7 +344,7 @@ def test_one_svsf_among_kalman_filters_is_itself_when_it_alone_is_likely() -> No
     alone = smooth.run(z, smooth.init(np.zeros(5), P0), u)
     assert np.array_equal(run.innovation[:, 1], alone.innovation)
     only = bank.init(np.zeros(5), P0, [0.0, 1.0, 0.0])
-    fixed = InteractingMultipleModel(bank.filters, np.eye(3)).run(z, only, u)
+    fixed = IMM(bank.filters, np.eye(3)).run(z, only, u)
     assert np.array_equal(fixed.estimate, alone.estimate)
 
 
@@ -362,7 +362,7 @@ def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> R
     z, u = velocity_record(200, 100)
     models = [moved(model, T) for model, T in zip(VELOCITY, transforms, strict=True)]
     filters = kalmans(models) if kind == "KF" else svsfs(models, 0.05)
-    bank = InteractingMultipleModel(filters, STICKY, mixing)
+    bank = IMM(filters, STICKY, mixing)
     P = [symmetric(0.1 * T @ T.T) for T in transforms]
     return bank.run(z, bank.init(np.zeros(4), np.array(P)), u)
 
@@ -441,7 +441,7 @@ def test_the_mean_over_missing_measurements_is_what_the_mixture_predicts() -> No
     # Mixing keeps the mean of the mixture: sum_j c_j x_0j = sum_i mu_i x_i.
     z, u = velocity_record(101, 101)
     z[100] = np.nan
-    bank = InteractingMultipleModel(kalmans([VELOCITY[0]] * 3), STICKY)
+    bank = IMM(kalmans([VELOCITY[0]] * 3), STICKY)
     run = bank.run(z, bank.init([[0.0] * 4, [1.0] * 4, [2.0] * 4], 1.0), u)
     A, B = VELOCITY[0].arrays.A, VELOCITY[0].arrays.B
     expected = A @ run.estimate[99] + B @ u[100]
@@ -461,7 +461,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
     # State 1 grows tenfold a sample, out of sight: its variance overflows in row 154.
     smooth: Any = svsfs([GROWING] * 2, 1.0)
     filters = [UsersOwn(one) for one in smooth] if own else smooth
-    bank = InteractingMultipleModel(filters, [[0.9, 0.1], [0.1, 0.9]])
+    bank = IMM(filters, [[0.9, 0.1], [0.1, 0.9]])
     start = bank.init([1.0, 1.0], 1.0)
     run = bank.run(np.full((400, 1), 0.3 if taken else np.nan), start, on_divergence="return")
     assert run.diverged_at == 154
@@ -469,7 +469,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
     assert np.isfinite(run.covariance).all()
     assert run.missing == (0 if taken else 154)
     assert run.state is start
-    with pytest.raises(DivergenceError, match=r"^InteractingMultipleModel diverged"):
+    with pytest.raises(DivergenceError, match=r"^IMM diverged"):
         bank.step(bank.init([1e308, 0.0], 1.0), [0.0])
 
 
@@ -477,7 +477,7 @@ def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
     """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
     slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 1e-3, 4.0)
-    bank = InteractingMultipleModel(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
+    bank = IMM(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
     run = bank.run(z, bank.init([0.0], 1.0, [0.4, 0.6]))
     alone = KalmanFilter(slow)
     expected = alone.run(z, alone.init([0.0], 1.0))

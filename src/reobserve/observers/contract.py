@@ -72,7 +72,8 @@ class Rows(NamedTuple):
     """What a compiled loop wrote: arrays by name with one row a sample.
 
     ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
-    of them are. ``before`` are limits from the left.
+    of them are. ``before`` are limits from the left. An observer that reads missing measurements
+    may write nan for what they would have told, and answers for its count of finite rows.
     """
 
     estimates: dict[str, Array]
@@ -199,13 +200,17 @@ class Observer(ABC, Generic[StateKind]):
         start = self._start(record.y[0]) if state is None else self._checked(state)
         stamps = self._stamps(time, start, len(record.y))
         rows = self._fill(start, record)
-        finite = finite_rows((*rows.estimates.values(), *rows.before.values()), rows.finite)
-        missing = int(np.isnan(record.y).any(axis=1).sum()) if self.reads_missing else 0
+        finite = rows.finite
+        if not self.reads_missing:  # whose loops tell alone: innovations of gaps are nan
+            finite = finite_rows((*rows.estimates.values(), *rows.before.values()), finite)
+        missing = int(np.isnan(record.y[:finite]).any(axis=1).sum()) if self.reads_missing else 0
         if finite == len(stamps):
             return Run(
                 stamps, rows.estimates, self.units, rows.state, None, rows.before, missing
             )  # fmt: skip
         diverged_at = float(stamps[max(finite - 1, 0)])
+        if not finite and start.sample is not None:
+            diverged_at -= self.sampling_period
         if loud:
             finding = self._finding(start, record, finite)
             raise DivergenceError(type(self).__name__, diverged_at, finding)

@@ -17,7 +17,7 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import IterativeLearningObserver
 from reobserve.observers.ilo_sampled import SampledIterativeLearningObserver
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import Belief
@@ -150,8 +150,8 @@ def _filters() -> Iterator[Subject]:
     belief = "observers.linear_filter.Belief"  # a value: what takes it looks at it
     yield Subject(belief, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stays = [[0.9, 0.1], [0.1, 0.9]]
-    yield subject(InteractingMultipleModel, [kalman, kalman], stays, True)
-    bank = InteractingMultipleModel([kalman, smooth], stays)
+    yield subject(IMM, [kalman, kalman], stays, True)
+    bank = IMM([kalman, smooth], stays)
     state = bank.init([0.0, 0.0], 1e-2)
     yield subject(bank.init, [0.0, 0.0], 1e-2, [0.5, 0.5], of=bank)
     yield subject(bank.step, state, [0.1], [1.0], of=bank, takes=MISSING)

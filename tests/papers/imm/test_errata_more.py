@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -95,7 +95,7 @@ def test_two_models_have_no_name_for_friction() -> None:
         filters = [KalmanFilter(velocity_model(mode)) for mode in modes]
         chain = 0.02 * np.ones((len(modes),) * 2)
         np.fill_diagonal(chain, 1 - 0.02 * (len(modes) - 1))
-        bank = InteractingMultipleModel(filters, chain)
+        bank = IMM(filters, chain)
         run = bank.run(z, bank.init(np.zeros(4), 0.01), u)
         late.append(dict(zip(modes, run.probability[100:].mean(axis=0), strict=True)))
     assert late[1]["friction"] > 0.9

@@ -10,7 +10,7 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from tests.observers.actuator_models import continuous, motion_model, velocity_model
@@ -28,9 +28,9 @@ NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
 NO_INPUT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
 
 
-def bank(size: int = 2) -> InteractingMultipleModel:
+def bank(size: int = 2) -> IMM:
     chain = np.full((size, size), 1 / size)
-    return InteractingMultipleModel([KalmanFilter(PLAIN)] * size, chain)
+    return IMM([KalmanFilter(PLAIN)] * size, chain)
 
 
 # --- Models -------------------------------------------------------------------------------------
@@ -248,7 +248,7 @@ def test_a_belief_of_another_filter_is_refused() -> None:
     state = bank(2).init([0.0, 0.0], 1.0)
     with pytest.raises(InputError, match=r"^state: has 2 beliefs, must have 3$"):
         bank(3).run([[1.0]], state, [[0.0]])
-    filters = InteractingMultipleModel([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
+    filters = IMM([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
     with pytest.raises(InputError, match=r"^state.beliefs\[0\]: has arrays of shapes "):
         filters.run([[1.0]], state)
 
@@ -279,21 +279,21 @@ def test_a_belief_of_another_filter_is_refused() -> None:
 )
 def test_wrong_transitions_are_refused(transition: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^transition: {said}$"):
-        InteractingMultipleModel([KalmanFilter(PLAIN)] * 2, transition)
+        IMM([KalmanFilter(PLAIN)] * 2, transition)
 
 
 def test_no_filters_and_filters_of_different_sizes_are_refused() -> None:
     with pytest.raises(InputError, match=r"^filters: are none, must be one or more$"):
-        InteractingMultipleModel([], np.empty((0, 0)))
+        IMM([], np.empty((0, 0)))
     said = (
         r"^filters\[1\]: has \(4, 1, 1\) states, inputs and outputs, the first filter \(2, 1, 1\)$"
     )
     with pytest.raises(InputError, match=said):
-        InteractingMultipleModel([KalmanFilter(PLAIN), KalmanFilter(NORMAL)], np.eye(2))
+        IMM([KalmanFilter(PLAIN), KalmanFilter(NORMAL)], np.eye(2))
     said = r"^filters\[2\]: has \(1, 0, 1\) states, inputs and outputs, the first .* \(2, 1, 1\)$"
     filters = [KalmanFilter(PLAIN), KalmanFilter(PLAIN), KalmanFilter(NO_INPUT)]
     with pytest.raises(InputError, match=said):
-        InteractingMultipleModel(filters, np.eye(3))
+        IMM(filters, np.eye(3))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief
@@ -72,7 +72,7 @@ def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
 def test_10_must_sum_over_all_modes_or_the_mixture_is_too_narrow() -> None:
     # Two densities N(-1, 1) and N(3, 4), one half each: mean 1, variance 2.5 + 4.
     half = np.full((2, 2), 0.5)
-    bank = InteractingMultipleModel([KalmanFilter(scalar())] * 2, half)
+    bank = IMM([KalmanFilter(scalar())] * 2, half)
     start = bank.init([[-1.0], [3.0]], [[[1.0]], [[4.0]]])
     run = bank.run([[np.nan]], start)
     for belief in run.state.beliefs:
@@ -300,9 +300,7 @@ def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one()
     found = []
     for feedthrough in (True, False):
         models = [motion_model(mode, feedthrough) for mode in ("normal", "friction", "leakage")]
-        bank = InteractingMultipleModel(
-            [KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY
-        )
+        bank = IMM([KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY)
         run = bank.run(z, bank.init(np.zeros(5), 0.01), u)
         found.append(run.probability[50:, 0].mean())
     assert found[0] > 0.98

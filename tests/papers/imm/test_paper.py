@@ -16,7 +16,7 @@ from reobserve.ledger.check import check_ledger
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.imm import IMM, Run
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys, observe, plant
@@ -221,7 +221,7 @@ def observer(algorithm: str, realisation: str) -> Tree:
     return {**body, "boundary_layer": layer, "layer_factor": 0.5, "memory": 0.2}
 
 
-def by_hand(body: Tree, found: Series) -> tuple[InteractingMultipleModel, Run]:
+def by_hand(body: Tree, found: Series) -> tuple[IMM, Run]:
     filters: list[Any] = []
     for mode in MODES:
         one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 150.0)
@@ -234,7 +234,7 @@ def by_hand(body: Tree, found: Series) -> tuple[InteractingMultipleModel, Run]:
             filters.append(SmoothVariableStructureFilter(model, layer, 0.2))
     off = (1 - 0.97) / 2
     chain = [[0.97, off, off], [off, 0.97, off], [off, off, 0.97]]
-    bank = InteractingMultipleModel(filters, chain)
+    bank = IMM(filters, chain)
     columns = [MOTION.index(name) for name in REALISATIONS[body["realisation"]]]
     start = bank.init(np.zeros(filters[0].model.states), 0.5)
     run = bank.run(found["measured"][1:, columns], start, found["input"][:-1, None])
