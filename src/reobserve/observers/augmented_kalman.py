@@ -106,8 +106,8 @@ class AugmentedKalmanFilter(Observer[State]):
         if len(hidden):
             raise InputError(
                 "input_matrix",
-                f"with output_matrix leaves {len(hidden)} of the modes of state and unknown inputs "
-                "that do not decay hidden from the measurements",
+                "and output_matrix leave a mode of state and unknown inputs hidden from the "
+                f"measurements that does not decay, of the eigenvalue {hidden[0]:.4g}",
             )
 
     @property

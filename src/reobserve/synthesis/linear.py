@@ -6,6 +6,8 @@ is hidden from C if [A - s I; C] has no full column rank; no gain moves it.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -63,8 +65,12 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
 def _placed(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
     from scipy.signal import place_poles
 
-    gain: Array = place_poles(A.T, C.T, poles).gain_matrix.T
-    return np.ascontiguousarray(gain)
+    # As far as it goes: short of that the eigenvalues are off by some 1e-9, as the sensitivity is.
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Convergence was not reached")
+        found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
+    gain: Array = np.ascontiguousarray(found.gain_matrix.T)
+    return gain
 
 
 def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
@@ -135,17 +141,15 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
         If the shapes do not fit.
     """
     A, C = _pair(A, C)
-    n = len(A)
     # Rows of C in units of their own: how large they are has no part in what they show.
     sizes = np.linalg.norm(C, axis=1, keepdims=True)
-    scale = max(float(np.linalg.norm(A, 2)), np.finfo(float).tiny)
+    scale = max(float(np.linalg.norm(A, 2)), float(np.finfo(float).tiny))
     rows = scale * C / np.where(sizes > 0, sizes, 1.0)
-    found = [
-        value
-        for value in np.linalg.eigvals(A)
-        if np.linalg.svd(np.vstack([A - value * np.eye(n), rows]), compute_uv=False)[-1]
-        <= _RANK * scale
-    ]
+    found = []
+    for value in np.linalg.eigvals(A):
+        pencil = np.vstack([A - value * np.eye(len(A)), rows])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK * scale:
+            found.append(value)
     return np.array(found, dtype=np.complex128)
 
 
