@@ -42,7 +42,9 @@ def models() -> list[LinearModel]:
         )
         B = np.array([[0.0], [0.0], [1.0], [0.0]])
         held = zero_order_hold(A, B, _PERIOD)
-        found.append(LinearModel(*held, A[2:3], _PROCESS, _MEASUREMENT, D=B[2:3]))
+        found.append(
+            LinearModel(*held, A[2:3], _PROCESS, _MEASUREMENT, D=B[2:3], sampling_period=_PERIOD)
+        )
     return found
 
 

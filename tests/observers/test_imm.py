@@ -450,6 +450,7 @@ def test_over_missing_measurements_modes_follow_the_chain() -> None:
         expected = run["probability"][k - 1] @ STICKY
         assert run["probability"][k] == pytest.approx(expected, abs=1e-14)
         assert np.isnan(run["innovation"][k]).all()
+        assert run["log_likelihood"][k] == 0.0
     assert np.isfinite(run["innovation"][[49, 60, 69, 71]]).all()
     before = bank.run(z[:50], u[:50], state=start)
     assert before.missing == 0

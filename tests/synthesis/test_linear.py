@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,11 @@ def test_one_output_has_one_gain_and_ackermann_gives_it() -> None:
     A, C, poles = draw.normal(size=(4, 4)), draw.normal(size=(1, 4)), np.array([0.1, 0.2, 0.3, 0.4])
     by_formula = ackermann(A.T, C.T, poles.astype(complex)).T
     assert place(A, C, poles) == pytest.approx(by_formula, rel=1e-9)
+
+
+def test_one_output_may_have_a_pole_twice() -> None:
+    gain = place([[0.0, 1.0], [0.0, 0.0]], [[1.0, 0.0]], [-3.0, -3.0])
+    assert gain == pytest.approx(np.array([[6.0], [9.0]]), rel=1e-13)
 
 
 def test_two_outputs_may_share_a_pole() -> None:
@@ -145,5 +151,11 @@ def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
 def test_where_there_is_no_steady_gain_a_sentence_says_why(model: LinearModel, said: str) -> None:
     with pytest.raises(InputError, match=f"^model: {said}"):
         steady_kalman_gain(model)
+    # Noise of the rate moves the position, too; noise of the position alone leaves the rate still.
+    ramp = np.array([[1.0, 1.0], [0.0, 1.0]])
+    driven = LinearModel(ramp, np.empty((2, 0)), [[1.0, 0.0]], [0.0, 1.0], 1.0)
+    assert steady_kalman_gain(driven).all()
+    with pytest.raises(InputError, match=r"^model: .* on the unit circle that Q does not drive"):
+        steady_kalman_gain(replace(driven, Q=[1.0, 0.0]))
     hidden = LinearModel(np.diag([0.5, 0.9]), np.empty((2, 0)), [[1.0, 0.0]], 1.0, 1.0)
     assert steady_kalman_gain(hidden)[1, 0] == pytest.approx(0.0, abs=1e-14)

@@ -84,8 +84,7 @@ def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
     polynomial = np.zeros((n, n))
     for coefficient in np.poly(poles).real:
         polynomial = polynomial @ A + coefficient * np.eye(n)
-    gain: Array = np.linalg.solve(reached, polynomial)[-1:]
-    return gain
+    return np.asarray(np.linalg.solve(reached, polynomial)[-1:], dtype=np.float64)
 
 
 def steady_kalman_gain(model: LinearModel) -> Array:
