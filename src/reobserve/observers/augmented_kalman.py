@@ -61,7 +61,7 @@ class AugmentedKalmanFilter(Observer[State]):
     input_matrix: Array
     walk: Array
     output_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
-    sampling_period: float = field(init=False, repr=False)
+    sampling_period: float = field(init=False)
 
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True

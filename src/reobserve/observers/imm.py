@@ -96,7 +96,7 @@ class IMM(Observer[State]):
     filters: tuple[ModeFilter, ...]
     transition: Array
     mixing: bool = True
-    sampling_period: float = field(init=False, repr=False)
+    sampling_period: float = field(init=False)
 
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
@@ -203,17 +203,22 @@ class IMM(Observer[State]):
 
     def _checked(self, state: Any) -> State:
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
-        beliefs = getattr(check_state(state, State, ""), "beliefs", ())
+        given = check_state(state, State, "")
+        beliefs = given.beliefs
         if not isinstance(beliefs, list | tuple) or len(beliefs) != r:
             count = len(beliefs) if isinstance(beliefs, list | tuple) else "no"
             raise InputError("state", f"has {count} beliefs, must have {r}")
         checked = tuple(
             check_belief(f"state.beliefs[{j}]", belief, n, m) for j, belief in enumerate(beliefs)
         )
-        logarithms = as_numbers("state.log_probabilities", state.log_probabilities)
+        logarithms = as_numbers("state.log_probabilities", given.log_probabilities)
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
-        return State(checked, logarithms, check_sample(state.sample, m, inputs), state.count)
+        sample = check_sample(given.sample, m, inputs)
+        kept = all(one is other for one, other in zip(checked, beliefs, strict=True))
+        if kept and logarithms is given.log_probabilities and sample is given.sample:
+            return given
+        return State(checked, logarithms, sample, given.count)
 
     def _fill(self, state: State, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)

@@ -108,7 +108,7 @@ class LinearFilter(Observer[State]):
     """
 
     model: LinearModel
-    sampling_period: float = field(init=False, repr=False)
+    sampling_period: float = field(init=False)
 
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
@@ -223,12 +223,13 @@ class LinearFilter(Observer[State]):
         return belief
 
     def _checked(self, state: Any) -> State:
-        belief, sample = check_state(state, State, "").belief, state.sample
-        return State(
-            check_belief("state.belief", belief, self.model.states, self.model.outputs),
-            check_sample(sample, self.model.outputs, self.model.inputs),
-            state.count,
-        )
+        given = check_state(state, State, "")
+        n, p, m = self.model.states, self.model.inputs, self.model.outputs
+        belief = check_belief("state.belief", given.belief, n, m)
+        sample = check_sample(given.sample, m, p)
+        if belief is given.belief and sample is given.sample:
+            return given
+        return State(belief, sample, given.count)
 
     def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
