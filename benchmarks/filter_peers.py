@@ -84,23 +84,23 @@ class OwnFilter:
 
     model: LinearModel
 
-    def predict(self, belief: Belief, control: Array) -> Belief:
+    def predict(self, belief: Belief, u: Array) -> Belief:
         """Time update."""
         A, B, _, _, Q, _ = self.model.arrays
-        return Belief(A @ belief.mean + B @ control, A @ belief.covariance @ A.T + Q, belief.error)
+        return Belief(A @ belief.mean + B @ u, A @ belief.covariance @ A.T + Q, belief.error)
 
-    def correct(self, belief: Belief, measurement: Array, control: Array) -> Correction:
+    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
         """Measurement update."""
         _, _, H, D, _, R = self.model.arrays
         P = belief.covariance
-        innovation = measurement - H @ belief.mean - D @ control
+        innovation = y - H @ belief.mean - D @ u
         cross = P @ H.T
         S = H @ cross + R
         inverse = np.linalg.inv(S)
         K = cross @ inverse
         mean = belief.mean + K @ innovation
         rest = np.eye(len(mean)) - K @ H
-        after = Belief(mean, rest @ P @ rest.T + K @ R @ K.T, measurement - H @ mean - D @ control)
+        after = Belief(mean, rest @ P @ rest.T + K @ R @ K.T, y - H @ mean - D @ u)
         distance = innovation @ inverse @ innovation
         log_likelihood = -0.5 * (distance + np.linalg.slogdet(2.0 * np.pi * S)[1])
         return Correction(after, innovation, S, float(log_likelihood))
@@ -117,10 +117,10 @@ class CalledFilter:
         """The model of the filter within."""
         return self.inner.model
 
-    def predict(self, belief: Belief, control: Array) -> Belief:
+    def predict(self, belief: Belief, u: Array) -> Belief:
         """Time update."""
-        return self.inner.predict(belief, control)
+        return self.inner.predict(belief, u)
 
-    def correct(self, belief: Belief, measurement: Array, control: Array) -> Correction:
+    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
         """Measurement update."""
-        return self.inner.correct(belief, measurement, control)
+        return self.inner.correct(belief, y, u)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.numerics.random_streams import random_stream
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -42,19 +42,21 @@ def models() -> list[LinearModel]:
         )
         B = np.array([[0.0], [0.0], [1.0], [0.0]])
         held = zero_order_hold(A, B, _PERIOD)
-        found.append(LinearModel(*held, A[2:3], _PROCESS, _MEASUREMENT, D=B[2:3]))
+        found.append(
+            LinearModel(*held, A[2:3], _PROCESS, _MEASUREMENT, D=B[2:3], sampling_period=_PERIOD)
+        )
     return found
 
 
-def banks() -> dict[str, InteractingMultipleModel]:
+def banks() -> dict[str, IMM]:
     """A bank of Kalman filters and one of SVSFs, by the names of their C functions."""
     kalman: list[LinearFilter] = [KalmanFilter(model) for model in models()]
     switching: list[LinearFilter] = [
         SmoothVariableStructureFilter(model, LAYER, MEMORY) for model in models()
     ]
     return {
-        "kalman": InteractingMultipleModel(kalman, TRANSITION),
-        "switching": InteractingMultipleModel(switching, TRANSITION),
+        "kalman": IMM(kalman, TRANSITION),
+        "switching": IMM(switching, TRANSITION),
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from benchmarks.filter_peers import CalledFilter, Found, OwnFilter, by_filterpy,
 from benchmarks.filter_problem import LAYER, MEMORY, TRANSITION, banks, models, record
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
-from reobserve.observers.imm import InteractingMultipleModel, State
-from reobserve.observers.imm_loop import Beliefs, run_bank
+from reobserve.observers.imm import IMM
+from reobserve.observers.imm_loop import Beliefs, new_bank_rows, run_bank
 from reobserve.observers.linear_filter_loop import new_work
 
 Array = NDArray[np.float64]
@@ -50,8 +49,11 @@ def run(quick: bool) -> Section:
     return section
 
 
-def _start(bank: InteractingMultipleModel) -> State:
-    return bank.init(np.zeros(4), 1.0)
+def _run(bank: IMM, z: Array, u: Array) -> Found:
+    """From a step before the first row; u is held up to each row, nothing reads what follows."""
+    start = bank.init(np.zeros(4), 1.0, u=u[0])
+    done = bank.run(z, np.concatenate([u[1:], u[-1:]]), state=start)
+    return done["state"], done["probability"]
 
 
 def _against_c(
@@ -59,12 +61,11 @@ def _against_c(
 ) -> None:
     bank = banks()[law]
     z, u, _ = record(steps)
-    start, label = _start(bank), f"{_LABELS[law]}, {steps:,} steps"
-    done = bank.run(z, start, u)
+    label = f"{_LABELS[law]}, {steps:,} steps"
     peers = {name: _c_call(library, law, bank, z, u) for name, library in libraries.items()}
-    agreeing = _agreeing(section, label, (done.estimate, done.probability), peers)
+    agreeing = _agreeing(section, label, _run(bank, z, u), peers)
     jobs: dict[str, Callable[[], object]] = {
-        "run": lambda: bank.run(z, start, u),
+        "run": lambda: _run(bank, z, u),
         "loop": _loop(bank, z, u),
         **agreeing,
     }
@@ -78,30 +79,23 @@ def _against_c(
     section.notes.append(_rates(label, times))
 
 
-def _outputs(steps: int) -> tuple[Array, ...]:
-    """Room for estimates, covariances, probabilities and innovations."""
-    return tuple(np.empty((steps, *shape)) for shape in ((4,), (4, 4), (3,), (3, 1)))
-
-
-def _loop(bank: InteractingMultipleModel, z: Array, u: Array) -> Callable[[], int]:
+def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
     compiled, law = bank._bank, bank._linear[0].law
     assert compiled is not None
-    found, work = _outputs(len(z)), new_work(4, 1)
+    rows, work = new_bank_rows(len(z), 3, 4, 1), new_work(4, 1)
 
     def call() -> int:
         covariances = np.tile(np.eye(4), (3, 1, 1))
         beliefs = Beliefs(
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
-        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, work, *found)
+        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, work, rows)
 
     return call
 
 
-def _c_call(
-    library: ctypes.CDLL, law: str, bank: InteractingMultipleModel, z: Array, u: Array
-) -> Peer:
+def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Peer:
     rows: list[Any] = []
     for model in models():
         inverse = np.linalg.pinv(model.arrays.H)
@@ -110,14 +104,14 @@ def _c_call(
     first = np.concatenate(
         [np.zeros(12), np.tile(np.eye(4).ravel(), 3), np.zeros(3), np.full(3, 1.0 / 3.0)]
     )
-    found, function, steps = _outputs(len(z)), library[law], ctypes.c_long(len(z))
+    found, function, steps = new_bank_rows(len(z), 3, 4, 1), library[law], ctypes.c_long(len(z))
     function.restype = ctypes.c_long
-    places = [pointer(array) for array in found]
+    places = [pointer(array) for array in found[:4]]
 
     def call() -> Found:
         beliefs = first.copy()
         function(pointer(constants), pointer(beliefs), pointer(z), pointer(u), steps, *places)
-        return found[0], found[2]
+        return found.means, found.probabilities
 
     return call
 
@@ -126,29 +120,24 @@ def _against_python(section: Section, steps: int, repeats: int) -> None:
     """Short runs of what is slow; what they compute is compared over the whole record."""
     bank, modes = banks()["kalman"], models()
     z, u, truth = record(STEPS)
-    start = _start(bank)
-    own = InteractingMultipleModel([OwnFilter(model) for model in modes], TRANSITION)
-    called = InteractingMultipleModel([CalledFilter(one) for one in bank._linear], TRANSITION)
-
-    def one_by_one(other: InteractingMultipleModel, rows: int) -> Found:
-        done = other.run(z[:rows], start, u[:rows])
-        return done.estimate, done.probability
+    own = IMM([OwnFilter(model) for model in modes], TRANSITION)
+    called = IMM([CalledFilter(one) for one in bank._linear], TRANSITION)
 
     def peers(rows: int) -> dict[str, Peer]:
         return {
             "filterpy": lambda: by_filterpy(modes, TRANSITION, z[:rows], u[:rows]),
             "numpy": lambda: by_numpy(modes, TRANSITION, z[:rows], u[:rows]),
-            "own filters, one by one": partial(one_by_one, own, rows),
-            "our filters, one by one": partial(one_by_one, called, rows),
+            "own filters, one by one": lambda: _run(own, z[:rows], u[:rows]),
+            "our filters, one by one": lambda: _run(called, z[:rows], u[:rows]),
         }
 
-    done = bank.run(z, start, u)
+    done = _run(bank, z, u)
     label, short = f"{_LABELS['kalman']}, {STEPS:,} steps", STEPS // 40
-    whole = (done.estimate[:steps], done.probability[:steps])
+    whole = (done[0][:steps], done[1][:steps])
     agreeing = _agreeing(section, f"{_LABELS['kalman']}, {steps:,} steps", whole, peers(steps))
     brief = peers(short)
     jobs: dict[str, Callable[[], object]] = {
-        "run": lambda: bank.run(z, start, u),
+        "run": lambda: _run(bank, z, u),
         **{name: brief[name] for name in agreeing},
     }
     ran = {"run": STEPS, **dict.fromkeys(agreeing, short)}
@@ -158,7 +147,7 @@ def _against_python(section: Section, steps: int, repeats: int) -> None:
         section.rows.append(
             Row(f"{label}: run, checks included", times["run"], name, times[name], aim=aim)
         )
-    right = np.mean(np.argmax(done.probability, axis=1) == truth)
+    right = np.mean(np.argmax(done[1], axis=1) == truth)
     section.notes += [
         _rates(label, times),
         f"filterpy, numpy and filters one by one ran {short} of the steps; own filters are in "

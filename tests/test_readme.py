@@ -36,9 +36,14 @@ def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monke
     rate = names["motion"].estimate[1000:, 1]  # type: ignore[attr-defined]
     assert np.max(np.abs(rate - np.gradient(names["angle"], time)[::2][1000:])) < 0.01  # type: ignore[index, arg-type]
     # A motor at rest under half a volt has lost half a volt.
-    assert abs(names["found"].actuator_fault[-1, 0] + 0.5) < 1e-6  # type: ignore[attr-defined]
+    assert abs(names["found"]["actuator_fault"][-1, 0] + 0.5) < 1e-6  # type: ignore[index]
     # It swings as the sound model does.
-    assert names["diagnosis"].probability[1000:, 0].mean() > 0.9  # type: ignore[attr-defined]
+    assert names["diagnosis"]["probability"][1000:, 0].mean() > 0.9  # type: ignore[index]
+    # What was lost is filled in, and no torque is found where there was none.
+    filtered, torques = names["filtered"], names["torques"]
+    assert filtered.missing == 10  # type: ignore[attr-defined]
+    assert np.max(np.abs(filtered["state"][:, 0] - names["angle"])) < 1e-3  # type: ignore[index, operator]
+    assert np.max(np.abs(torques["unknown_input"][1000:])) < 1e-2  # type: ignore[index]
 
 
 def test_the_example_of_the_readme_is_accepted(tmp_path: Path) -> None:

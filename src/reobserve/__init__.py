@@ -15,15 +15,17 @@ if TYPE_CHECKING:
     from reobserve.models.rigid_body import RigidBody
     from reobserve.models.triangular import TriangularModel
     from reobserve.observers.adaptive import AdaptiveObserver
+    from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
     from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
     from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
     from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
     from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
     from reobserve.observers.extended_state import ExtendedStateObserver
+    from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
     from reobserve.observers.high_gain import HighGainObserver
     from reobserve.observers.ilo import ILO
     from reobserve.observers.ilo_sampled import SampledILO
-    from reobserve.observers.imm import InteractingMultipleModel
+    from reobserve.observers.imm import IMM
     from reobserve.observers.kalman import KalmanFilter
     from reobserve.observers.levant import LevantDifferentiator
     from reobserve.observers.normal_form import normal_form_observer
@@ -34,16 +36,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ILO",
+    "IMM",
     "AdaptiveDelayEstimator",
     "AdaptiveObserver",
+    "AugmentedKalmanFilter",
     "DivergenceError",
     "Estimate",
     "ExtendedHighGainObserver",
     "ExtendedStateObserver",
+    "FixedGainObserver",
     "HighGainObserver",
     "IdentityObserver",
     "InputError",
-    "InteractingMultipleModel",
     "KalmanFilter",
     "LeastSquaresDelayEstimator",
     "LevantDifferentiator",
@@ -56,7 +60,9 @@ __all__ = [
     "TransformedObserver",
     "TriangularModel",
     "VariableStructureDelayEstimator",
+    "luenberger",
     "normal_form_observer",
+    "steady_kalman",
 ]
 
 _HOMES = {
@@ -66,15 +72,17 @@ _HOMES = {
     "models.rigid_body": ("RigidBody",),
     "models.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
+    "observers.augmented_kalman": ("AugmentedKalmanFilter",),
     "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
     "observers.delay_least_squares": ("LeastSquaresDelayEstimator",),
     "observers.delay_variable_structure": ("VariableStructureDelayEstimator",),
     "observers.extended_high_gain": ("ExtendedHighGainObserver",),
     "observers.extended_state": ("ExtendedStateObserver",),
+    "observers.fixed_gain": ("FixedGainObserver", "luenberger", "steady_kalman"),
     "observers.high_gain": ("HighGainObserver",),
     "observers.ilo": ("ILO",),
     "observers.ilo_sampled": ("SampledILO",),
-    "observers.imm": ("InteractingMultipleModel",),
+    "observers.imm": ("IMM",),
     "observers.kalman": ("KalmanFilter",),
     "observers.levant": ("LevantDifferentiator",),
     "observers.normal_form": ("normal_form_observer",),

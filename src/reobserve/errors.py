@@ -44,23 +44,17 @@ class DivergenceError(ReobserveError, ArithmeticError):
     what
         The plant or observer that diverged.
     time
-        The last time [s] at which its state was finite; of a filter, which knows no period, the
-        number of the first sample, counted from 0, after which its belief is not.
+        The last time [s] at which its state was finite.
     finding
         What else is known: whether a shorter step would have done.
-    sample
-        ``time`` is the number of a sample.
     """
 
-    def __init__(self, what: str, time: float, finding: str = "", *, sample: bool = False) -> None:
+    def __init__(self, what: str, time: float, finding: str = "") -> None:
         said = f"{what} diverged: its state is finite up to t = {time:g} s and not after"
-        if sample:
-            said = f"{what} diverged: its belief is not finite from sample {time:g} on"
         super().__init__(f"{said}; {finding}" if finding else said)
         self.what = what
         self.time = time
         self.finding = finding
-        self.sample = sample
 
 
 @contextmanager
@@ -71,9 +65,7 @@ def located(place: str) -> Iterator[None]:
     except InputError as error:
         raise InputError(f"{place}.{error.parameter}", error.problem) from None
     except DivergenceError as error:
-        raise DivergenceError(
-            f"{place} ({error.what})", error.time, error.finding, sample=error.sample
-        ) from None
+        raise DivergenceError(f"{place} ({error.what})", error.time, error.finding) from None
 
 
 def one_line(text: object, most: int = _SENTENCE) -> str:

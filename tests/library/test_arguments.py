@@ -111,12 +111,12 @@ def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None
     kalman = KalmanFilter(model)
     start = kalman.init([0, 0], 1)
     z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
-    wanted = kalman.run(z, start, u).estimate
+    wanted = kalman.run(z, u, state=start)["state"]
     compiled = len(linear_filter_loop.run_filter.signatures)  # type: ignore[attr-defined]
     frozen = z.copy()
     frozen.flags.writeable = False
     for other in (frozen, z.tolist(), z.astype(np.float32), z.astype(int), pd.DataFrame(z)):
-        assert np.array_equal(kalman.run(other, start, u.tolist()).estimate, wanted)
+        assert np.array_equal(kalman.run(other, u.tolist(), state=start)["state"], wanted)
     assert len(linear_filter_loop.run_filter.signatures) == compiled  # type: ignore[attr-defined]
 
 

@@ -24,7 +24,7 @@ from reobserve.observers.fixed_step import Samples, Steps, run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
@@ -237,7 +237,9 @@ def test_samples_between_are_those_of_the_parabola() -> None:
 
 # --- Every observer and filter: loud by default, and quiet if asked -------------------------------
 
-UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0)
+UNSEEN = LinearModel(
+    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0, sampling_period=0.5
+)
 NONE = np.zeros((1, 0))
 SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)
 
@@ -245,12 +247,12 @@ SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)
 def of_filter(missing: bool) -> Callable[..., Any]:
     kalman = KalmanFilter(UNSEEN)
     taken = np.full((400, 1), np.nan if missing else 0.3)
-    return lambda **how: kalman.run(taken, kalman.init([1.0, 1.0], 1.0), **how)
+    return lambda **how: kalman.run(taken, state=kalman.init([1.0, 1.0], 1.0), **how)
 
 
 def of_bank(**how: Any) -> Any:
-    bank = InteractingMultipleModel([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
-    return bank.run(np.full((400, 1), np.nan), bank.init([1.0, 1.0], 1.0), **how)
+    bank = IMM([KalmanFilter(UNSEEN)] * 2, [[0.9, 0.1], [0.1, 0.9]])
+    return bank.run(np.full((400, 1), np.nan), state=bank.init([1.0, 1.0], 1.0), **how)
 
 
 def of_levant(**how: Any) -> Any:
@@ -263,7 +265,7 @@ def of_extended_state(**how: Any) -> Any:
     observer = ExtendedStateObserver(SYSTEM, Gains(placed, np.zeros((3, 1))), 0.1)
     y = np.zeros((9, 1))
     y[4:6, 0] = 1.7e308, -1.7e308
-    return observer.run(y, y, observer.init(), **how)
+    return observer.run(y, y, **how)
 
 
 def of_least_squares(**how: Any) -> Any:
@@ -304,13 +306,15 @@ def test_a_run_raises_unless_it_is_to_return_what_it_had(name: str) -> None:
 @pytest.mark.parametrize("taken", [0.3, np.nan])
 def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(taken: float) -> None:
     kalman = KalmanFilter(UNSEEN)
-    belief = kalman.init([1.0, 1.0], 1.0)
-    good = of_filter(bool(np.isnan(taken)))(on_divergence="return").diverged_at
-    for _ in range(good):
-        belief = kalman.step(belief, [taken]).belief
-    assert np.isfinite(belief.mean).all()
-    with pytest.raises(DivergenceError, match=r"^KalmanFilter diverged: its belief is not finite"):
-        kalman.step(belief, [taken])
+    state = kalman.init([1.0, 1.0], 1.0)
+    run = of_filter(bool(np.isnan(taken)))(on_divergence="return")
+    for _ in range(len(run)):
+        state, estimate = kalman.step(state, [taken])
+    assert np.isfinite(state.belief.mean).all()
+    assert estimate.time == run.diverged_at
+    said = rf"^KalmanFilter diverged: its state is finite up to t = {run.diverged_at:g} s and not"
+    with pytest.raises(DivergenceError, match=said):
+        kalman.step(state, [taken])
 
 
 def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.models.linear import LinearModel, ModelArrays
 from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.observers.contract import Observer
+from reobserve.observers.run import Run
 
 Array = NDArray[np.float64]
 Law = Callable[..., Any]
@@ -41,7 +43,7 @@ def continuous(mode: str) -> tuple[Array, Array]:
 def velocity_model(mode: str, R: float = 1e-4, Q: ArrayLike = 1e-6) -> LinearModel:
     """4 states, and the velocity measured, every 1 ms."""
     A, B = zero_order_hold(*continuous(mode), 1e-3)
-    return LinearModel(A, B, np.eye(1, 4), Q, R)
+    return LinearModel(A, B, np.eye(1, 4), Q, R, sampling_period=1e-3)
 
 
 def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
@@ -53,14 +55,16 @@ def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
     H[[0, 1, 2], [0, 1, 2]] = 1 / SCALE, 1.0, SCALE
     D = np.array([[0.0], [0.0], [B[1, 0]]]) if feedthrough else None
     Q, R = [3.4e-6, 4.8e-5, 3.4e-4, 3.2e-4, 2.8e-4], [4.6e-5, 2.5e-2, 70.0]
-    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q, R, D)
+    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q, R, D, sampling_period=5e-3)
 
 
 def moved(model: LinearModel, T: Array) -> LinearModel:
     """The same model with the states T x."""
     A, B, H, D, Q, R = model.arrays
     back = np.linalg.inv(T)
-    return LinearModel(T @ A @ back, T @ B, H @ back, symmetric(T @ Q @ T.T), R, D)
+    period = model.sampling_period
+    Q = symmetric(T @ Q @ T.T)
+    return LinearModel(T @ A @ back, T @ B, H @ back, Q, R, D, sampling_period=period)
 
 
 def symmetric(matrix: Array) -> Array:
@@ -86,6 +90,19 @@ def simulated(model: LinearModel, controls: Array, start: ArrayLike | None = Non
         x = A @ x + B @ u
         rows.append(H @ x + D @ u)
     return np.array(rows)
+
+
+def run_over(
+    observer: Observer[Any], z: Array, u: Array | None, *start: Any, **how: Any
+) -> Run[Any]:
+    """A run over steps that end with the rows of z, u held over each, from before the first one."""
+    held = np.empty((len(z), 0)) if u is None else u
+    return observer.run(z, from_rows_on(held), state=observer.init(*start, u=held[0]), **how)
+
+
+def from_rows_on(held: Array) -> Array:
+    """The inputs from each row on, of those held up to it; nothing reads that of the last one."""
+    return np.vstack([held[1:], held[-1:]])
 
 
 # --- 50 digits ----------------------------------------------------------------------------------

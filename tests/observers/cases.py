@@ -1,103 +1,12 @@
-"""Observers with a record whose truth is known: what `test_contract` holds all of them to.
-
-A family adds a function that makes its `Case` and names it in `CASES`.
-"""
+"""All observers with a record each: a family adds its own here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
+from tests.observers.case import Case
+from tests.observers.cases_delay import DELAY_CASES
+from tests.observers.cases_filters import FILTER_CASES
+from tests.observers.cases_rigid_body import RIGID_BODY_CASES
 
-from reobserve.models.rigid_body import RigidBody
-from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO
-from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import RigidBodyObserver
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Case:
-    """An observer, a record for it and where it starts from.
-
-    ``truth`` are true values of estimates at the rows, ``bounds`` what their largest errors from
-    row ``settled`` on stay below. With y, or u, a row late the worst of them, as a multiple of its
-    bound, must be more than ``worse`` times as large. ``huge`` values in y and u make the observer
-    diverge; None where none can.
-    """
-
-    observer: Any
-    y: Array
-    u: Array | None
-    state: Any
-    truth: Mapping[str, Array]
-    bounds: Mapping[str, float]
-    settled: int
-    worse: float
-    huge: float | None = 1e300
-
-
-def observe(case: Case, **changed: Any) -> Any:
-    """The run of a case, some of its arguments changed."""
-    return case.observer.run(**{"y": case.y, "u": case.u, "state": case.state, **changed})
-
-
-# --- Rigid bodies -------------------------------------------------------------------------------
-
-_INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
-_FAULT = np.array([0.3, -0.2, 0.1])
-_PERIOD, _ROWS, _FINER = 0.01, 600, 4
-
-
-def _rigid_body(observer: RigidBodyObserver) -> Case:
-    """A constant fault under a control torque that a controller holds from sample to sample."""
-    time = _PERIOD * np.arange(_ROWS)
-    control = 3.0 * np.sin(np.multiply.outer(time, [5.0, 4.0, 6.0]) + np.arange(3.0))
-    rates = [np.array([0.05, -0.03, 0.04])]
-    h = _PERIOD / _FINER
-
-    def slope(w: Array, torque: Array) -> Array:
-        found: Array = np.linalg.solve(_INERTIA, torque - np.cross(w, _INERTIA @ w))
-        return found
-
-    for torque in control[:-1] + _FAULT:
-        w = rates[-1]
-        for _ in range(_FINER):
-            k1 = slope(w, torque)
-            k2 = slope(w + 0.5 * h * k1, torque)
-            k3 = slope(w + 0.5 * h * k2, torque)
-            k4 = slope(w + h * k3, torque)
-            w = w + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        rates.append(w)
-    rate = np.array(rates)
-    truth = {"rate": rate, "fault": np.tile(_FAULT, (_ROWS, 1))}
-    bounds = {"rate": 5e-5, "fault": 1e-3}
-    return Case(observer, rate, control, observer.init(rate[0]), truth, bounds, 400, 100.0)
-
-
-def sampled_ilo() -> Case:
-    """v updated every second sample."""
-    body = RigidBody(_INERTIA)
-    return _rigid_body(SampledILO(body, _PERIOD, 1.0, 1000.0, 1000.0, 2 * _PERIOD))
-
-
-def continuous_ilo() -> Case:
-    """v learning at every instant from its value five samples before."""
-    return _rigid_body(ILO(RigidBody(_INERTIA), _PERIOD, 0.9, 1000.0, 10.0, 5 * _PERIOD))
-
-
-def adaptive() -> Case:
-    """A proportional-integral law."""
-    return _rigid_body(AdaptiveObserver(RigidBody(_INERTIA), _PERIOD, 200.0, 2000.0, 50.0))
-
-
-CASES: dict[str, Callable[[], Case]] = {
-    "sampled ILO": sampled_ilo,
-    "continuous ILO": continuous_ilo,
-    "adaptive": adaptive,
-}
+CASES: dict[str, Callable[[], Case]] = {**RIGID_BODY_CASES, **FILTER_CASES, **DELAY_CASES}

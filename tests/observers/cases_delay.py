@@ -6,8 +6,7 @@ expansion of Taylor is exact, and so are straight lines between samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,32 +23,12 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
+from tests.observers.case import Case
 from tests.observers.test_normal_form_observers import form, plant
 
 Array = NDArray[np.float64]
 
 PERIOD, DELAY, SLOPE, BOUNDS = 0.02, 0.6, 0.7, (0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Case:
-    """An observer, a record for it and where it starts from.
-
-    ``truth`` are true values of estimates at the rows, ``bounds`` what their largest errors from
-    row ``settled`` on stay below. With y, or u, a row late the worst of them, as a multiple of its
-    bound, must be more than ``worse`` times as large. ``huge`` values in y and u make the observer
-    diverge; None where none can.
-    """
-
-    observer: Any
-    y: Array
-    u: Array | None
-    state: Any
-    truth: Mapping[str, Array]
-    bounds: Mapping[str, float]
-    settled: int
-    worse: float
-    huge: float | None = 1e300
 
 
 def high_gain() -> Case:

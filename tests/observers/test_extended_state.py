@@ -12,7 +12,9 @@ from scipy.linalg import solve_continuous_are, solve_discrete_lyapunov
 
 from reobserve.errors import DivergenceError, InputError
 from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.observers.extended_state import HOLDS, ExtendedStateObserver, Run, State
+from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.run import Run
 from reobserve.plants.dc_motor import ControlledMotor, MotorRun, SpeedControl
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from tests.papers.eso.plants import dc_motor, random_plant
@@ -48,31 +50,30 @@ GAINS = {"PI": PI, "PD/PI": PD_PI}
 SENSOR_ROWS = np.array([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])[:, None]
 
 
-def observed(run: MotorRun, gains: Gains, step: float, hold: str = "second") -> Run:
-    """Estimates from a simulated motor: at each of its steps, or each second one for parabolas."""
+# What is known of y and u between samples: nothing, limits from the left, or middles as well.
+KNOWN = {"samples": 0, "limits": 1, "middles": 2}
+
+
+def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -> Run[State]:
+    """Estimates from a simulated motor: at each of its steps, or each second one with middles."""
     after, before = run.after, run.before
-    if hold != "second":
-        observer = ExtendedStateObserver(SYSTEM, gains, step, hold)
-        limits = None if hold == "zero" else (before.output, before.control)
-        return observer.run(after.output, after.control, observer.init(), limits)
-    observer = ExtendedStateObserver(SYSTEM, gains, 2 * step, hold)
-    middle = (after.output[1::2], after.control[1::2])
-    return observer.run(
-        after.output[::2],
-        after.control[::2],
-        observer.init(),
-        (before.output[::2], before.control[::2]),
-        (np.insert(middle[0], 0, 0.0, axis=0), np.insert(middle[1], 0, 0.0, axis=0)),
-    )
+    if known == "middles":
+        observer = ExtendedStateObserver(SYSTEM, gains, 2 * step)
+        return run_on_halves(
+            observer, after.output, after.control, state=observer.init(),
+            y_before=before.output, u_before=before.control,
+        )  # fmt: skip
+    observer = ExtendedStateObserver(SYSTEM, gains, step)
+    limits = None if known == "samples" else (before.output, before.control)
+    return observer.run(after.output, after.control, state=observer.init(), before=limits)
 
 
-def record(hold: str, rows: int = 60, seed: int = 5) -> dict[str, Any]:
-    """Random y and u that jump at the samples, as far as the hold can say that."""
+def record(known: str, rows: int = 60, seed: int = 5) -> dict[str, Any]:
+    """Random y and u that jump at the samples, as far as that is known."""
     rng = np.random.default_rng(seed)
     pairs = [(rng.normal(size=(rows, 2)), rng.normal(size=(rows, 1))) for _ in range(3)]
-    names = ("before", "middle")[: len(HOLDS[hold]) - 1]
-    extra = dict(zip(names, pairs[1:], strict=False))
-    return {"output": pairs[0][0], "control": pairs[0][1], **extra}
+    extra = dict(zip(("before", "middle")[: KNOWN[known]], pairs[1:], strict=False))
+    return {"y": pairs[0][0], "u": pairs[0][1], **extra}
 
 
 def part(whole: dict[str, Any], rows: Any) -> dict[str, Any]:
@@ -82,21 +83,21 @@ def part(whole: dict[str, Any], rows: Any) -> dict[str, Any]:
     }
 
 
-def stacked(run: Run) -> Array:
-    return np.hstack([run.estimate, run.actuator_fault, run.sensor_fault])
+def stacked(run: Any) -> Array:
+    return np.concatenate([run["state"], run["actuator_fault"], run["sensor_fault"]], axis=-1)
 
 
 # --- Against an adaptive integration ------------------------------------------------------------
 
 
 @pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
-@pytest.mark.parametrize("hold", HOLDS)
-def test_sampling_is_exact_for_what_the_hold_says(hold: str, gains: Gains) -> None:
+@pytest.mark.parametrize("known", KNOWN)
+def test_sampling_is_exact_for_what_is_known_in_between(known: str, gains: Gains) -> None:
     # The form without x^' and Y' on either side: zeta = (I + Ld C~) x^ - Ld Y.
-    system, period, samples = SYSTEM, 0.25, record(hold, rows=12)
+    system, period, samples = SYSTEM, 0.25, record(known, rows=12)
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
     start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
-    observer = ExtendedStateObserver(system, gains, period, hold)
+    observer = ExtendedStateObserver(system, gains, period)
     run = observer.run(**samples, state=observer.init(start, filtered))
     z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
     for k in range(12):
@@ -104,13 +105,15 @@ def test_sampling_is_exact_for_what_the_hold_says(hold: str, gains: Gains) -> No
         assert stacked(run)[k] == pytest.approx(x[[0, 1, 4, 5]], rel=1e-10, abs=1e-10)
         if k == 11:
             break
-        known = [np.hstack([samples["output"][k], samples["control"][k]])]
-        known += [
-            np.hstack([each[k + 1] for each in samples[name]])
-            for name in ("before", "middle")
-            if name in samples
-        ]
-        coefficients = np.polynomial.polynomial.polyfit(HOLDS[hold], known, len(known) - 1)
+        # At the start and the end of the step, and in its middle: y and u.
+        y0, u0, y1 = samples["y"][k], samples["u"][k], samples["y"][k + 1]
+        ends = [np.hstack([y0, u0]), np.hstack([y1, u0])]
+        if known != "samples":
+            ends[1] = np.hstack([each[k + 1] for each in samples["before"]])
+        ends.append(0.5 * (ends[0] + ends[1]))
+        if known == "middles":
+            ends[2] = np.hstack([each[k + 1] for each in samples["middle"]])
+        coefficients = np.polynomial.polynomial.polyfit([0.0, 1.0, 0.5], ends, 2)
 
         def rate(t: float, z: Array, coefficients: Array = coefficients) -> Array:
             powers = (t / period) ** np.arange(len(coefficients))
@@ -154,15 +157,15 @@ def test_twenty_seconds_with_jumping_faults(
     assert np.abs(stacked(run)[:: round(HOLD / step / 2)] - expected[:, places]).max() < 1e-10
 
 
-@pytest.mark.parametrize(("hold", "order"), [("zero", 1), ("first", 2), ("second", 4)])
-def test_error_falls_with_the_period_as_the_hold_promises(
-    truth: tuple[tuple[Array, Array], Array], hold: str, order: int
+@pytest.mark.parametrize(("known", "order"), [("limits", 2), ("middles", 4)])
+def test_error_falls_with_the_period_as_is_promised(
+    truth: tuple[tuple[Array, Array], Array], known: str, order: int
 ) -> None:
     inputs, expected = truth
     errors = []
     for step in (5e-3, 2.5e-3):
-        run = observed(simulated(LOOP, step, inputs), PD_PI, step, hold)
-        rows = stacked(run)[:: round(HOLD / step / (2 if hold == "second" else 1))]
+        run = observed(simulated(LOOP, step, inputs), PD_PI, step, known)
+        rows = stacked(run)[:: round(HOLD / step / (2 if known == "middles" else 1))]
         errors.append(np.abs(rows - expected[:, [11, 12, 15, 16]]).max())
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15
 
@@ -179,21 +182,18 @@ def test_fault_estimates_depend_on_neither_control_nor_reference(gains: Gains) -
     found = [observed(run, gains, step) for run in runs]
     assert np.abs(runs[0].state - runs[1].state).max() > 3
     for name in ("actuator_fault", "sensor_fault"):
-        assert np.abs(getattr(found[0], name) - getattr(found[1], name)).max() < 1e-9
-    errors = [each.estimate - run.state[::2] for each, run in zip(found, runs, strict=True)]
+        assert np.abs(found[0][name] - found[1][name]).max() < 1e-9
+    errors = [each["state"] - run.state[::2] for each, run in zip(found, runs, strict=True)]
     assert np.abs(errors[0] - errors[1]).max() < 1e-9
 
 
 @pytest.mark.parametrize("gains", GAINS.values(), ids=GAINS)
-@pytest.mark.parametrize("hold", HOLDS)
-def test_constant_faults_are_estimated_exactly(gains: Gains, hold: str) -> None:
+def test_constant_faults_are_estimated_exactly(gains: Gains) -> None:
     # At rest with u = 1: x from 0 = A x + B (u + fa).
     fault, sensor = 0.3, -0.2
     x = np.linalg.solve(-MOTOR.A, [0.0, 2 * (1.0 + fault)])
     y, u = np.tile(x + np.array([sensor, 0.0]), (1000, 1)), np.ones((1000, 1))
-    observer = ExtendedStateObserver(SYSTEM, gains, 0.02, hold)
-    middle = (y, u) if hold == "second" else None
-    run = observer.run(y, u, observer.init(), middle=middle)
+    run = ExtendedStateObserver(SYSTEM, gains, 0.02).run(y, u)
     assert stacked(run)[-1] == pytest.approx([*x, fault, sensor], abs=1e-12)
 
 
@@ -233,14 +233,14 @@ def test_the_printed_sign_turns_the_sensor_fault_round() -> None:
     assert np.array_equal(printed.F[2:, 1], -SYSTEM.F[2:, 1])
     turned = Gains(SENSOR_ROWS * PD_PI.L, SENSOR_ROWS * PD_PI.Ld)
     run, other = (
-        observer.run(**record("zero"), state=observer.init())
+        observer.run(**record("samples"), state=observer.init())
         for observer in (
             ExtendedStateObserver(SYSTEM, PD_PI, 0.01),
             ExtendedStateObserver(printed, turned, 0.01),
         )
     )
-    assert other.sensor_fault == pytest.approx(-run.sensor_fault, rel=1e-11, abs=1e-12)
-    assert other.actuator_fault == pytest.approx(run.actuator_fault, rel=1e-11, abs=1e-12)
+    assert other["sensor_fault"] == pytest.approx(-run["sensor_fault"], rel=1e-11, abs=1e-12)
+    assert other["actuator_fault"] == pytest.approx(run["actuator_fault"], rel=1e-11, abs=1e-12)
     with pytest.raises(InputError, match=r"^L: and Ld give no stable observer"):
         ExtendedStateObserver(printed, PD_PI, 0.01)
 
@@ -255,8 +255,11 @@ def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, 0.1 * np.eye(2))
     gains = Gains(10 * P @ system.C_tilde.T, np.zeros((system.size, 2)))
     observer = ExtendedStateObserver(system, gains, 0.05)
-    samples = record("zero", rows=40)
-    run = observer.run(**samples, state=observer.init())
+    samples = record("samples", rows=40)
+    y, u = samples["y"], samples["u"]
+    # Held, by the limits from the left: what scipy's sampling holds, too.
+    before = tuple(np.vstack([each[:1], each[:-1]]) for each in (y, u))
+    run = observer.run(y, u, before=(before[0], before[1]))
     upper = np.hstack([-system.Az, np.zeros((2, system.size))])
     lower = np.hstack([gains.L, system.A_tilde - gains.L @ system.C_tilde])
     inputs = np.zeros((2 + system.size, 3))
@@ -264,8 +267,8 @@ def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
     transition, effect = zero_order_hold(np.vstack([upper, lower]), inputs, 0.05)
     z = np.zeros(2 + system.size)
     for k in range(39):
-        z = transition @ z + effect @ [*samples["output"][k], *samples["control"][k]]
-    assert run.estimate[-1] == pytest.approx(z[2:16], rel=1e-11)
+        z = transition @ z + effect @ [*y[k], *u[k]]
+    assert run["state"][-1] == pytest.approx(z[2:16], rel=1e-11)
     assert stacked(run)[-1, 14:] == pytest.approx(z[18:], rel=1e-11)
 
 
@@ -278,27 +281,29 @@ def test_the_filter_scales_with_its_rates() -> None:
     observer = ExtendedStateObserver(system, gains, 0.1)
     x = np.linalg.solve(-MOTOR.A, [0.0, 2 * 1.3])
     y = x + np.array([0.4, 0.0])
-    run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), observer.init([*x, *y, 0.3, 0.4], y))
+    start = observer.init([*x, *y, 0.3, 0.4], y)
+    run = observer.run(np.tile(y, (50, 1)), np.ones((50, 1)), state=start)
     assert np.abs(stacked(run) - [*x, 0.3, 0.4]).max() < 1e-12
 
 
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hold", HOLDS)
-def test_stepping_gives_the_bits_of_a_run(hold: str) -> None:
-    observer, whole = ExtendedStateObserver(SYSTEM, PD_PI, 0.01, hold), record(hold)
+@pytest.mark.parametrize("known", KNOWN)
+def test_stepping_gives_the_bits_of_a_run(known: str) -> None:
+    observer, whole = ExtendedStateObserver(SYSTEM, PD_PI, 0.01), record(known)
     start = observer.init(np.linspace(0, 1, 6), [0.1, 0.2])
     run = observer.run(**whole, state=start)
     state, rows = start, []
     for k in range(60):
         state, estimate = observer.step(state, **part(whole, k))
-        rows.append(estimate)
-    assert np.array_equal(np.array(rows)[:, [0, 1, 4, 5]], stacked(run))
-    assert state.count == run.state.count == 60
+        rows.append(stacked(estimate))
+    assert np.array_equal(rows, stacked(run))
+    assert state.count == run.state.count == 59
     first = observer.run(**part(whole, slice(0, 23)), state=start)
     second = observer.run(**part(whole, slice(23, 60)), state=first.state)
     assert np.array_equal(np.vstack([stacked(first), stacked(second)]), stacked(run))
+    assert np.array_equal(np.append(first.time, second.time), run.time)
     for end in (state, second.state):
         for name in ("filtered", "estimate", "sample"):
             assert np.array_equal(getattr(end, name), getattr(run.state, name))
@@ -306,44 +311,39 @@ def test_stepping_gives_the_bits_of_a_run(hold: str) -> None:
 
 
 def test_an_estimate_knows_no_later_sample() -> None:
-    for hold, reach in (("zero", 1), ("first", 0)):
-        observer = ExtendedStateObserver(SYSTEM, PI, 0.01, hold)
-        one, other = record(hold, rows=9), record(hold, rows=9)
-        other["output"] = one["output"].copy()
-        other["output"][5] += 1.0
-        if hold == "first":
-            del one["before"], other["before"]
-        runs = [stacked(observer.run(**each, state=observer.init())) for each in (one, other)]
+    observer = ExtendedStateObserver(SYSTEM, PI, 0.01)
+    # y of a row counts from the estimate of that row on, u from that of the next one.
+    for name, first in (("y", 5), ("u", 6)):
+        one, other = record("samples", rows=9), record("samples", rows=9)
+        other[name][5] += 1.0
+        runs = [stacked(observer.run(**each)) for each in (one, other)]
         differs = np.flatnonzero((runs[0] != runs[1]).any(axis=1))
-        assert differs[0] == 5 + reach
+        assert differs[0] == first
 
 
-def test_limits_let_a_straight_line_hold_the_control() -> None:
-    # What the zero-order hold holds, the first-order one holds if told that nothing changes.
-    samples = record("zero")
-    y, u = samples["output"], samples["control"]
-    before = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
-    runs = []
-    for hold, limits in (("zero", None), ("first", before)):
-        observer = ExtendedStateObserver(SYSTEM, PD_PI, 0.02, hold)
-        runs.append(stacked(observer.run(y, u, observer.init(), limits)))
-    assert runs[0] == pytest.approx(runs[1], rel=1e-11, abs=1e-12)
+def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
+    samples = record("samples")
+    y, u = samples["y"], samples["u"]
+    observer = ExtendedStateObserver(SYSTEM, PD_PI, 0.02)
+    last = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
+    told = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
+    assert stacked(told) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
 
 
 def test_divergence_says_when() -> None:
     observer = ExtendedStateObserver(SYSTEM, PI, 0.5)
     y, u = np.zeros((9, 2)), np.zeros((9, 1))
-    y[4] = 1.7e308
-    run = observer.run(y, u, observer.init(), on_divergence="return")
+    y[5] = 1.7e308
+    run = observer.run(y, u, on_divergence="return")
     assert run.diverged_at == 4 * 0.5
-    assert len(run.estimate) == len(run.sensor_fault) == 5
+    assert len(run) == len(run["state"]) == len(run["sensor_fault"]) == 5
     assert run.state.count == 0
-    early = observer.run(y[:5], u[:5], observer.init())
+    early = observer.run(y[:5], u[:5])
     assert early.diverged_at is None
-    later = observer.run(y[5:], u[5:], early.state, on_divergence="return")
+    later = observer.run(y[5:], u[5:], state=early.state, on_divergence="return")
     assert later.diverged_at == 4 * 0.5
-    assert len(later.estimate) == 0
-    with pytest.raises(DivergenceError, match=r"ExtendedStateObserver diverged: .* t = 2 s"):
+    assert len(later) == 0
+    with pytest.raises(DivergenceError, match=r"ExtendedStateObserver diverged: .* t = 2 s and no"):
         observer.step(early.state, y[5], u[5])
 
 
@@ -374,15 +374,14 @@ def test_singular_mass_is_refused() -> None:
 @pytest.mark.parametrize(
     ("changed", "problem"),
     [
-        ({"period": 0.0}, "period: 0 must be greater than zero"),
-        ({"hold": "third"}, "hold: 'third' must be one of zero, first, second"),
+        ({"sampling_period": 0.0}, "sampling_period: 0 must be greater than zero"),
         ({"gains": Gains(PI.L[:5], PI.Ld)}, r"L: has shape \(5, 2\), must be \(6, 2\)"),
         ({"gains": Gains(PI.L, PI.Ld.T)}, r"Ld: has shape \(2, 6\), must be \(6, 2\)"),
         ({"gains": Gains(PI.L * np.nan, PI.Ld)}, "L: .* not finite"),
     ],
 )
 def test_observers_that_cannot_be(changed: dict[str, Any], problem: str) -> None:
-    good: dict[str, Any] = {"system": SYSTEM, "gains": PI, "period": 0.01}
+    good: dict[str, Any] = {"system": SYSTEM, "gains": PI, "sampling_period": 0.01}
     with pytest.raises(InputError, match=f"^{problem}"):
         ExtendedStateObserver(**{**good, **changed})
 
@@ -392,26 +391,22 @@ HOLED = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, np.nan], [0.0, 0.0]])
 
 
 @pytest.mark.parametrize(
-    ("hold", "changed", "problem"),
+    ("changed", "problem"),
     [
-        ("zero", {"output": HOLED}, r"output: sample 2 is \[0.0, nan\], must be finite"),
-        ("zero", {"output": Y[:, :1]}, r"output: has shape \(4, 1\), .* one row or more of 2 num"),
-        ("zero", {"output": Y[:0]}, r"output: has shape \(0, 2\), must have one row or more"),
-        ("zero", {"control": U[:3]}, "control: has 3 rows, must have 4 like output$"),
-        ("zero", {"control": "off"}, "control: is no array of numbers"),
-        ("zero", {"before": (Y, U)}, "before: must be left out: the zero-order hold"),
-        ("zero", {"middle": (Y, U)}, "middle: must be left out: the hold is 'zero'"),
-        ("second", {}, "middle: is missing: the hold is 'second'"),
-        ("first", {"before": (Y, U[:2])}, "before control: has 2 rows, must have 4 like before"),
-        ("second", {"middle": (HOLED, U)}, "middle output: sample 2"),
-        ("zero", {"state": State(np.zeros(2), np.zeros(5), np.zeros(3))}, "state: must be of an"),
+        ({"y": HOLED}, r"y: sample 2 is \[0.0, nan\], must be finite$"),
+        ({"y": Y[:, :1]}, r"y: has shape \(4, 1\), .* one row or more of 2 num"),
+        ({"y": Y[:0]}, r"y: has shape \(0, 2\), must have one row or more"),
+        ({"u": U[:3]}, "u: has 3 rows, must have 4 like y$"),
+        ({"u": "off"}, "u: is no array of numbers"),
+        ({"before": (Y, U[:2])}, "before u: has 2 rows, must have 4 like y"),
+        ({"middle": (HOLED, U)}, "middle y: sample 2"),
+        ({"state": State(np.zeros(2), np.zeros(5))}, "state: must be of an observer of size 6"),
     ],
 )
-def test_records_that_cannot_be_read(hold: str, changed: dict[str, Any], problem: str) -> None:
-    observer = ExtendedStateObserver(SYSTEM, PI, 0.01, hold)
-    good: dict[str, Any] = {"output": Y, "control": U, "state": observer.init()}
+def test_records_that_cannot_be_read(changed: dict[str, Any], problem: str) -> None:
+    observer = ExtendedStateObserver(SYSTEM, PI, 0.01)
     with pytest.raises(InputError, match=f"^{problem}"):
-        observer.run(**{**good, **changed})
+        observer.run(**{"y": Y, "u": U, **changed})
 
 
 @pytest.mark.parametrize(

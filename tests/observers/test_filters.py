@@ -11,11 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from reobserve.errors import DivergenceError
+from reobserve.errors import DivergenceError, InputError
 from reobserve.models.linear import LinearModel
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import Belief, FilterRun, LinearFilter
+from reobserve.observers.linear_filter import Belief, Correction, LinearFilter, State
 from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from tests.observers.actuator_models import (
     ACTUATOR,
@@ -26,6 +27,7 @@ from tests.observers.actuator_models import (
     reference,
     ripple,
     rounded,
+    run_over,
     simulated,
     square_wave,
     switching_law,
@@ -50,15 +52,23 @@ def motion_record(rows: int) -> tuple[Array, Array]:
     return simulated(motion_model("leakage"), u) + NOISE * ripple(rows, 3), u
 
 
-def same_bits(one: FilterRun, other: FilterRun) -> bool:
-    pairs = [
-        (one.estimate, other.estimate),
-        (one.variance, other.variance),
-        (one.innovation, other.innovation),
-        (one.log_likelihood, other.log_likelihood),
-        *zip(vars(one.belief).values(), vars(other.belief).values(), strict=True),
-    ]
-    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
+    return one.keys() == other.keys() and all(
+        np.array_equal(values, other[name], equal_nan=True) for name, values in one.items()
+    )
+
+
+def told(*runs: Run[State]) -> dict[str, Array]:
+    """All that runs tell, one after the other, and the state that the last one leaves."""
+    state = runs[-1].state
+    joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
+    assert state.sample is not None
+    return {**joined, **vars(state.belief), "sample": state.sample, "count": np.array(state.count)}
+
+
+def both(one: LinearFilter, belief: Belief, y: Any, u: Any) -> Correction:
+    """Prediction and correction, with an input held over the step."""
+    return one.correct(one.predict(belief, u), y, u)
 
 
 def relative(found: Array, expected: Array) -> float:
@@ -72,24 +82,24 @@ def relative(found: Array, expected: Array) -> float:
 def test_the_information_of_measurements_of_a_constant_adds_up() -> None:
     z = 3.0 + 2.0 * ripple(500)
     kalman = KalmanFilter(ONE)
-    run = kalman.run(z, kalman.init([1.0], 9.0))
+    run = kalman.run(z, state=kalman.init([1.0], 9.0))
     count = np.arange(1, 501)
     information = 1 / 9 + count / 4.0
-    assert run.variance[:, 0] == pytest.approx(1 / information, rel=1e-13)
+    assert run["variance"][:, 0] == pytest.approx(1 / information, rel=1e-13)
     mean = (1.0 / 9 + np.cumsum(z[:, 0]) / 4.0) / information
-    assert run.estimate[:, 0] == pytest.approx(mean, rel=1e-13)
+    assert run["state"][:, 0] == pytest.approx(mean, rel=1e-13)
 
 
 def test_likelihoods_multiply_to_the_density_of_the_whole_record() -> None:
     # z ~ N(1, 9 * ones + 4 I): determinant and inverse in closed form.
     z = 3.0 + 2.0 * ripple(40)
     kalman = KalmanFilter(ONE)
-    run = kalman.run(z, kalman.init([1.0], 9.0))
+    run = kalman.run(z, state=kalman.init([1.0], 9.0))
     d = z[:, 0] - 1.0
     distance = d @ d / 4 - 9 / (16 * (1 + 40 * 9 / 4)) * d.sum() ** 2
     log_determinant = 40 * np.log(4) + np.log(1 + 40 * 9 / 4)
     expected = -0.5 * (distance + log_determinant + 40 * np.log(2 * np.pi))
-    assert run.log_likelihood.sum() == pytest.approx(expected, rel=1e-13)
+    assert run["log_likelihood"].sum() == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("mode", ACTUATOR)
@@ -99,11 +109,10 @@ def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any,
     A, _, H, _, Q, R = model.arrays
     kalman = KalmanFilter(model)
     rows, m = 3000, model.outputs
-    run = kalman.run(
-        np.zeros((rows, m)), kalman.init(np.zeros(model.states), 1.0), np.zeros((rows, 1))
-    )
+    still = np.zeros((rows, m)), np.zeros((rows, 1))
+    run = kalman.run(*still, state=kalman.init(np.zeros(model.states), 1.0))
     expected = solve_discrete_are(A.T, H.T, Q, R)
-    found = kalman.predict(run.belief, [0.0]).covariance
+    found = kalman.predict(run.state.belief, [0.0]).covariance
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
@@ -113,9 +122,9 @@ def test_an_exact_model_without_noise_is_followed_from_any_start() -> None:
     u = square_wave(800, 60)
     z = simulated(NORMAL, u, [1.0, -2.0, 0.5, 1.0])
     kalman = KalmanFilter(NORMAL)
-    run = kalman.run(z, kalman.init(np.zeros(4), 10.0), u)
-    assert abs(run.innovation[0, 0]) > 0.5
-    assert np.abs(run.innovation[-200:]).max() < 1e-8
+    run = run_over(kalman, z, u, np.zeros(4), 10.0)
+    assert abs(run["innovation"][0, 0]) > 0.5
+    assert np.abs(run["innovation"][-200:]).max() < 1e-8
 
 
 # --- Joseph's form ------------------------------------------------------------------------------
@@ -134,7 +143,7 @@ def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_i
     model = replace(NORMAL, R=1e-14)
     kalman = KalmanFilter(model)
     z, u = [0.7], [0.0]
-    found = kalman.correct(kalman.init(np.zeros(4), CORRELATED), z, u).belief.covariance
+    found = kalman.correct(kalman.init(np.zeros(4), CORRELATED).belief, z, u).belief.covariance
     with mpmath.workdps(50):
         P, H, R = exact(CORRELATED), exact(model.arrays.H), exact(model.arrays.R)
         K = P * H.T * (H * P * H.T + R) ** -1
@@ -161,13 +170,13 @@ def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_
     model = replace(MOTION, R=R, Q=1e-12)
     A, _, H, _, Q, _ = model.arrays
     kalman = KalmanFilter(model)
-    belief = kalman.init(np.zeros(5), 1.0)
+    belief = kalman.init(np.zeros(5), 1.0).belief
     short, P = np.eye(5), mpmath.eye(5)
     errors, least_short = [], []
     with mpmath.workdps(50):
         a, _, h, _, q, r = map(exact, model.arrays)
         for _ in range(12):
-            belief = kalman.step(belief, np.zeros(3), [0.0]).belief
+            belief = kalman.correct(kalman.predict(belief, [0.0]), np.zeros(3), [0.0]).belief
             P = a * P * a.T + q
             P = P - P * h.T * (h * P * h.T + r) ** -1 * h * P
             size = rounded(P) / correlated(rounded(P))
@@ -185,7 +194,7 @@ def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_
 def test_the_svsf_needs_josephs_form() -> None:
     # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
     smooth = svsf(NORMAL, 1.0, 0.1)
-    found = smooth.correct(smooth.init(np.zeros(4), CORRELATED), [0.4], [0.0]).belief
+    found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).belief, [0.4], [0.0]).belief
     K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.H
     M = np.eye(4) - K @ H
     whole = M @ CORRELATED @ M.T + 1e-4 * K @ K.T
@@ -208,13 +217,13 @@ def test_a_filter_of_three_outputs_agrees_with_fifty_digits(kind: str) -> None:
     z, u = motion_record(30)
     law = kalman_law if kind == "KF" else switching_law(PSI, GAMMA)
     made = KalmanFilter(MOTION) if kind == "KF" else svsf(MOTION)
-    run = made.run(z, made.init(np.zeros(5), [18.0, 0.0038, 0.012, 0.0044, 0.0021]), u)
+    run = run_over(made, z, u, np.zeros(5), [18.0, 0.0038, 0.012, 0.0044, 0.0021])
     expected = alone(MOTION, law, z, u)
     variance = np.diagonal(expected.covariance, axis1=1, axis2=2)
-    assert relative(run.estimate, expected.estimate) < 1e-13
-    assert relative(run.variance, variance) < 1e-13
+    assert relative(run["state"], expected.estimate) < 1e-13
+    assert relative(run["variance"], variance) < 1e-13
     if kind == "SVSF":
-        share = (np.abs(run.innovation) > PSI).mean(axis=0)
+        share = (np.abs(run["innovation"]) > PSI).mean(axis=0)
         assert np.all((share > 0.05) & (share < 0.95)), "inside of the layer and outside"
 
 
@@ -229,11 +238,11 @@ def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
     """Outside of the layer e(k+1|k+1) = -sign(e(k+1|k)) gamma |e(k|k)| for each output."""
     m = model.outputs
     smooth = svsf(model, 1e-12, gamma)
-    belief = smooth.init(np.zeros(model.states), 1.0)
+    belief = smooth.init(np.zeros(model.states), 1.0).belief
     belief = Belief(belief.mean, belief.covariance, np.arange(1.0, m + 1))
     z = 5.0 * ripple(rows, m)
     for row in z:
-        told = smooth.step(belief, row, [0.3])
+        told = both(smooth, belief, row, [0.3])
         expected = -np.sign(told.innovation) * gamma * np.abs(belief.error)
         scale = 1e-14 * (5.0 + np.abs(told.innovation).max())
         assert np.abs(told.belief.error - expected).max() < scale
@@ -259,9 +268,9 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
     apart = []
     for width in (1e5, 1e7, 1e9):
         smooth = svsf(MOTION, width)
-        run = smooth.run(z, smooth.init(np.zeros(5), 1.0), u)
-        apart.append(float(np.abs(run.estimate - rows).max()))
-        largest = float(np.abs(run.innovation).max())
+        run = run_over(smooth, z, u, np.zeros(5), 1.0)
+        apart.append(float(np.abs(run["state"] - rows).max()))
+        largest = float(np.abs(run["innovation"]).max())
         # Each sample corrects less than (1 + gamma) e^2 / psi, and 200 samples add up.
         assert apart[-1] < 200 * 1.1 * largest**2 / width * 200
     assert apart[0] / apart[1] == pytest.approx(100, rel=0.05)
@@ -271,8 +280,8 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
 
 def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
     smooth = svsf(MOTION)
-    start = smooth.init(np.zeros(5), 1.0)
-    told = smooth.step(Belief(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
+    start = smooth.init(np.zeros(5), 1.0).belief
+    told = both(smooth, Belief(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
     assert not told.innovation.any()
     assert not told.belief.mean.any()
     assert np.isfinite(told.belief.covariance).all()
@@ -287,7 +296,7 @@ def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None
 def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], 0.01, 0.1)
     smooth = svsf(model, 0.5, 0.0)
-    belief = smooth.init([1.0, 2.0], 1.0)
+    belief = smooth.init([1.0, 2.0], 1.0).belief
     predicted = smooth.predict(belief, [1.0])
     moved = smooth.correct(predicted, [20.0], [1.0]).belief.mean - predicted.mean
     assert predicted.mean == pytest.approx([1.2, 2.1])
@@ -307,38 +316,55 @@ def test_the_gain_is_continuous_where_the_layer_ends() -> None:
 # --- Steps, runs, and going on ------------------------------------------------------------------
 
 
-def by_steps(one: LinearFilter, z: Array, belief: Belief, u: Array) -> FilterRun:
+def by_steps(one: LinearFilter, z: Array, state: State, u: Array) -> dict[str, Array]:
     rows = []
     for measurement, control in zip(z, u, strict=True):
-        told = one.step(belief, measurement, control)
-        belief = told.belief
-        rows.append((belief.mean, np.diag(belief.covariance), told.innovation, told.log_likelihood))
-    parts = [np.array(part) for part in zip(*rows, strict=True)]
-    return FilterRun(
-        *parts, missing=int(np.isnan(z).any(axis=1).sum()), belief=belief, diverged_at=None
-    )
+        state, estimate = one.step(state, measurement, control)
+        rows.append(estimate.estimates)
+    assert state.sample is not None
+    return {
+        **{name: np.array([row[name] for row in rows]) for name in rows[0]},
+        **vars(state.belief), "sample": state.sample, "count": np.array(state.count),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
+@pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
+def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
+    made: LinearFilter, before: bool
+) -> None:
+    z, u = motion_record(120)
+    z[40, 1] = z[41] = np.nan
+    start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
+    run = made.run(z, u, state=start)
+    assert same_bits(by_steps(made, z, start, u), told(run))
+    for cut in (1, 42, 57):  # after 42 the last measurement is a missing one
+        first = made.run(z[:cut], u[:cut], state=start)
+        second = made.run(z[cut:], u[cut:], state=first.state)
+        assert same_bits(told(first, second), told(run))
+        assert first.missing + second.missing == run.missing == 2
+        assert np.array_equal(np.append(first.time, second.time), run.time)
+    assert run.time[0] == (5e-3 if before else 0.0)
+    assert not start.belief.mean.any()
+    assert np.array_equal(start.belief.covariance, np.eye(5)), "a state is a value"
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
-def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(made: LinearFilter) -> None:
-    z, u = motion_record(120)
-    z[40, 1] = z[41] = np.nan
-    start = made.init(np.zeros(5), 1.0)
-    run = made.run(z, start, u)
-    assert same_bits(by_steps(made, z, start, u), run)
-    first = made.run(z[:57], start, u[:57])
-    second = made.run(z[57:], first.belief, u[57:])
-    assert (first.missing, second.missing, run.missing) == (2, 0, 2)
-    joined = replace(
-        second,
-        **{
-            name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("estimate", "variance", "innovation", "log_likelihood")
-        },
-    )
-    assert same_bits(joined, run)
-    assert not start.mean.any()
-    assert np.array_equal(start.covariance, np.eye(5)), "a belief is a value"
+def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
+    made: LinearFilter,
+) -> None:
+    z, u = motion_record(9)
+    start = made.init(np.linspace(0, 1, 5), 1.0)
+    run = made.run(z, u, state=start)
+    found = made.correct(start.belief, z[0], u[0])
+    for k in range(9):
+        if k:
+            found = both(made, found.belief, z[k], u[k - 1])
+        assert np.array_equal(run["state"][k], found.belief.mean)
+        assert np.array_equal(run["innovation"][k], found.innovation)
+    moved = u.copy()
+    moved[-1] += 1.0
+    assert np.array_equal(made.run(z, moved, state=start)["state"], run["state"])
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
@@ -346,73 +372,90 @@ def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
     z, u = motion_record(60)
     z[20:30] = np.nan
     z[45, 2] = np.nan  # one of three numbers: none of them is used
-    run = made.run(z, made.init(np.zeros(5), 1.0), u)
+    start = made.init(np.zeros(5), 1.0)
+    run = made.run(z, u, state=start)
     assert run.missing == 11
-    belief = made.run(z[:20], made.init(np.zeros(5), 1.0), u[:20]).belief
+    belief = made.run(z[:20], u[:20], state=start).state.belief
     last = belief.error
     for k in range(20, 30):
-        belief = made.predict(belief, u[k])
-        assert np.array_equal(run.estimate[k], belief.mean)
-        assert np.array_equal(run.variance[k], np.diag(belief.covariance))
+        belief = made.predict(belief, u[k - 1])
+        assert np.array_equal(run["state"][k], belief.mean)
+        assert np.array_equal(run["variance"][k], np.diag(belief.covariance))
     assert np.array_equal(belief.error, last)
     gaps = np.isnan(z).any(axis=1)
-    assert np.array_equal(np.isnan(run.innovation).all(axis=1), gaps)
-    assert np.array_equal(run.log_likelihood == 0.0, gaps)
-    told = made.correct(belief, [np.nan, 0.0, 0.0], u[0])
-    assert told.belief is belief
-    assert told.log_likelihood == 0.0
-    assert np.isnan(told.innovation_covariance).all()
+    assert np.array_equal(np.isnan(run["innovation"]).all(axis=1), gaps)
+    assert np.array_equal(run["log_likelihood"] == 0.0, gaps)
+    found = made.correct(belief, [np.nan, 0.0, 0.0], u[0])
+    assert found.belief is belief
+    assert found.log_likelihood == 0.0
+    assert np.isnan(found.innovation_covariance).all()
 
 
 def test_a_correction_tells_what_was_foretold() -> None:
     kalman = KalmanFilter(MOTION)
     z, u = motion_record(5)
-    run = kalman.run(z[:4], kalman.init(np.zeros(5), 1.0), u[:4])
-    told = kalman.step(run.belief, z[4], u[4])
+    run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
+    belief = run.state.belief
+    found = both(kalman, belief, z[4], u[3])
     A, B, H, D, Q, R = MOTION.arrays
-    P = A @ run.belief.covariance @ A.T + Q
+    P = A @ belief.covariance @ A.T + Q
     S = H @ P @ H.T + R
-    e = z[4] - H @ (A @ run.belief.mean + B @ u[4]) - D @ u[4]
-    assert told.innovation == pytest.approx(e, rel=1e-12)
-    assert told.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
+    e = z[4] - H @ (A @ belief.mean + B @ u[3]) - D @ u[3]
+    assert found.innovation == pytest.approx(e, rel=1e-12)
+    assert found.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
     logged = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
-    assert told.log_likelihood == pytest.approx(logged, rel=1e-13)
+    assert found.log_likelihood == pytest.approx(logged, rel=1e-13)
+    row = kalman.step(run.state, z[4], u[4])[1]
+    assert np.array_equal(row["innovation"], found.innovation)
+    assert row["log_likelihood"] == found.log_likelihood
+
+
+def test_the_input_of_a_first_row_is_read_where_it_feeds_through() -> None:
+    # Only a feedthrough reads it there; without one given, the row's own stands for it.
+    z, u = motion_record(3)
+    kalman = KalmanFilter(MOTION)
+    run = kalman.run(z[:1], u[:1], state=kalman.init(np.zeros(5), 1.0))
+    assert run["innovation"][0] == pytest.approx(z[0] - MOTION.D @ u[0], rel=1e-15)
+    still = KalmanFilter(replace(MOTION, D=None))
+    runs = [still.run(z[:1], v, state=still.init(np.zeros(5), 1.0)) for v in (u[:1], u[:1] + 1)]
+    assert np.array_equal(runs[0]["state"], runs[1]["state"])
 
 
 # --- A user's own gain --------------------------------------------------------------------------
 
 
 @gain_law
-def _given_gain(
+def _shared_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
     n, m = gain.shape
     for a in range(n):
         for o in range(m):
-            gain[a, o] = parameters[a * m + o]
+            gain[a, o] = parameters[m * a + o]
 
 
-@dataclass(frozen=True, eq=False)
-class FixedGainFilter(LinearFilter):
-    """A Luenberger observer that keeps account of its covariance."""
+@dataclass(frozen=True, eq=False, repr=False)
+class OwnFilter(LinearFilter):
+    """A user's own: the gain is a part of a matrix."""
 
-    gain: Array
+    matrix: Array
+    share: float
 
     @property
     def law(self) -> Any:
-        return _given_gain
+        return _shared_gain
 
     @property
     def law_parameters(self) -> Array:
-        return self.gain.ravel()
+        return self.share * self.matrix.ravel()
 
 
 def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
     z, u = motion_record(80)
     A, B, H, D, Q, R = MOTION.arrays
     K = np.linalg.pinv(H) @ np.diag([0.5, 0.3, 0.1])
-    fixed = FixedGainFilter(MOTION, K)
-    run = fixed.run(z, fixed.init(np.zeros(5), 1.0), u)
+    own = OwnFilter(MOTION, 2.0 * K, 0.5)
+    run = run_over(own, z, u, np.zeros(5), 1.0)
     x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ H
     means, variances = [], []
     for measurement, control in zip(z, u, strict=True):
@@ -421,23 +464,8 @@ def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
         P = M @ P @ M.T + K @ R @ K.T
         means.append(x)
         variances.append(np.diag(P))
-    assert relative(run.estimate, np.array(means)) < 1e-12
-    assert relative(run.variance, np.array(variances)) < 1e-12
-
-
-def test_kalmans_gain_as_a_fixed_gain_is_the_kalman_filter() -> None:
-    kalman = KalmanFilter(NORMAL)
-    A, _, H, _, Q, R = NORMAL.arrays
-    P = solve_discrete_are(A.T, H.T, Q, R)
-    K = P @ H.T / (H @ P @ H.T + R)
-    posterior = (np.eye(4) - K @ H) @ P
-    fixed = FixedGainFilter(NORMAL, K)
-    u = square_wave(300, 40)
-    z = simulated(NORMAL, u) + 0.01 * ripple(300)
-    start = 0.5 * (posterior + posterior.T)
-    runs = [one.run(z, one.init(np.zeros(4), start), u) for one in (kalman, fixed)]
-    assert relative(runs[0].estimate, runs[1].estimate) < 1e-9
-    assert relative(runs[0].variance, runs[1].variance) < 1e-9
+    assert relative(run["state"], np.array(means)) < 1e-12
+    assert relative(run["variance"], np.array(variances)) < 1e-12
 
 
 # --- Divergence ---------------------------------------------------------------------------------
@@ -448,28 +476,47 @@ UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 
 
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
 def test_a_variance_that_overflows_is_reported_with_its_row(taken: bool) -> None:
-    smooth = svsf(UNSEEN, 1.0)
-    start = smooth.init([1.0, 1.0], 1.0)
+    smooth = svsf(replace(UNSEEN, sampling_period=0.25), 1.0)
+    start = smooth.init([1.0, 1.0], 1.0, u=())
     # The variance after k rows is 100^k: beyond the greatest float, 1.8e308, after 155 of them.
-    run = smooth.run(np.full((400, 1), 0.3 if taken else np.nan), start, on_divergence="return")
-    assert run.diverged_at == 154
-    assert run.estimate.shape == (154, 2)
-    assert run.variance[-1, 0] == pytest.approx(1e308, rel=1e-12)
-    assert np.isfinite(run.variance).all()
+    z = np.full((400, 1), 0.3 if taken else np.nan)
+    run = smooth.run(z, state=start, on_divergence="return")
+    assert run.diverged_at == pytest.approx(154 * 0.25)  # the last row that is finite
+    assert run["state"].shape == (154, 2)
+    assert run.time[-1] == run.diverged_at
+    assert run["variance"][-1, 0] == pytest.approx(1e308, rel=1e-12)
+    assert np.isfinite(run["variance"]).all()
     assert run.missing == (0 if taken else 154)
-    assert run.belief is start
+    assert run.state.belief is start.belief
 
 
 def test_a_mean_that_overflows_is_reported_with_its_row() -> None:
     # Without any doubt about state 1 its covariance stays zero, and the mean is 10^k.
     smooth = svsf(UNSEEN, 1.0)
-    start = smooth.init([1.0, 1.0], [0.0, 1.0])
-    run = smooth.run(np.full((400, 1), 0.3), start, on_divergence="return")
-    assert run.diverged_at == 308
-    assert run.estimate[-1, 0] == pytest.approx(1e308, rel=1e-12)
+    start = smooth.init([1.0, 1.0], [0.0, 1.0], u=())
+    run = smooth.run(np.full((400, 1), 0.3), state=start, on_divergence="return")
+    assert run.diverged_at == len(run) == 308
+    assert run["state"][-1, 0] == pytest.approx(1e308, rel=1e-12)
 
 
 def test_a_step_that_diverges_says_so() -> None:
     smooth = svsf(UNSEEN, 1.0)
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
-        smooth.step(smooth.init([1e308, 0.0], 1.0), [0.0])
+        smooth.step(smooth.init([1e308, 0.0], 1.0, u=()), [0.0])
+    with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
+        smooth.predict(smooth.init([1e308, 0.0], 1.0).belief)
+
+
+@pytest.mark.parametrize(
+    ("sample", "said"),
+    [
+        ([np.nan], r"state.sample: \[nan\] must be 1 measurements and 1 finite inputs"),
+        ([0.0, np.nan], r"state.sample: \[0.0, nan\] must be 1 measurements and 1 finite inputs"),
+        ("x", "state.sample: 'x' is not a number or an array of numbers"),
+    ],
+)
+def test_samples_of_states_that_cannot_be(sample: Any, said: str) -> None:
+    kalman = KalmanFilter(NORMAL)
+    state = replace(kalman.init(np.zeros(4), 1.0), sample=sample)
+    with pytest.raises(InputError, match=f"^{said}$"):
+        kalman.run([[0.0]], [[0.0]], state=state)

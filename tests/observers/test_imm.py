@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
+from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from tests.observers.actuator_models import (
     ACTUATOR,
@@ -26,6 +27,7 @@ from tests.observers.actuator_models import (
     moved,
     reference,
     ripple,
+    run_over,
     simulated,
     square_wave,
     switching_law,
@@ -63,13 +65,25 @@ def motion_record(rows: int) -> tuple[Array, Array]:
     return simulated(MOTION[2], u) + NOISE * ripple(rows, 3), u
 
 
-def same_bits(one: Run, other: Run) -> bool:
-    names = ("estimate", "covariance", "probability", "innovation")
-    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
-    pairs.append((one.state.log_probabilities, other.state.log_probabilities))
-    for a, b in zip(one.state.beliefs, other.state.beliefs, strict=True):
-        pairs += zip(vars(a).values(), vars(b).values(), strict=True)
-    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
+    return one.keys() == other.keys() and all(
+        np.array_equal(values, other[name], equal_nan=True) for name, values in one.items()
+    )
+
+
+def remembered(state: State) -> dict[str, Array]:
+    """The state, by the names of its parts."""
+    found = {"log_probabilities": state.log_probabilities, "count": np.array(state.count)}
+    for j, belief in enumerate(state.beliefs):
+        found |= {f"{name} {j}": values for name, values in vars(belief).items()}
+    assert state.sample is not None
+    return {**found, "sample": state.sample}
+
+
+def told(*runs: Run[State]) -> dict[str, Array]:
+    """All that runs tell, one after the other, and the state that the last one leaves."""
+    joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
+    return {**joined, **remembered(runs[-1].state)}
 
 
 def relative(found: Array, expected: Array) -> float:
@@ -104,13 +118,13 @@ def test_a_bank_of_kalman_filters_agrees_with_filterpy() -> None:
     # Noise so wide that no likelihood comes near the range of floats.
     models = [velocity_model(mode, R=4e-3) for mode in ACTUATOR]
     z, u = velocity_record(400, 200, 0.05)
-    bank = InteractingMultipleModel(kalmans(models), STICKY)
-    run = bank.run(z, bank.init(np.zeros(4), 0.1), u)
+    bank = IMM(kalmans(models), STICKY)
+    run = run_over(bank, z, u, np.zeros(4), 0.1)
     x, P, mu = filterpy_run(filterpy_bank(models, STICKY, 0.1 * np.eye(4)), z, u)
-    assert np.abs(run.probability - mu).max() < 1e-10
-    assert relative(run.estimate, x) < 1e-10
-    assert relative(run.covariance, P) < 1e-10
-    assert np.ptp(run.probability, axis=0).min() > 0.2
+    assert np.abs(run["probability"] - mu).max() < 1e-10
+    assert relative(run["state"], x) < 1e-10
+    assert relative(run["covariance"], P) < 1e-10
+    assert np.ptp(run["probability"], axis=0).min() > 0.2
 
 
 def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() -> None:
@@ -118,13 +132,13 @@ def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() 
     z, u = velocity_record(20, 20)
     z[12] += 4.0
     start = 0.001 * np.eye(4)
-    bank = InteractingMultipleModel(kalmans(VELOCITY), STICKY)
-    run = bank.run(z, bank.init(np.zeros(4), start), u)
+    bank = IMM(kalmans(VELOCITY), STICKY)
+    run = run_over(bank, z, u, np.zeros(4), start)
     expected = reference(VELOCITY, [kalman_law] * 3, STICKY, np.zeros(4), start, z, u)
     peer = filterpy_bank(VELOCITY, STICKY, start)
     x, _, mu = filterpy_run(peer, z, u)
-    assert np.abs(run.probability - expected.probability).max() < 1e-12
-    assert relative(run.estimate, expected.estimate) < 1e-12
+    assert np.abs(run["probability"] - expected.probability).max() < 1e-12
+    assert relative(run["state"], expected.estimate) < 1e-12
     assert np.abs(mu[:12] - expected.probability[:12]).max() < 1e-12
     assert mu[12] == pytest.approx(mu[11] @ STICKY, rel=1e-12), "as if nothing was measured"
     assert np.abs(mu[12] - expected.probability[12]).max() > 0.5
@@ -136,11 +150,13 @@ def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() 
 CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 4.0)
 
 
-def scalar_run(transition: ArrayLike, start: ArrayLike, rows: int = 200, **kwargs: Any) -> Run:
+def scalar_run(
+    transition: ArrayLike, start: ArrayLike, rows: int = 200, **kwargs: Any
+) -> Run[State]:
     """A bank of models that are all the same."""
-    bank = InteractingMultipleModel(kalmans([CONSTANT] * len(np.array(start))), transition)
+    bank = IMM(kalmans([CONSTANT] * len(np.array(start))), transition)
     z = kwargs.get("z", 3.0 + 2.0 * ripple(rows))
-    return bank.run(z, bank.init([0.0], 1.0, start))
+    return run_over(bank, z, None, [0.0], 1.0, start)
 
 
 def test_identical_models_follow_the_chain_to_its_stationary_distribution() -> None:
@@ -149,7 +165,7 @@ def test_identical_models_follow_the_chain_to_its_stationary_distribution() -> N
     mu = start
     for k in range(200):
         mu = mu @ STICKY
-        assert run.probability[k] == pytest.approx(mu, abs=1e-13)
+        assert run["probability"][k] == pytest.approx(mu, abs=1e-13)
     # Trees rooted at each mode: the stationary distribution by the Markov chain tree theorem.
     p = STICKY
     trees = [
@@ -157,25 +173,27 @@ def test_identical_models_follow_the_chain_to_its_stationary_distribution() -> N
         p[0, 1] * p[2, 1] + p[0, 2] * p[2, 1] + p[2, 0] * p[0, 1],
         p[0, 2] * p[1, 2] + p[0, 1] * p[1, 2] + p[1, 0] * p[0, 2],
     ]
-    long = scalar_run(STICKY, start, 1000).probability[-1]
+    long = scalar_run(STICKY, start, 1000)["probability"][-1]
     assert long == pytest.approx(np.array(trees) / np.sum(trees), abs=1e-13)
     alone = scalar_run([[1.0]], [1.0])
-    assert run.estimate == pytest.approx(alone.estimate, rel=1e-13)
-    assert run.covariance == pytest.approx(alone.covariance, rel=1e-13)
+    assert run["state"] == pytest.approx(alone["state"], rel=1e-13)
+    assert run["covariance"] == pytest.approx(alone["covariance"], rel=1e-13)
 
 
 def test_a_mode_that_is_left_decays_below_the_range_of_floats() -> None:
     z = 3.0 + 2.0 * ripple(1500)
     run = scalar_run([[0.5, 0.5], [0.0, 1.0]], [0.25, 0.75], z=z)
     assert run.diverged_at is None
-    assert run.probability[:1000, 0] == pytest.approx(0.25 * 0.5 ** np.arange(1, 1001), rel=1e-10)
-    assert run.probability[-1].tolist() == [0.0, 1.0]
+    assert run["probability"][:1000, 0] == pytest.approx(
+        0.25 * 0.5 ** np.arange(1, 1001), rel=1e-10
+    )
+    assert run["probability"][-1].tolist() == [0.0, 1.0]
     for rows in (1100, 1500):
         left = scalar_run([[0.5, 0.5], [0.0, 1.0]], [0.25, 0.75], z=z[:rows])
         found = left.state.log_probabilities[0]
         assert found == pytest.approx(np.log(0.25) - rows * np.log(2), rel=1e-13)
     alone = scalar_run([[1.0]], [1.0], z=z)
-    assert run.estimate == pytest.approx(alone.estimate, rel=1e-13)
+    assert run["state"] == pytest.approx(alone["state"], rel=1e-13)
 
 
 def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
@@ -183,39 +201,39 @@ def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
     # far below the range of floats, with all its digits.
     other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
     z = np.concatenate([6.0 * ripple(500), 0.2 * ripple(6000)])
-    bank = InteractingMultipleModel(kalmans([CONSTANT, other]), np.eye(2))
-    run = bank.run(z, bank.init([0.0], 1.0))
-    alone = [one.run(z, one.init([0.0], 1.0)) for one in kalmans([CONSTANT, other])]
-    odds = np.cumsum(alone[0].log_likelihood - alone[1].log_likelihood)
+    bank = IMM(kalmans([CONSTANT, other]), np.eye(2))
+    run = bank.run(z, state=bank.init([0.0], 1.0))
+    alone = [one.run(z, state=one.init([0.0], 1.0)) for one in kalmans([CONSTANT, other])]
+    odds = np.cumsum(alone[0]["log_likelihood"] - alone[1]["log_likelihood"])
     assert odds.max() > 1000
     assert odds[-1] < -700
     expected = np.exp(-np.logaddexp(0.0, -odds))
     near = np.abs(odds) < 600
     assert near.sum() > 1000
-    assert run.probability[near, 0] == pytest.approx(expected[near], rel=1e-9)
-    assert run.probability[odds > 800, 1].tolist() == [0.0] * int((odds > 800).sum())
+    assert run["probability"][near, 0] == pytest.approx(expected[near], rel=1e-9)
+    assert run["probability"][odds > 800, 1].tolist() == [0.0] * int((odds > 800).sum())
     assert run.state.log_probabilities[0] == pytest.approx(odds[-1], rel=1e-11)
 
 
 def test_a_mode_that_cannot_be_reached_stays_at_zero_and_changes_no_bit() -> None:
     z, u = velocity_record(300, 150)
     closed = np.array([[0.9, 0.1, 0.0], [0.2, 0.8, 0.0], [0.3, 0.3, 0.4]])
-    three = InteractingMultipleModel(kalmans(VELOCITY), closed)
-    two = InteractingMultipleModel(kalmans(VELOCITY[:2]), closed[:2, :2])
+    three = IMM(kalmans(VELOCITY), closed)
+    two = IMM(kalmans(VELOCITY[:2]), closed[:2, :2])
     runs = [
-        three.run(z, three.init(np.zeros(4), 1.0, [0.5, 0.5, 0.0]), u),
-        two.run(z, two.init(np.zeros(4), 1.0, [0.5, 0.5]), u),
+        three.run(z, u, state=three.init(np.zeros(4), 1.0, [0.5, 0.5, 0.0])),
+        two.run(z, u, state=two.init(np.zeros(4), 1.0, [0.5, 0.5])),
     ]
-    assert not runs[0].probability[:, 2].any()
-    assert np.array_equal(runs[0].probability[:, :2], runs[1].probability)
-    assert np.array_equal(runs[0].estimate, runs[1].estimate)
-    assert np.array_equal(runs[0].covariance, runs[1].covariance)
-    assert np.isfinite(runs[0].innovation).all()
+    assert not runs[0]["probability"][:, 2].any()
+    assert np.array_equal(runs[0]["probability"][:, :2], runs[1]["probability"])
+    assert np.array_equal(runs[0]["state"], runs[1]["state"])
+    assert np.array_equal(runs[0]["covariance"], runs[1]["covariance"])
+    assert np.isfinite(runs[0]["innovation"]).all()
 
 
 def test_a_mode_of_no_probability_that_can_be_reached_comes_up() -> None:
     run = scalar_run([[0.9, 0.1], [0.2, 0.8]], [1.0, 0.0], 3)
-    assert run.probability[:, 1] == pytest.approx([0.1, 0.17, 0.219], rel=1e-13)
+    assert run["probability"][:, 1] == pytest.approx([0.1, 0.17, 0.219], rel=1e-13)
 
 
 # --- 50 digits ----------------------------------------------------------------------------------
@@ -227,11 +245,11 @@ LAWS = {
 }
 
 
-def bank_of(kind: str, *, mixing: bool = True) -> InteractingMultipleModel:
+def bank_of(kind: str, *, mixing: bool = True) -> IMM:
     filters: list[LinearFilter] = [*(kalmans(MOTION) if kind != "SVSF" else svsfs(MOTION))]
     if kind == "mixed":
         filters[1] = svsfs(MOTION)[1]
-    return InteractingMultipleModel(filters, STICKY, mixing)
+    return IMM(filters, STICKY, mixing)
 
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
@@ -239,16 +257,16 @@ def bank_of(kind: str, *, mixing: bool = True) -> InteractingMultipleModel:
 def test_three_models_of_three_outputs_agree_with_fifty_digits(kind: str, mixing: bool) -> None:
     z, u = motion_record(30)
     bank = bank_of(kind, mixing=mixing)
-    run = bank.run(z, bank.init(np.zeros(5), P0), u)
+    run = run_over(bank, z, u, np.zeros(5), P0)
     expected = reference(MOTION, LAWS[kind], STICKY, np.zeros(5), P0, z, u, mixing=mixing)
-    assert relative(run.estimate, expected.estimate) < 1e-12
-    assert relative(run.covariance, expected.covariance) < 1e-12
-    assert np.abs(run.probability / expected.probability - 1).max() < 1e-12
+    assert relative(run["state"], expected.estimate) < 1e-12
+    assert relative(run["covariance"], expected.covariance) < 1e-12
+    assert np.abs(run["probability"] / expected.probability - 1).max() < 1e-12
     logs = run.state.log_probabilities
     assert logs == pytest.approx(expected.log_probability[-1], rel=1e-12, abs=1e-13)
     # Modes were in doubt, and rows were inside of the boundary layer and outside.
-    assert np.ptp(run.probability, axis=0).min() > 0.1
-    share = (np.abs(run.innovation[:, 1]) > PSI).mean(axis=0)
+    assert np.ptp(run["probability"], axis=0).min() > 0.1
+    share = (np.abs(run["innovation"][:, 1]) > PSI).mean(axis=0)
     assert np.all((share > 0.05) & (share < 0.95))
 
 
@@ -257,53 +275,72 @@ def test_three_models_of_three_outputs_agree_with_fifty_digits(kind: str, mixing
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", ["KF", "SVSF"])
-def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool) -> None:
+@pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
+def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool, before: bool) -> None:
     z, u = motion_record(150)
     z[70:75] = np.nan
     one = bank_of(kind).filters[0]
     assert isinstance(one, LinearFilter)
-    bank = InteractingMultipleModel([one], [[1.0]], mixing)
-    run = bank.run(z, bank.init(np.zeros(5), P0), u)
-    plain = one.run(z, one.init(np.zeros(5), P0), u)
-    assert np.array_equal(run.estimate, plain.estimate)
-    assert np.array_equal(np.diagonal(run.covariance, axis1=1, axis2=2), plain.variance)
-    assert np.array_equal(run.innovation[:, 0], plain.innovation, equal_nan=True)
-    assert np.array_equal(run.state.beliefs[0].covariance, plain.belief.covariance)
-    assert np.array_equal(run.state.beliefs[0].error, plain.belief.error)
-    assert np.all(run.probability == 1.0)
+    bank = IMM([one], [[1.0]], mixing)
+    held = u[0] if before else None
+    run = bank.run(z, u, state=bank.init(np.zeros(5), P0, u=held))
+    plain = one.run(z, u, state=one.init(np.zeros(5), P0, u=held))
+    assert np.array_equal(run["state"], plain["state"])
+    assert np.array_equal(np.diagonal(run["covariance"], axis1=1, axis2=2), plain["variance"])
+    assert np.array_equal(run["innovation"][:, 0], plain["innovation"], equal_nan=True)
+    assert np.array_equal(run.state.beliefs[0].covariance, plain.state.belief.covariance)
+    assert np.array_equal(run.state.beliefs[0].error, plain.state.belief.error)
+    assert np.all(run["probability"] == 1.0)
+    assert np.array_equal(run["log_likelihood"], plain["log_likelihood"])
+    assert np.array_equal(run.time, plain.time)
     assert run.missing == plain.missing == 5
 
 
-def by_steps(bank: InteractingMultipleModel, z: Array, state: Any, u: Array) -> Run:
-    rows = []
-    for measurement, control in zip(z, u, strict=True):
-        state, told = bank.step(state, measurement, control)
-        rows.append(told)
-    return joined(rows)
-
-
-def joined(runs: Sequence[Run]) -> Run:
-    names = ("estimate", "covariance", "probability", "innovation")
-    parts = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
-    missing = sum(run.missing for run in runs)
-    return Run(**parts, missing=missing, state=runs[-1].state, diverged_at=None)
-
-
+@pytest.mark.parametrize("before", [True, False], ids=["a period before", "at the first row"])
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
 @pytest.mark.parametrize("kind", LAWS)
-def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(kind: str, mixing: bool) -> None:
+def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
+    kind: str, mixing: bool, before: bool
+) -> None:
     z, u = motion_record(100)
     z[40, 1] = z[41] = np.nan
     bank = bank_of(kind, mixing=mixing)
-    start = bank.init(np.zeros(5), P0, [0.5, 0.3, 0.2])
-    run = bank.run(z, start, u)
-    stepped = by_steps(bank, z, start, u)
-    assert same_bits(stepped, run)
-    first = bank.run(z[:43], start, u[:43])
-    assert same_bits(joined([first, bank.run(z[43:], first.state, u[43:])]), run)
-    assert stepped.missing == run.missing == first.missing == 2
+    start = bank.init(np.zeros(5), P0, [0.5, 0.3, 0.2], u=u[0] if before else None)
+    run = bank.run(z, u, state=start)
+    state, rows = start, []
+    for measurement, control in zip(z, u, strict=True):
+        state, estimate = bank.step(state, measurement, control)
+        rows.append(estimate.estimates)
+    stepped = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    assert same_bits({**stepped, **remembered(state)}, told(run))
+    for cut in (1, 42):  # after 42 the last measurement is a missing one
+        first = bank.run(z[:cut], u[:cut], state=start)
+        second = bank.run(z[cut:], u[cut:], state=first.state)
+        assert same_bits(told(first, second), told(run))
+        assert first.missing + second.missing == run.missing == 2
+        assert np.array_equal(np.append(first.time, second.time), run.time)
     assert np.array_equal(start.beliefs[0].covariance, P0), "a state is a value"
     assert np.array_equal(np.exp(start.log_probabilities), [0.5, 0.3, 0.2])
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_the_first_row_weighs_the_modes_as_they_are_and_moves_nothing(kind: str) -> None:
+    z, u = motion_record(1)
+    bank, mu = bank_of(kind), np.array([0.5, 0.3, 0.2])
+    means = np.arange(15.0).reshape(3, 5) / 15
+    run = bank.run(z, u, state=bank.init(means, P0, mu))
+    alone = [
+        one.correct(Belief(mean, P0, np.zeros(3)), z[0], u[0])
+        for one, mean in zip(bank.filters, means, strict=True)
+    ]
+    weights = mu * np.exp([each.log_likelihood for each in alone])
+    assert run["log_likelihood"][0] == pytest.approx(np.log(weights.sum()), rel=1e-12)
+    assert run["probability"][0] == pytest.approx(weights / weights.sum(), rel=1e-12)
+    for belief, each in zip(run.state.beliefs, alone, strict=True):
+        assert np.array_equal(belief.mean, each.belief.mean)
+    assert run["state"][0] == pytest.approx(
+        weights @ [each.belief.mean for each in alone] / weights.sum(), rel=1e-12
+    )
 
 
 @dataclass(frozen=True)
@@ -316,11 +353,11 @@ class UsersOwn:
     def model(self) -> LinearModel:
         return self.inner.model
 
-    def predict(self, belief: Belief, control: Array) -> Belief:
-        return self.inner.predict(belief, control)
+    def predict(self, belief: Belief, u: Array) -> Belief:
+        return self.inner.predict(belief, u)
 
-    def correct(self, belief: Belief, measurement: Array, control: Array) -> Correction:
-        return self.inner.correct(belief, measurement, control)
+    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
+        return self.inner.correct(belief, y, u)
 
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
@@ -331,21 +368,23 @@ def test_filters_that_are_called_one_by_one_give_the_bits_of_the_compiled_loop(
     z, u = motion_record(60)
     z[20:22] = np.nan
     compiled = bank_of(kind, mixing=mixing)
-    called = InteractingMultipleModel([UsersOwn(one) for one in compiled.filters], STICKY, mixing)
-    start = compiled.init(np.zeros(5), P0)
-    assert same_bits(called.run(z, start, u), compiled.run(z, start, u))
+    called = IMM([UsersOwn(one) for one in compiled.filters], STICKY, mixing)
+    for held in (None, u[0]):
+        start = compiled.init(np.zeros(5), P0, u=held)
+        runs = [bank.run(z, u, state=start) for bank in (called, compiled)]
+        assert same_bits(told(runs[0]), told(runs[1]))
 
 
 def test_one_svsf_among_kalman_filters_is_itself_when_it_alone_is_likely() -> None:
     z, u = motion_record(40)
     bank = bank_of("mixed", mixing=False)
-    run = bank.run(z, bank.init(np.zeros(5), P0), u)
+    run = bank.run(z, u, state=bank.init(np.zeros(5), P0))
     smooth = svsfs(MOTION)[1]
-    alone = smooth.run(z, smooth.init(np.zeros(5), P0), u)
-    assert np.array_equal(run.innovation[:, 1], alone.innovation)
+    alone = smooth.run(z, u, state=smooth.init(np.zeros(5), P0))
+    assert np.array_equal(run["innovation"][:, 1], alone["innovation"])
     only = bank.init(np.zeros(5), P0, [0.0, 1.0, 0.0])
-    fixed = InteractingMultipleModel(bank.filters, np.eye(3)).run(z, only, u)
-    assert np.array_equal(fixed.estimate, alone.estimate)
+    fixed = IMM(bank.filters, np.eye(3)).run(z, u, state=only)
+    assert np.array_equal(fixed["state"], alone["state"])
 
 
 # --- Coordinates --------------------------------------------------------------------------------
@@ -358,19 +397,19 @@ SHEARS = [
 TURNS = [np.linalg.qr(shear)[0] for shear in SHEARS]
 
 
-def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> Run:
+def in_coordinates(kind: str, transforms: Sequence[Array], *, mixing: bool) -> Run[State]:
     z, u = velocity_record(200, 100)
     models = [moved(model, T) for model, T in zip(VELOCITY, transforms, strict=True)]
     filters = kalmans(models) if kind == "KF" else svsfs(models, 0.05)
-    bank = InteractingMultipleModel(filters, STICKY, mixing)
+    bank = IMM(filters, STICKY, mixing)
     P = [symmetric(0.1 * T @ T.T) for T in transforms]
-    return bank.run(z, bank.init(np.zeros(4), np.array(P)), u)
+    return run_over(bank, z, u, np.zeros(4), np.array(P))
 
 
 def apart(kind: str, transforms: Sequence[Array], *, mixing: bool) -> float:
     plain = in_coordinates(kind, [np.eye(4)] * 3, mixing=mixing)
     other = in_coordinates(kind, transforms, mixing=mixing)
-    return float(np.abs(other.probability - plain.probability).max())
+    return float(np.abs(other["probability"] - plain["probability"]).max())
 
 
 def test_without_mixing_coordinates_do_not_matter_to_kalman_filters() -> None:
@@ -387,7 +426,7 @@ def test_the_same_other_coordinates_for_all_models_do_not_matter() -> None:
         assert apart("KF", [T] * 3, mixing=True) < 1e-10
     plain = in_coordinates("KF", [np.eye(4)] * 3, mixing=True)
     other = in_coordinates("KF", [SHEARS[1]] * 3, mixing=True)
-    assert relative(other.estimate, plain.estimate @ SHEARS[1].T) < 1e-10
+    assert relative(other["state"], plain["state"] @ SHEARS[1].T) < 1e-10
 
 
 def test_the_svsf_depends_on_them_even_without_mixing() -> None:
@@ -405,17 +444,18 @@ def test_over_missing_measurements_modes_follow_the_chain() -> None:
     z[70, 0] = np.nan  # one of three numbers: none of them is used
     bank = bank_of("KF")
     start = bank.init(np.zeros(5), P0)
-    run = bank.run(z, start, u)
+    run = bank.run(z, u, state=start)
     assert run.missing == 11
     for k in [*range(50, 60), 70]:
-        expected = run.probability[k - 1] @ STICKY
-        assert run.probability[k] == pytest.approx(expected, abs=1e-14)
-        assert np.isnan(run.innovation[k]).all()
-    assert np.isfinite(run.innovation[[49, 60, 69, 71]]).all()
-    before = bank.run(z[:50], start, u[:50])
+        expected = run["probability"][k - 1] @ STICKY
+        assert run["probability"][k] == pytest.approx(expected, abs=1e-14)
+        assert np.isnan(run["innovation"][k]).all()
+        assert run["log_likelihood"][k] == 0.0
+    assert np.isfinite(run["innovation"][[49, 60, 69, 71]]).all()
+    before = bank.run(z[:50], u[:50], state=start)
     assert before.missing == 0
     errors = [belief.error for belief in before.state.beliefs]
-    over = bank.run(z[50:60], before.state, u[50:60])
+    over = bank.run(z[50:60], u[50:60], state=before.state)
     assert np.array_equal([belief.error for belief in over.state.beliefs], errors)
     assert over.missing == 10
 
@@ -425,14 +465,14 @@ def test_without_mixing_each_filter_only_predicts_over_them() -> None:
     z[50:] = np.nan
     bank = bank_of("SVSF", mixing=False)
     start = bank.init(np.zeros(5), P0)
-    run = bank.run(z, start, u)
-    before = bank.run(z[:50], start, u[:50])
+    run = bank.run(z, u, state=start)
+    before = bank.run(z[:50], u[:50], state=start)
     for one, belief, expected in zip(
         svsfs(MOTION), run.state.beliefs, before.state.beliefs, strict=True
     ):
         moving = expected
         for k in range(50, 60):
-            moving = one.predict(moving, u[k])
+            moving = one.predict(moving, u[k - 1])
         assert np.array_equal(belief.mean, moving.mean)
         assert np.array_equal(belief.covariance, moving.covariance)
 
@@ -441,18 +481,20 @@ def test_the_mean_over_missing_measurements_is_what_the_mixture_predicts() -> No
     # Mixing keeps the mean of the mixture: sum_j c_j x_0j = sum_i mu_i x_i.
     z, u = velocity_record(101, 101)
     z[100] = np.nan
-    bank = InteractingMultipleModel(kalmans([VELOCITY[0]] * 3), STICKY)
-    run = bank.run(z, bank.init([[0.0] * 4, [1.0] * 4, [2.0] * 4], 1.0), u)
+    bank = IMM(kalmans([VELOCITY[0]] * 3), STICKY)
+    run = bank.run(z, u, state=bank.init([[0.0] * 4, [1.0] * 4, [2.0] * 4], 1.0))
     A, B = VELOCITY[0].arrays.A, VELOCITY[0].arrays.B
-    expected = A @ run.estimate[99] + B @ u[100]
-    assert run.estimate[100] == pytest.approx(expected, rel=1e-12)
-    spread = A @ run.covariance[99] @ A.T + VELOCITY[0].arrays.Q
-    assert run.covariance[100] == pytest.approx(spread, rel=1e-11, abs=1e-15)
+    expected = A @ run["state"][99] + B @ u[99]
+    assert run["state"][100] == pytest.approx(expected, rel=1e-12)
+    spread = A @ run["covariance"][99] @ A.T + VELOCITY[0].arrays.Q
+    assert run["covariance"][100] == pytest.approx(spread, rel=1e-11, abs=1e-15)
 
 
 # --- Divergence ---------------------------------------------------------------------------------
 
-GROWING = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0)
+GROWING = LinearModel(
+    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0, sampling_period=0.25
+)
 
 
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])
@@ -461,27 +503,28 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
     # State 1 grows tenfold a sample, out of sight: its variance overflows in row 154.
     smooth: Any = svsfs([GROWING] * 2, 1.0)
     filters = [UsersOwn(one) for one in smooth] if own else smooth
-    bank = InteractingMultipleModel(filters, [[0.9, 0.1], [0.1, 0.9]])
-    start = bank.init([1.0, 1.0], 1.0)
-    run = bank.run(np.full((400, 1), 0.3 if taken else np.nan), start, on_divergence="return")
-    assert run.diverged_at == 154
-    assert len(run.estimate) == len(run.covariance) == len(run.probability) == 154
-    assert np.isfinite(run.covariance).all()
+    bank = IMM(filters, [[0.9, 0.1], [0.1, 0.9]])
+    start = bank.init([1.0, 1.0], 1.0, u=())
+    z = np.full((400, 1), 0.3 if taken else np.nan)
+    run = bank.run(z, state=start, on_divergence="return")
+    assert run.diverged_at == 154 * GROWING.sampling_period
+    assert len(run) == len(run["state"]) == len(run["covariance"]) == len(run["probability"]) == 154
+    assert np.isfinite(run["covariance"]).all()
     assert run.missing == (0 if taken else 154)
-    assert run.state is start
-    with pytest.raises(DivergenceError, match=r"^InteractingMultipleModel diverged"):
-        bank.step(bank.init([1e308, 0.0], 1.0), [0.0])
+    assert run.state.beliefs == start.beliefs
+    with pytest.raises(DivergenceError, match=r"^IMM diverged: its state is finite up to t = 0 s"):
+        bank.step(bank.init([1e308, 0.0], 1.0, u=()), [0.0])
 
 
 def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
     """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
     slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 1e-3, 4.0)
-    bank = InteractingMultipleModel(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
-    run = bank.run(z, bank.init([0.0], 1.0, [0.4, 0.6]))
+    bank = IMM(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
+    run = run_over(bank, z, None, [0.0], 1.0, [0.4, 0.6])
     alone = KalmanFilter(slow)
-    expected = alone.run(z, alone.init([0.0], 1.0))
-    assert run.probability[:, 1].tolist() == [0.0] * 60
+    expected = run_over(alone, z, None, [0.0], 1.0).state
+    assert run["probability"][:, 1].tolist() == [0.0] * 60
     assert run.state.beliefs[1].mean == pytest.approx(expected.belief.mean, rel=1e-13)
     covariance = expected.belief.covariance
     assert run.state.beliefs[1].covariance == pytest.approx(covariance, rel=1e-13)

@@ -9,16 +9,16 @@ say, that has a feedthrough, the limit from the left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.numerics.arguments import as_flag
-from reobserve.numerics.matrices import as_floats, as_matrix
+from reobserve.numerics.matrices import as_floats, as_matrix, as_positive
 
 Array = NDArray[np.float64]
 
@@ -54,23 +54,42 @@ class LinearModel:
         Feedthrough, shape (m, p); zero if left out.
     unusual
         Accept a transition that looks like one of continuous time, see below.
+    sampling_period
+        Of the transition [s]; left out, time is counted in samples.
 
     Raises
     ------
     InputError
-        If the shapes do not fit; Q or R is not symmetric positive (semi)definite; or A looks
-        like one of continuous time: all its eigenvalues have a real part of zero or less, or one
-        with a negative real part lies outside the unit circle. Sampling a real system gives
-        neither, unless it turns more than a quarter of a circle in a sample.
+        If the shapes do not fit; Q or R is not symmetric positive (semi)definite; the sampling
+        period is not positive; or A looks like one of continuous time: all its eigenvalues have a
+        real part of zero or less, or one with a negative real part lies outside the unit circle.
+        Sampling a real system gives neither, unless it turns more than a quarter of a circle in a
+        sample.
     """
 
-    A: ArrayLike
-    B: ArrayLike
-    H: ArrayLike
-    Q: ArrayLike
-    R: ArrayLike
-    D: ArrayLike | None = None
+    A: Array
+    B: Array
+    H: Array
+    Q: Array
+    R: Array
+    D: Array = None  # type: ignore[assignment]  # zeros, once it is made
     unusual: bool = False
+    sampling_period: float = field(default=1.0, kw_only=True)
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            A: ArrayLike,
+            B: ArrayLike,
+            H: ArrayLike,
+            Q: ArrayLike,
+            R: ArrayLike,
+            D: ArrayLike | None = ...,
+            unusual: bool = ...,
+            *,
+            sampling_period: float = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "unusual", as_flag("unusual", self.unusual))
@@ -96,6 +115,7 @@ class LinearModel:
         put(self, "D", D)
         put(self, "Q", as_covariance("Q", self.Q, n))
         put(self, "R", as_covariance("R", self.R, m, definite=True))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
 
     @cached_property
     def arrays(self) -> ModelArrays:

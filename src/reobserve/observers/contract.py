@@ -72,7 +72,8 @@ class Rows(NamedTuple):
     """What a compiled loop wrote: arrays by name with one row a sample.
 
     ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
-    of them are. ``before`` are limits from the left.
+    of them are. ``before`` are limits from the left. An observer that reads missing measurements
+    may write nan for what they would have told, and answers for its count of finite rows.
     """
 
     estimates: dict[str, Array]
@@ -169,7 +170,7 @@ class Observer(ABC, Generic[StateKind]):
         )  # fmt: skip
         start = self._checked(state)
         rows, time = self._fill(start, record), self._next_time(start)
-        if not rows.good:
+        if not self._good(rows):
             raise self._divergence(start, record, np.array([time]), 0)
         values = {name: array[0] for name, array in rows.estimates.items()}
         return rows.state, Estimate(time, values, self.units)
@@ -220,8 +221,8 @@ class Observer(ABC, Generic[StateKind]):
         start = self._start(record.y[0]) if state is None else self._checked(state)
         stamps = self._stamps(time, start, len(record.y))
         rows = self._fill(start, record)
-        good = rows.good
-        missing = int(np.isnan(record.y).any(axis=1).sum()) if self.reads_missing else 0
+        good = self._good(rows)
+        missing = int(np.isnan(record.y[:good]).any(axis=1).sum()) if self.reads_missing else 0
         if good == len(stamps):
             return Run(stamps, rows.estimates, self.units, rows.state, None, rows.before, missing)
         if loud:
@@ -230,6 +231,10 @@ class Observer(ABC, Generic[StateKind]):
         left = {name: array[:good] for name, array in rows.before.items()}
         diverged_at = self._last_finite(start, stamps, good)
         return Run(stamps[:good], estimates, self.units, start, diverged_at, left, missing)
+
+    def _good(self, rows: Rows) -> int:
+        """How many rows are good; with missing measurements the loop alone can tell."""
+        return rows.finite if self.reads_missing else rows.good
 
     def _divergence(
         self, state: StateKind, record: Record, stamps: Array, good: int

@@ -211,8 +211,8 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
         after = replace(rows.state, recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
 
-    def _finding(self, state: State, record: Record, *where: Any) -> str:
-        return super()._finding(*self._completed(state, record), *where)
+    def _finding(self, state: State, record: Record, good: int, first: float) -> str:
+        return super()._finding(*self._completed(state, record), good, first)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

@@ -77,7 +77,7 @@ class Steps(NamedTuple):
 
 
 class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
-    """An observer that takes one step of a Runge-Kutta method a sampling period.
+    """An observer that takes one step a sampling period: of a Runge-Kutta method, or exactly.
 
     What derives from it says how its loop is called. The loop writes a row at the start of the
     first step and one at the end of each.

@@ -15,9 +15,10 @@ has fewer outputs than states: the pseudo-inverse of H depends on the units of t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,14 +26,16 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.models.linear import ModelArrays, as_covariance
 from reobserve.numerics.arguments import as_flag
-from reobserve.numerics.matrices import as_floats, as_numbers, as_row, as_samples, as_vector
-from reobserve.observers.contract import OnDivergence, check_state, raises
+from reobserve.numerics.matrices import as_floats, as_numbers, as_vector
+from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.imm_loop import (
     Bank,
+    BankRows,
     Beliefs,
     combine,
     interact,
     mixing_probabilities,
+    new_bank_rows,
     run_bank,
     update_probabilities,
 )
@@ -40,8 +43,10 @@ from reobserve.observers.linear_filter import (
     Belief,
     LinearFilter,
     ModeFilter,
-    as_controls,
     check_belief,
+    check_sample,
+    held_inputs,
+    sample_before,
 )
 from reobserve.observers.linear_filter_loop import new_work
 
@@ -50,35 +55,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All the bank remembers: a belief of each filter, and the logarithms of mu, shape (r,)."""
+    """All the bank remembers: a belief of each filter, and the logarithms of mu, shape (r,).
+
+    ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
+    """
 
     beliefs: tuple[Belief, ...]
     log_probabilities: Array
+    sample: Array | None = None
+    count: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """What the bank makes of a record, one row a sample.
-
-    ``estimate``, shape (k, n), and ``covariance``, (k, n, n), are those of (22) and (23),
-    ``probability``, (k, r), is mu, and ``innovation``, (k, r, m), what each filter
-    did not foretell. ``missing`` counts the samples that were not taken. ``diverged_at`` is None,
-    or the first row that is not finite; then k counts the rows before it. ``state`` is the one to
-    go on from, or after a divergence the one that the run started from.
-    """
-
-    estimate: Array
-    covariance: Array
-    probability: Array
-    innovation: Array
-    missing: int
-    state: State
-    diverged_at: int | None
-
-
-@dataclass(frozen=True, eq=False)
-class InteractingMultipleModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class IMM(Observer[State]):
     """A bank of filters and a Markov chain of modes.
+
+    Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
+    (23); ``probability``, (k, r), which is mu; ``innovation``, (k, r, m), what each filter did not
+    foretell, nan where the measurement is missing; and ``log_likelihood``, (k,), of the measurement
+    over all modes, zero where it is missing.
 
     Parameters
     ----------
@@ -94,18 +89,32 @@ class InteractingMultipleModel:
     Raises
     ------
     InputError
-        If there is no filter, two differ in their numbers of states, inputs or outputs, or the
-        transition has a negative entry or a row that does not sum to one.
+        If there is no filter, two differ in their numbers of states, inputs or outputs or in their
+        sampling periods, or the transition has a negative entry or a row that does not sum to one.
     """
 
-    filters: Sequence[ModeFilter]
-    transition: ArrayLike
+    filters: tuple[ModeFilter, ...]
+    transition: Array
     mixing: bool = True
+    sampling_period: float = field(init=False)
+
+    reads_between: ClassVar[bool] = False
+    reads_missing: ClassVar[bool] = True
+    units: ClassVar[Mapping[str, str]] = {
+        "state": "", "covariance": "", "probability": "1", "innovation": "", "log_likelihood": "",
+    }  # fmt: skip
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self, filters: Sequence[ModeFilter], transition: ArrayLike, mixing: bool = ...
+        ) -> None: ...
 
     def __post_init__(self) -> None:
-        if not isinstance(self.filters, list | tuple):
-            raise InputError("filters", f"{shown(self.filters)} must be a list of filters")
-        filters = tuple(self.filters)
+        given: Any = self.filters
+        if not isinstance(given, list | tuple):
+            raise InputError("filters", f"{shown(given)} must be a list of filters")
+        filters = tuple(given)
         object.__setattr__(self, "mixing", as_flag("mixing", self.mixing))
         for j, one in enumerate(filters):
             wanted = ("predict", "correct", "model")
@@ -115,23 +124,42 @@ class InteractingMultipleModel:
                 )
         if not filters:
             raise InputError("filters", "are none, must be one or more")
-        first = _size(filters[0])
+        first, period = _size(filters[0]), filters[0].model.sampling_period
         for j, other in enumerate(filters):
             if _size(other) != first:
                 raise InputError(
                     f"filters[{j}]",
                     f"has {_size(other)} states, inputs and outputs, the first filter {first}",
                 )
+            if other.model.sampling_period != period:
+                raise InputError(
+                    f"filters[{j}]",
+                    f"has a sampling period of {other.model.sampling_period:g} s, the first "
+                    f"filter {period:g} s",
+                )
         object.__setattr__(self, "filters", filters)
         object.__setattr__(self, "transition", _as_transition(self.transition, len(filters)))
+        object.__setattr__(self, "sampling_period", period)
+
+    @property
+    def measurements(self) -> int:
+        """How many numbers a row of y has."""
+        return _size(self.filters[0])[2]
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers a row of u has."""
+        return _size(self.filters[0])[1]
 
     def init(
         self,
         means: ArrayLike,
         covariances: ArrayLike,
         probabilities: ArrayLike | None = None,
+        *,
+        u: ArrayLike | None = None,
     ) -> State:
-        """The state before the first sample.
+        """The state before the first row of a record.
 
         Parameters
         ----------
@@ -141,13 +169,17 @@ class InteractingMultipleModel:
             A number, n numbers or (n, n) for all filters, or (r, n, n).
         probabilities
             mu, shape (r,), all the same if left out.
+        u
+            Left out, all these are meant at the first row, whose measurement corrects them. Given,
+            they are meant a sampling period before it, and u, shape (p,), is the input that is
+            held up to it: the bank then mixes and predicts first.
 
         Raises
         ------
         InputError
             If one of them is not that, or the probabilities do not sum to one.
         """
-        r, (n, _, m) = len(self.filters), _size(self.filters[0])
+        r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
         mean, spread = as_floats("means", means), as_floats("covariances", covariances)
         each = mean if mean.ndim == 2 else np.tile(mean, (r, 1))
         if each.shape != (r, n):
@@ -167,144 +199,86 @@ class InteractingMultipleModel:
             for j in range(r)
         )
         with np.errstate(divide="ignore"):
-            return State(beliefs, np.log(mu))
+            return State(beliefs, np.log(mu), sample_before(u, m, inputs))
 
-    def step(
-        self, state: State, measurement: ArrayLike, control: ArrayLike = ()
-    ) -> tuple[State, Run]:
-        """Take one sample: the next state, and what `run` says of that sample.
-
-        Stepping through a record gives the bits that `run` gives.
-
-        Raises
-        ------
-        InputError
-            If the shapes do not fit.
-        DivergenceError
-            As `run`; the sample is number 0.
-        """
-        held = as_floats("control", control).reshape(1, -1)
-        run = self.run(as_row("measurements", measurement), state, held)
-        return run.state, run
-
-    def run(
-        self,
-        measurements: ArrayLike,
-        state: State,
-        controls: ArrayLike | None = None,
-        *,
-        on_divergence: OnDivergence = "raise",
-    ) -> Run:
-        """Filter a record.
-
-        Parameters
-        ----------
-        measurements
-            At the end of each step, shape (k, m); a row with a nan is a missing one.
-        state
-            From `init`, or from an earlier run to go on.
-        controls
-            Held over each step, shape (k, p); left out for models without inputs.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `Run.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If the shapes do not fit, or a control is not finite.
-        DivergenceError
-            If a filter leaves the range of floating-point numbers; it gives the sample.
-        """
-        loud = raises(on_divergence)
-        n, inputs, m = _size(self.filters[0])
-        taken = as_samples("measurements", measurements, m, missing=True)
-        held = as_controls(controls, len(taken), inputs)
-        rows, r = len(taken), len(self.filters)
-        checked = self._checked(state, n, m)
-        estimates, covariances = np.empty((rows, n)), np.empty((rows, n, n))
-        probabilities, innovations = np.empty((rows, r)), np.empty((rows, r, m))
-        beliefs = Beliefs(
-            np.array([belief.mean for belief in checked.beliefs]),
-            np.array([belief.covariance for belief in checked.beliefs]),
-            np.array([belief.error for belief in checked.beliefs]),
-            checked.log_probabilities.copy(),
-        )
-        found = estimates, covariances, probabilities, innovations
-        if self._bank is None:
-            good = self._run_one_by_one(beliefs, taken, held, *found)
-        else:
-            law = self._linear[0].law
-            good = run_bank(
-                (0,) * n, (0,) * m, self._bank, law, beliefs, taken, held, new_work(n, m), *found
-            )
-        if good < rows and loud:
-            raise DivergenceError(type(self).__name__, good, sample=True)
-        moved = tuple(Belief(*(part[j].copy() for part in beliefs[:3])) for j in range(r))
-        return Run(
-            estimates[:good],
-            covariances[:good],
-            probabilities[:good],
-            innovations[:good],
-            int(np.isnan(taken[:good]).any(axis=1).sum()),
-            State(moved, beliefs.log_probabilities) if good == rows else state,
-            None if good == rows else good,
-        )
-
-    def _checked(self, state: State, states: int, outputs: int) -> State:
-        """The state, of this bank; `InputError` if it is not."""
-        r = len(self.filters)
-        beliefs = getattr(check_state(state, State, ""), "beliefs", ())
+    def _checked(self, state: Any) -> State:
+        r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
+        given = check_state(state, State, "")
+        beliefs = given.beliefs
         if not isinstance(beliefs, list | tuple) or len(beliefs) != r:
             count = len(beliefs) if isinstance(beliefs, list | tuple) else "no"
             raise InputError("state", f"has {count} beliefs, must have {r}")
         checked = tuple(
-            check_belief(f"state.beliefs[{j}]", belief, states, outputs)
-            for j, belief in enumerate(beliefs)
+            check_belief(f"state.beliefs[{j}]", belief, n, m) for j, belief in enumerate(beliefs)
         )
-        logarithms = as_numbers("state.log_probabilities", state.log_probabilities)
+        logarithms = as_numbers("state.log_probabilities", given.log_probabilities)
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
-        return State(checked, logarithms)
+        sample = check_sample(given.sample, m, inputs)
+        kept = all(one is other for one, other in zip(checked, beliefs, strict=True))
+        if kept and logarithms is given.log_probabilities and sample is given.sample:
+            return given
+        return State(checked, logarithms, sample, given.count)
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
+        beliefs = Beliefs(
+            np.array([belief.mean for belief in state.beliefs]),
+            np.array([belief.covariance for belief in state.beliefs]),
+            np.array([belief.error for belief in state.beliefs]),
+            state.log_probabilities.copy(),
+        )
+        held, fresh = held_inputs(state.sample, record), state.sample is None
+        rows = new_bank_rows(k, r, n, m)
+        if self._bank is None:
+            good = self._run_one_by_one(beliefs, record.y, held, fresh, rows)
+        else:
+            good = run_bank(
+                (0,) * n, (0,) * m, self._bank, self._linear[0].law, beliefs, record.y, held,
+                fresh, new_work(n, m), rows,
+            )  # fmt: skip
+        moved = tuple(Belief(*(part[j].copy() for part in beliefs[:3])) for j in range(r))
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        after = State(moved, beliefs.log_probabilities, last, state.count + k - fresh)
+        names = ("state", "covariance", "probability", "innovation", "log_likelihood")
+        return Rows(dict(zip(names, rows, strict=True)), good, after)
 
     def _run_one_by_one(
-        self,
-        beliefs: Beliefs,
-        measurements: Array,
-        controls: Array,
-        estimates: Array,
-        covariances: Array,
-        probabilities: Array,
-        innovations: Array,
+        self, beliefs: Beliefs, measurements: Array, held: Array, fresh: bool, rows: BankRows
     ) -> int:
         """What the compiled loop does, with filters that are called: they may be anyone's."""
         r, n = beliefs.means.shape
         states = (0,) * n
-        transition = np.ascontiguousarray(self.transition, dtype=np.float64)
-        weights, predicted, log_likelihoods = np.empty((r, r)), np.empty(r), np.empty(r)
+        weights, predicted, told = np.empty((r, r)), np.empty(r), np.empty(r)
         mixed, spread = np.empty((r, n)), np.empty((r, n, n))
-        for k, (measurement, control) in enumerate(zip(measurements, controls, strict=True)):
-            mixing_probabilities(transition, beliefs.log_probabilities, weights, predicted)
-            if self.mixing:
+        for k, (y, u) in enumerate(zip(measurements, held, strict=True)):
+            moves = k > 0 or not fresh
+            mixed[:], spread[:] = beliefs.means, beliefs.covariances
+            predicted[:] = beliefs.log_probabilities
+            if moves:
+                mixing_probabilities(self.transition, beliefs.log_probabilities, weights, predicted)
+            if moves and self.mixing:
                 interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
-            else:
-                mixed[:], spread[:] = beliefs.means, beliefs.covariances
             for j, one in enumerate(self.filters):
-                before = Belief(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
+                belief = Belief(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
                 try:
-                    told = one.correct(one.predict(before, control), measurement, control)
+                    after = one.correct(one.predict(belief, u) if moves else belief, y, u)
                 except DivergenceError:
                     return k
-                beliefs.means[j], beliefs.covariances[j] = told.belief.mean, told.belief.covariance
-                beliefs.errors[j] = told.belief.error
-                innovations[k, j], log_likelihoods[j] = told.innovation, told.log_likelihood
-            update_probabilities(predicted, log_likelihoods, beliefs.log_probabilities)
-            probabilities[k] = [math.exp(value) for value in beliefs.log_probabilities]
+                beliefs.means[j], beliefs.covariances[j] = (
+                    after.belief.mean,
+                    after.belief.covariance,
+                )
+                beliefs.errors[j] = after.belief.error
+                rows.innovations[k, j], told[j] = after.innovation, after.log_likelihood
+            whole = update_probabilities(predicted, told, beliefs.log_probabilities)
+            rows.log_likelihoods[k] = 0.0 if np.isnan(y).any() else whole
+            rows.probabilities[k] = [math.exp(value) for value in beliefs.log_probabilities]
             combine(
-                states, probabilities[k], beliefs.means, beliefs.covariances,
-                estimates[k], covariances[k],
+                states, rows.probabilities[k], beliefs.means, beliefs.covariances,
+                rows.means[k], rows.covariances[k],
             )  # fmt: skip
-            found = estimates[k], covariances[k], probabilities[k]
-            if not all(np.isfinite(part).all() for part in found):
+            if not all(np.isfinite(part[k]).all() for part in rows[:3]):
                 return k
         return len(measurements)
 
@@ -324,7 +298,7 @@ class InteractingMultipleModel:
         return Bank(
             ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
             np.array([one.law_parameters for one in linear]),
-            np.ascontiguousarray(self.transition, dtype=np.float64),
+            self.transition,
             self.mixing,
         )
 

@@ -45,6 +45,28 @@ class Beliefs(NamedTuple):
     log_probabilities: Array
 
 
+class BankRows(NamedTuple):
+    """What a run writes, a row a sample.
+
+    Means (k, n) and covariances (k, n, n) of the mixture, probabilities (k, r), innovations of
+    each filter (k, r, m) and log-likelihoods of the measurement over all modes, (k,).
+    """
+
+    means: Array
+    covariances: Array
+    probabilities: Array
+    innovations: Array
+    log_likelihoods: Array
+
+
+def new_bank_rows(rows: int, modes: int, states: int, outputs: int) -> BankRows:
+    """Room for `run_bank`."""
+    return BankRows(
+        np.empty((rows, states)), np.empty((rows, states, states)), np.empty((rows, modes)),
+        np.empty((rows, modes, outputs)), np.empty(rows),
+    )  # fmt: skip
+
+
 @inlined_kernel
 def mixing_probabilities(
     transition: Array, log_probabilities: Array, weights: Array, predicted: Array
@@ -156,22 +178,27 @@ def run_bank(
     law: Callable[..., None] | None,
     beliefs: Beliefs,
     measurements: Array,
-    controls: Array,
+    held: Array,
+    fresh: bool,
     work: Work,
-    estimates: Array,
-    covariances: Array,
-    probabilities: Array,
-    innovations: Array,
+    rows: BankRows,
 ) -> int:
-    """Filter a record: fill the last four arguments, move the beliefs, return the good rows."""
+    """Filter a record: fill the rows, move the beliefs, and return the number of good rows.
+
+    ``held`` are the inputs held up to each row. ``fresh`` beliefs are meant at the first row,
+    which then corrects them as they stand; else they are meant a period before.
+    """
     r = len(beliefs.means)
     n, m = len(states), len(outputs)
     weights, predicted = np.empty((r, r)), np.empty(r)
-    log_likelihoods = np.empty(r)
+    told = np.empty(r)
     mixed, spread, factor = np.empty((r, n)), np.empty((r, n, n)), np.empty((m, m))
     for k in range(len(measurements)):
-        mixing_probabilities(bank.transition, beliefs.log_probabilities, weights, predicted)
-        if bank.mixing:
+        moves = k > 0 or not fresh
+        predicted[:] = beliefs.log_probabilities
+        if moves:
+            mixing_probabilities(bank.transition, beliefs.log_probabilities, weights, predicted)
+        if moves and bank.mixing:
             interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
         missing = is_missing(measurements[k])
         for j in range(r):
@@ -180,28 +207,29 @@ def run_bank(
                 bank.model.D[j], bank.model.Q[j], bank.model.R[j],
             )  # fmt: skip
             mean, covariance = beliefs.means[j], beliefs.covariances[j]
-            if bank.mixing:
-                predict(states, model, controls[k], mixed[j], spread[j], mean, covariance, work)
-            else:
-                predict(states, model, controls[k], mean, covariance, mean, covariance, work)
+            if moves and bank.mixing:
+                predict(states, model, held[k], mixed[j], spread[j], mean, covariance, work)
+            elif moves:
+                predict(states, model, held[k], mean, covariance, mean, covariance, work)
             if missing:
-                innovations[k, j] = math.nan
-                log_likelihoods[j] = 0.0
+                rows.innovations[k, j] = math.nan
+                told[j] = 0.0
             else:
-                log_likelihoods[j] = correct(
-                    states, outputs, model, law, bank.parameters[j], measurements[k], controls[k],
-                    mean, covariance, beliefs.errors[j], innovations[k, j], factor, work,
+                told[j] = correct(
+                    states, outputs, model, law, bank.parameters[j], measurements[k], held[k],
+                    mean, covariance, beliefs.errors[j], rows.innovations[k, j], factor, work,
                 )  # fmt: skip
-        whole = update_probabilities(predicted, log_likelihoods, beliefs.log_probabilities)
+        whole = update_probabilities(predicted, told, beliefs.log_probabilities)
+        rows.log_likelihoods[k] = 0.0 if missing else whole
         for j in range(r):
-            probabilities[k, j] = math.exp(beliefs.log_probabilities[j])
-            whole += probabilities[k, j]
+            rows.probabilities[k, j] = math.exp(beliefs.log_probabilities[j])
+            whole += rows.probabilities[k, j]
         combine(
-            states, probabilities[k], beliefs.means, beliefs.covariances,
-            estimates[k], covariances[k],
+            states, rows.probabilities[k], beliefs.means, beliefs.covariances,
+            rows.means[k], rows.covariances[k],
         )  # fmt: skip
         for a in range(n):
-            whole += estimates[k, a] + covariances[k, a, a]
+            whole += rows.means[k, a] + rows.covariances[k, a, a]
         if not math.isfinite(whole):
             return k
     return len(measurements)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from reobserve.observers.linear_filter import LinearFilter
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class KalmanFilter(LinearFilter):
     """The linear filter of least variance: K = P H' S^-1.
 

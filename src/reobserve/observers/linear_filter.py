@@ -1,27 +1,29 @@
 """What Kalman filters and their kin share: a linear prediction, corrected by a gain.
 
-A filter holds a `LinearModel` and a law for its gain. Its memory is a value, a `Belief`; `step`
-takes it with one sample and returns the next one, `run` takes a whole record through one compiled
-loop over the same arithmetic, so that both give the same bits.
+A filter holds a `LinearModel` and a law for its gain. What it holds to be true is a `Belief`. The
+first row of a record corrects the one that `init` was given; before each later row the filter
+predicts with the input of the row before. `predict` and `correct` are the two halves, which a bank
+of filters calls one by one.
 
 A row of measurements with a nan in it is a sample that was not taken: the filter predicts over it,
-and the run counts it.
+its innovation is nan, and the run counts it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.models.linear import LinearModel, as_covariance
 from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_row, as_samples, as_vector
-from reobserve.observers.contract import OnDivergence, check_state, raises
+from reobserve.numerics.matrices import as_numbers, as_row, as_samples, as_vector
+from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.linear_filter_loop import (
     correct,
     is_missing,
@@ -35,7 +37,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What a filter holds to be true: a value that may be stored, copied and stepped again.
+    """What a filter holds to be true: a value that may be stored, copied and used again.
 
     ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
     posteriori output error e(k|k) of (18), shape (m,), which the SVSF needs a sample later.
@@ -44,6 +46,18 @@ class Belief:
     mean: Array
     covariance: Array
     error: Array
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All a filter remembers: a value that may be stored, copied and stepped again.
+
+    ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
+    """
+
+    belief: Belief
+    sample: Array | None = None
+    count: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,43 +79,27 @@ class ModeFilter(Protocol):
 
     @property
     def model(self) -> Any:
-        """What has ``states``, ``inputs`` and ``outputs``: their numbers."""
+        """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
 
-    def predict(self, belief: Belief, control: Array) -> Belief:
-        """The belief a sample later, before its measurement."""
+    def predict(self, belief: Belief, u: Array) -> Belief:
+        """The belief a sample later, before its measurement; u is held up to there."""
 
-    def correct(self, belief: Belief, measurement: Array, control: Array) -> Correction:
+    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
         """The predicted belief after the measurement; a nan in that means there is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class FilterRun:
-    """What a filter makes of a record, one row a sample.
-
-    ``estimate`` and ``variance``, shape (k, n), are mean and diagonal of the covariance after each
-    measurement, ``innovation``, (k, m), and ``log_likelihood``, (k,), what it told. ``missing``
-    counts the samples that were not taken. ``diverged_at`` is None, or the first row that is not
-    finite; then k counts the rows before it. ``belief`` is the one to go on from, or after a
-    divergence the one that the run started from.
-    """
-
-    estimate: Array
-    variance: Array
-    innovation: Array
-    log_likelihood: Array
-    missing: int
-    belief: Belief
-    diverged_at: int | None
-
-
-@dataclass(frozen=True, eq=False)
-class LinearFilter:
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearFilter(Observer[State]):
     """A filter on a linear model; what derives from it says what its gain is.
+
+    Its estimates are ``state``, shape (k, n), and ``variance``, (k, n), mean and diagonal of the
+    covariance after each measurement; ``innovation``, (k, m), what was not foretold of it, nan
+    where it is missing; and ``log_likelihood``, (k,), of the measurement, zero where it is missing.
 
     Parameters
     ----------
     model
-        The linear model that it trusts.
+        The linear model that it trusts, whose sampling period is the filter's.
 
     Raises
     ------
@@ -110,9 +108,27 @@ class LinearFilter:
     """
 
     model: LinearModel
+    sampling_period: float = field(init=False)
+
+    reads_between: ClassVar[bool] = False
+    reads_missing: ClassVar[bool] = True
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("state", "variance", "innovation", "log_likelihood"), ""
+    )
 
     def __post_init__(self) -> None:
-        as_kind("model", self.model, LinearModel)
+        period = as_kind("model", self.model, LinearModel).sampling_period
+        object.__setattr__(self, "sampling_period", period)
+
+    @property
+    def measurements(self) -> int:
+        """How many numbers a row of y has."""
+        return self.model.outputs
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers a row of u has."""
+        return self.model.inputs
 
     @property
     def law(self) -> Any:
@@ -128,8 +144,8 @@ class LinearFilter:
     def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         return (0,) * self.model.states, (0,) * self.model.outputs
 
-    def init(self, mean: ArrayLike, covariance: ArrayLike) -> Belief:
-        """The belief before the first sample.
+    def init(self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None) -> State:
+        """The state before the first row of a record.
 
         Parameters
         ----------
@@ -137,142 +153,130 @@ class LinearFilter:
             Of the state, shape (n,).
         covariance
             Of the state: a number, n numbers or (n, n); positive semidefinite.
+        u
+            Left out, mean and covariance are meant at the first row, whose measurement corrects
+            them. Given, they are meant a sampling period before it, and u, shape (p,), is the
+            input that is held up to it: the filter then predicts first.
 
         Raises
         ------
         InputError
             If one of them is not that.
         """
-        return Belief(
+        belief = Belief(
             as_vector("mean", mean, self.model.states),
             as_covariance("covariance", covariance, self.model.states),
             np.zeros(self.model.outputs),
         )
+        return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
 
-    def predict(self, belief: Belief, control: ArrayLike = ()) -> Belief:
+    def predict(self, belief: Belief, u: ArrayLike = ()) -> Belief:
         """Time update, (11) and (12), with the input that is held over the step, shape (p,).
 
         Raises
         ------
         InputError
-            If the control or the belief has another size.
+            If the input or the belief has another size.
         DivergenceError
-            If the belief leaves the range of floating-point numbers.
+            If the belief leaves the range of floating-point numbers; its time counts from there.
         """
         states, outputs = self._sizes
         belief = check_belief("belief", belief, len(states), len(outputs))
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
-        held = as_vector("control", control, self.model.inputs)
         predict(
-            states, self.model.arrays, held, belief.mean, belief.covariance,
-            mean, covariance, new_work(len(states), len(outputs)),
+            states, self.model.arrays, as_vector("u", u, self.model.inputs), belief.mean,
+            belief.covariance, mean, covariance, new_work(len(states), len(outputs)),
         )  # fmt: skip
-        if not np.isfinite(mean.sum() + np.trace(covariance)):
-            raise DivergenceError(type(self).__name__, 0, sample=True)
-        return Belief(mean, covariance, belief.error)
+        return self._finite(Belief(mean, covariance, belief.error))
 
-    def correct(
-        self, belief: Belief, measurement: ArrayLike, control: ArrayLike = ()
-    ) -> Correction:
+    def correct(self, belief: Belief, y: ArrayLike, u: ArrayLike = ()) -> Correction:
         """Measurement update, (13) to (19), of a predicted belief.
 
         Raises
         ------
         InputError
-            If the measurement (nan: missing), the control or the belief has another size.
+            If y (nan: missing), the input held up to it or the belief has another size.
         DivergenceError
             If the covariance of the innovation is not positive definite, or the belief leaves the
-            range of floating-point numbers.
+            range of floating-point numbers; its time counts from there.
         """
-        row = as_row("measurements", measurement)
-        taken = as_samples("measurements", row, self.model.outputs, missing=True)[0]
-        held = as_vector("control", control, self.model.inputs)
+        taken = as_samples("y", as_row("y", y), self.model.outputs, missing=True)[0]
+        held = as_vector("u", u, self.model.inputs)
         states, outputs = self._sizes
         m = len(outputs)
         belief = check_belief("belief", belief, len(states), m)
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
-        mean, covariance, error = (
-            belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
-        )  # fmt: skip
+        after = _copy(belief)
         log_likelihood = correct(
             states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
-            mean, covariance, error, innovation, factor, new_work(len(states), m),
+            after.mean, after.covariance, after.error, innovation, factor,
+            new_work(len(states), m),
         )  # fmt: skip
-        if not np.isfinite(log_likelihood + mean.sum() + np.trace(covariance)):
-            raise DivergenceError(type(self).__name__, 0, sample=True)
-        corrected = Belief(mean, covariance, error)
-        return Correction(corrected, innovation, factor @ factor.T, log_likelihood)
+        after = self._finite(after, log_likelihood)
+        return Correction(after, innovation, factor @ factor.T, log_likelihood)
 
-    def step(self, belief: Belief, measurement: ArrayLike, control: ArrayLike = ()) -> Correction:
-        """Predict over one sample and correct; stepping gives the bits that `run` gives.
+    def _finite(self, belief: Belief, log_likelihood: float = 0.0) -> Belief:
+        if not np.isfinite(log_likelihood + belief.mean.sum() + np.trace(belief.covariance)):
+            raise DivergenceError(type(self).__name__, 0.0)
+        return belief
 
-        Raises
-        ------
-        InputError
-            As `run`.
-        DivergenceError
-            As `run`; the sample is number 0.
-        """
-        return self.correct(self.predict(belief, control), measurement, control)
+    def _checked(self, state: Any) -> State:
+        given = check_state(state, State, "")
+        n, p, m = self.model.states, self.model.inputs, self.model.outputs
+        belief = check_belief("state.belief", given.belief, n, m)
+        sample = check_sample(given.sample, m, p)
+        if belief is given.belief and sample is given.sample:
+            return given
+        return State(belief, sample, given.count)
 
-    def run(
-        self,
-        measurements: ArrayLike,
-        belief: Belief,
-        controls: ArrayLike | None = None,
-        *,
-        on_divergence: OnDivergence = "raise",
-    ) -> FilterRun:
-        """Filter a record by one compiled loop.
-
-        Parameters
-        ----------
-        measurements
-            At the end of each step, shape (k, m); a row with a nan is a missing one.
-        belief
-            From `init`, or from an earlier run to go on.
-        controls
-            Held over each step, shape (k, p); left out for a model without inputs.
-        on_divergence
-            ``raise``, or ``return`` what there was up to then, with `FilterRun.diverged_at`.
-
-        Raises
-        ------
-        InputError
-            If the shapes do not fit, or a control is not finite.
-        DivergenceError
-            If the belief leaves the range of floating-point numbers; it gives the sample.
-        """
-        loud = raises(on_divergence)
+    def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
-        n, m = len(states), len(outputs)
-        belief = check_belief("belief", belief, n, m)
-        taken = as_samples("measurements", measurements, m, missing=True)
-        held = as_controls(controls, len(taken), self.model.inputs)
-        rows = len(taken)
-        mean, covariance, error = (
-            belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
-        )  # fmt: skip
-        found = FilterRun(
-            np.empty((rows, n)), np.empty((rows, n)), np.empty((rows, m)), np.empty(rows),
-            int(np.isnan(taken).any(axis=1).sum()), Belief(mean, covariance, error), None,
-        )  # fmt: skip
+        n, m, k = len(states), len(outputs), len(record.y)
+        after, fresh = _copy(state.belief), state.sample is None
+        means, variances = np.empty((k, n)), np.empty((k, n))
+        innovations, log_likelihoods = np.empty((k, m)), np.empty(k)
         good = run_filter(
-            states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
-            mean, covariance, error, np.empty((m, m)), new_work(n, m),
-            found.estimate, found.variance, found.innovation, found.log_likelihood,
+            states, outputs, self.model.arrays, self.law, self.law_parameters, record.y,
+            held_inputs(state.sample, record), fresh, after.mean, after.covariance, after.error,
+            np.empty((m, m)), new_work(n, m), means, variances, innovations, log_likelihoods,
         )  # fmt: skip
-        if good == rows:
-            return found
-        if loud:
-            raise DivergenceError(type(self).__name__, good, sample=True)
-        return FilterRun(
-            found.estimate[:good], found.variance[:good], found.innovation[:good],
-            found.log_likelihood[:good], int(np.isnan(taken[:good]).any(axis=1).sum()),
-            belief, good,
-        )  # fmt: skip
+        estimates = {
+            "state": means,
+            "variance": variances,
+            "innovation": innovations,
+            "log_likelihood": log_likelihoods,
+        }
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        return Rows(estimates, good, State(after, last, state.count + k - fresh))
+
+
+def _copy(belief: Belief) -> Belief:
+    return Belief(belief.mean.copy(), belief.covariance.copy(), belief.error.copy())
+
+
+def held_inputs(sample: Array | None, record: Record) -> Array:
+    """The input that is held up to each row, shape (k, p): that of the row before.
+
+    The first row of all has none before it; its own stands for it.
+    """
+    first = record.u[0] if sample is None else sample[record.y.shape[1] :]
+    return np.concatenate([first[None], record.u[:-1]])
+
+
+def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:
+    """The sample of a state that stands a period before its first row; None if it does not.
+
+    Raises
+    ------
+    InputError
+        If u is not so many finite numbers.
+    """
+    if u is None:
+        return None
+    held = as_samples("u", as_row("u", u), inputs)[0]
+    return np.concatenate([np.full(outputs, np.nan), held])
 
 
 def check_belief(name: str, belief: Belief, states: int, outputs: int) -> Belief:
@@ -294,16 +298,18 @@ def check_belief(name: str, belief: Belief, states: int, outputs: int) -> Belief
     )  # fmt: skip
 
 
-def as_controls(value: ArrayLike | None, rows: int, columns: int) -> Array:
-    """Controls as ``rows`` rows of ``columns`` finite numbers; None for no columns.
+def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
+    """The sample of a state: y, of which any may be nan, and u.
 
     Raises
     ------
     InputError
-        If they are not, with the first row that is not finite.
+        If it is of another size, or u is not finite.
     """
-    if value is None and not columns:
-        return np.empty((rows, 0))
     if value is None:
-        raise InputError("controls", f"are left out, must have shape {(rows, columns)}")
-    return as_samples("controls", value, columns, rows=rows, like="the measurements")
+        return None
+    sample = as_numbers("state.sample", value)
+    if sample.shape != (outputs + inputs,) or not np.isfinite(sample[outputs:]).all():
+        problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
+        raise InputError("state.sample", problem)
+    return sample

@@ -259,7 +259,8 @@ def run_filter(
     law: Callable[..., None] | None,
     parameters: Array,
     measurements: Array,
-    controls: Array,
+    held: Array,
+    fresh: bool,
     mean: Array,
     covariance: Array,
     error: Array,
@@ -270,16 +271,21 @@ def run_filter(
     innovations: Array,
     log_likelihoods: Array,
 ) -> int:
-    """Filter a record: fill the last four arguments, and return the number of good rows."""
+    """Filter a record: fill the last four arguments, and return the number of good rows.
+
+    ``held`` are the inputs held up to each row. A ``fresh`` belief is meant at the first row,
+    which then corrects it as it stands; else it is meant a period before.
+    """
     n = len(states)
     for k in range(len(measurements)):
-        predict(states, model, controls[k], mean, covariance, mean, covariance, work)
+        if k > 0 or not fresh:
+            predict(states, model, held[k], mean, covariance, mean, covariance, work)
         if is_missing(measurements[k]):
             innovations[k] = math.nan
             log_likelihoods[k] = 0.0
         else:
             log_likelihoods[k] = correct(
-                states, outputs, model, law, parameters, measurements[k], controls[k],
+                states, outputs, model, law, parameters, measurements[k], held[k],
                 mean, covariance, error, innovations[k], factor, work,
             )  # fmt: skip
         total = log_likelihoods[k]

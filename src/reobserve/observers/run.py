@@ -31,7 +31,7 @@ class Estimate:
         return _named(self.estimates, name)
 
     def __repr__(self) -> str:
-        listed = ", ".join(f"{name} {shown(self[name].tolist())}" for name in self.estimates)
+        listed = ", ".join(f"{name} {shown(self[name].tolist(), 40)}" for name in self.estimates)
         return f"Estimate at {self.time:g} s: {listed}"
 
 

@@ -11,18 +11,18 @@ _MOST_LINES = 12  # in one panel: more cannot be told apart
 
 
 def plot(run: Run[Any], names: list[str]) -> Any:
-    """A figure with a panel for each name, its components as lines.
+    """A figure with a panel for each name that has components, these as lines.
 
     Raises
     ------
     InputError
         If there is no estimate of such a name, or matplotlib is not installed.
     """
-    values = {name: run[name].reshape(len(run), -1) for name in names}
+    values = {name: run[name].reshape(len(run), -1) for name in names if run[name].size}
     figure = package("matplotlib.figure", "plot a run").Figure(
-        figsize=(6.4, 0.8 + 1.7 * max(len(names), 1)), layout="constrained"
+        figsize=(6.4, 0.8 + 1.7 * max(len(values), 1)), layout="constrained"
     )
-    axes = figure.subplots(max(len(names), 1), 1, sharex=True, squeeze=False)[:, 0]
+    axes = figure.subplots(max(len(values), 1), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, rows) in zip(axes, values.items(), strict=False):
         for column in range(min(rows.shape[1], _MOST_LINES)):
             label = f"{name} {column + 1}" if rows.shape[1] > 1 else name

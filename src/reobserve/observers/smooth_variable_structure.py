@@ -17,12 +17,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
+from reobserve.models.linear import LinearModel
 from reobserve.numerics.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
@@ -30,7 +31,7 @@ from reobserve.observers.linear_filter_loop import gain_law
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SmoothVariableStructureFilter(LinearFilter):
     """The SVSF: a gain that switches with the innovation, smoothed within a boundary layer.
 
@@ -51,8 +52,14 @@ class SmoothVariableStructureFilter(LinearFilter):
         so that no gain can bring every output error to zero.
     """
 
-    boundary_layer: ArrayLike
+    boundary_layer: Array
     memory: float
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self, model: LinearModel, boundary_layer: ArrayLike, memory: float
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,8 +89,7 @@ class SmoothVariableStructureFilter(LinearFilter):
     @cached_property
     def _parameters(self) -> Array:
         inverse = np.linalg.pinv(self.model.arrays.H)
-        psi = as_floats("boundary_layer", self.boundary_layer)
-        return np.concatenate([[self.memory], psi, inverse.ravel()])
+        return np.concatenate([[self.memory], self.boundary_layer, inverse.ravel()])
 
     @property
     def law_parameters(self) -> Array:

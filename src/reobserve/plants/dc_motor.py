@@ -22,6 +22,7 @@ from reobserve.numerics.arguments import as_function, as_kind, as_poles
 from reobserve.numerics.discretisation import interpolating_hold
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
+from reobserve.synthesis.linear import ackermann
 
 Array = NDArray[np.float64]
 
@@ -117,11 +118,7 @@ class SpeedControl:
             raise InputError("poles", f"{chosen.tolist()} must be 3, stable, complex ones in pairs")
         A, B = np.zeros((3, 3)), np.vstack([motor.B, [[0.0]]])
         A[:2, :2], A[2, 0] = motor.A, 1.0
-        reached = np.hstack([B, A @ B, A @ A @ B])
-        polynomial = np.zeros((3, 3))
-        for coefficient in np.poly(chosen).real:
-            polynomial = polynomial @ A + coefficient * np.eye(3)
-        gains = np.linalg.solve(reached, polynomial)[-1]
+        gains = ackermann(A, B, chosen)[0]
         return cls(gains[:2], -gains[2])
 
 

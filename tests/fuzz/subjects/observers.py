@@ -9,15 +9,17 @@ import numpy as np
 
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.delay_variable_structure import RELAYS, VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import Belief
@@ -28,6 +30,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.linear import place
 from reobserve.synthesis.normal_form.design import normal_form
 
 from .models import INERTIA, linear_model, van_der_pol
@@ -64,10 +67,25 @@ def subjects() -> Iterator[Subject]:
     yield from _filters()
     yield from _normal_forms()
     system = augmented()
-    yield subject(ExtendedStateObserver, system, gains(), 0.01, "zero")
-    observer = ExtendedStateObserver(system, gains(), 0.01, "zero")
-    samples = np.zeros((20, 2)), np.ones((20, 1))
-    yield from used(observer, (np.zeros(6), np.zeros(2)), samples, ([0.0, 0.0], [1.0]))
+    yield subject(ExtendedStateObserver, system, gains(), 0.01)
+    observer = ExtendedStateObserver(system, gains(), 0.01)
+    state = observer.init(np.zeros(6), np.zeros(2))
+    y, u = np.zeros((20, 2)), np.ones((20, 1))
+    yield subject(observer.init, np.zeros(6), np.zeros(2), of=observer)
+    yield from from_state(observer, state, y, u)
+
+
+def from_state(
+    observer: Any, state: Any, y: Any, u: Any, takes: tuple[str, ...] = ()
+) -> Iterator[Subject]:
+    """Run an observer of the contract over a record, and step it with the record's first row."""
+
+    def run(y: Any, u: Any, state: Any) -> object:
+        return observer.run(y, u, state=state)
+
+    place = subject(observer.run, of=observer).name
+    yield Subject(place, run, (y, u, state), takes)
+    yield subject(observer.step, state, y[0], u[0], of=observer, takes=takes)
 
 
 def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> Iterator[Subject]:
@@ -155,26 +173,36 @@ def _filters() -> Iterator[Subject]:
     yield subject(KalmanFilter, model)
     yield subject(SmoothVariableStructureFilter, model, [0.5], 0.1)
     measured, controls = np.sin(HALF)[:, None], np.ones((len(HALF), 1))
-    for one in (kalman, smooth):
-        belief = one.init([0.0, 0.0], 1e-2)
+    observers = (
+        kalman,
+        smooth,
+        luenberger(model, [0.5, 0.6]),
+        AugmentedKalmanFilter(model, [[0.0], [0.01]], 1e-4),
+    )
+    for one in observers:
         yield subject(one.init, [0.0, 0.0], np.eye(2), of=one)
-        yield subject(one.predict, belief, [1.0], of=one)
-        yield subject(one.correct, belief, [0.1], [1.0], of=one, takes=MISSING)
-        yield subject(one.step, belief, [0.1], [1.0], of=one, takes=MISSING)
-        yield subject(one.run, measured, belief, controls, of=one, takes=MISSING)
+        yield from from_state(one, one.init([0.0, 0.0], 1e-2), measured, controls, MISSING)
+    yield subject(FixedGainObserver, model, [[0.5], [0.1]])
+    yield subject(luenberger, model, [0.5, 0.6], takes=("complex",))
+    yield subject(steady_kalman, model)
+    yield subject(AugmentedKalmanFilter, model, [[0.0], [0.01]], 1e-4, [[0.0]])
+    yield subject(place, model.A, model.H, [0.5, 0.6], takes=("complex",))
+    for filters in (kalman, smooth):
+        belief = filters.init([0.0, 0.0], 1e-2).belief
+        yield subject(filters.predict, belief, [1.0], of=filters)
+        yield subject(filters.correct, belief, [0.1], [1.0], of=filters, takes=MISSING)
 
     def predicted(mean: Any, covariance: Any, error: Any) -> object:
         return kalman.predict(Belief(mean, covariance, error), [1.0])
 
-    belief = "observers.linear_filter.Belief"  # a value: what takes it looks at it
-    yield Subject(belief, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
+    name = "observers.linear_filter.Belief"  # a value: what takes it looks at it
+    yield Subject(name, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stays = [[0.9, 0.1], [0.1, 0.9]]
-    yield subject(InteractingMultipleModel, [kalman, kalman], stays, True)
-    bank = InteractingMultipleModel([kalman, smooth], stays)
+    yield subject(IMM, [kalman, kalman], stays, True)
+    bank = IMM([kalman, smooth], stays)
     state = bank.init([0.0, 0.0], 1e-2)
     yield subject(bank.init, [0.0, 0.0], 1e-2, [0.5, 0.5], of=bank)
-    yield subject(bank.step, state, [0.1], [1.0], of=bank, takes=MISSING)
-    yield subject(bank.run, measured, state, controls, of=bank, takes=MISSING)
+    yield from from_state(bank, state, measured, controls, MISSING)
 
 
 def _normal_forms() -> Iterator[Subject]:

@@ -16,7 +16,8 @@ from reobserve.ledger.check import check_ledger
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.numerics.random_streams import random_stream
-from reobserve.observers.extended_state import ExtendedStateObserver, Run
+from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study
 from reobserve.papers.eso.scoring import lag, scores
 from reobserve.pipeline.common import compute_design
@@ -219,12 +220,12 @@ def test_the_other_solver_gives_the_same_gains() -> None:
         assert np.abs(one - other[name]).max() < 1e-4 * np.abs(one).max()
 
 
-def by_hand(found: Series, gains: Gains, rate: float) -> Run:
-    observer = ExtendedStateObserver(dc_motor(Az=rate), gains, 1e-3, "second")
+def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
+    observer = ExtendedStateObserver(dc_motor(Az=rate), gains, 1e-3)
     y, u = found["output"], found["control"][:, None]
     before = found["output_before"][::2], found["control_before"][::2, None]
     middle = np.insert(y[1::2], 0, 9.0, axis=0), np.insert(u[1::2], 0, 9.0, axis=0)
-    return observer.run(y[::2], u[::2], observer.init(), before, middle)
+    return observer.run(y[::2], u[::2], before=before, middle=middle)
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
@@ -233,9 +234,9 @@ def test_the_estimate_stage_runs_the_observer(name: str, observer: str) -> None:
     found, design = estimated(name, observer), OBSERVERS[observer]
     run = by_hand(record(name), gains_of(design), designed(design)["filter_rate"])
     np.testing.assert_array_equal(found.time, record(name).time[::2])
-    assert found["state"] == pytest.approx(run.estimate, abs=1e-12)
-    assert found["actuator_fault"] == pytest.approx(run.actuator_fault[:, 0], abs=1e-12)
-    assert found["sensor_fault"] == pytest.approx(run.sensor_fault[:, 0], abs=1e-12)
+    assert found["state"] == pytest.approx(run["state"], abs=1e-12)
+    assert found["actuator_fault"] == pytest.approx(run["actuator_fault"][:, 0], abs=1e-12)
+    assert found["sensor_fault"] == pytest.approx(run["sensor_fault"][:, 0], abs=1e-12)
 
 
 @pytest.mark.parametrize("observer", ["pd_pi", "pi_optimal"])
@@ -460,8 +461,8 @@ def test_the_study_has_the_numbers_of_direct_calls(
     estimate = Series(
         record("quiet").time[::2],
         {
-            "actuator_fault": Channel(run.actuator_fault[:, 0], "V"),
-            "sensor_fault": Channel(run.sensor_fault[:, 0], "rad/s"),
+            "actuator_fault": Channel(run["actuator_fault"][:, 0], "V"),
+            "sensor_fault": Channel(run["sensor_fault"][:, 0], "rad/s"),
         },
     )
     expected = {name: value for name, value, _ in scores(windows(), record("quiet"), estimate)}

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.pipeline.evaluation import evaluate
 from reobserve.scoring.metrics import lookup
-from tests.observers.actuator_models import ripple, simulated, square_wave, velocity_model
+from tests.observers.actuator_models import ripple, run_over, simulated, square_wave, velocity_model
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def test_4_in_16_multiplies_by_the_innovation_twice(e: float) -> None:
     correction = abs(e) * np.clip(e / 0.1, -1, 1)  # (4) without memory
     one = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.0, 1.0)
     smooth = SmoothVariableStructureFilter(one, 0.1, 0.0)
-    told = smooth.correct(smooth.init([0.0], 1.0), [e])
+    told = smooth.correct(smooth.init([0.0], 1.0).belief, [e])
     assert told.belief.mean == pytest.approx([correction]), "(5): K alone is added"
     assert told.belief.error == pytest.approx([0.0], abs=1e-15)
     printed = correction * e  # (16) with the K of (4)
@@ -95,9 +95,9 @@ def test_two_models_have_no_name_for_friction() -> None:
         filters = [KalmanFilter(velocity_model(mode)) for mode in modes]
         chain = 0.02 * np.ones((len(modes),) * 2)
         np.fill_diagonal(chain, 1 - 0.02 * (len(modes) - 1))
-        bank = InteractingMultipleModel(filters, chain)
-        run = bank.run(z, bank.init(np.zeros(4), 0.01), u)
-        late.append(dict(zip(modes, run.probability[100:].mean(axis=0), strict=True)))
+        bank = IMM(filters, chain)
+        run = run_over(bank, z, u, np.zeros(4), 0.01)
+        late.append(dict(zip(modes, run["probability"][100:].mean(axis=0), strict=True)))
     assert late[1]["friction"] > 0.9
     assert sum(late[0].values()) == pytest.approx(1.0)
     assert max(late[0].values()) > 0.5, "a fault that the plant has not, or none at all"

@@ -10,7 +10,7 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from tests.observers.actuator_models import continuous, motion_model, velocity_model
@@ -28,9 +28,9 @@ NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
 NO_INPUT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
 
 
-def bank(size: int = 2) -> InteractingMultipleModel:
+def bank(size: int = 2) -> IMM:
     chain = np.full((size, size), 1 / size)
-    return InteractingMultipleModel([KalmanFilter(PLAIN)] * size, chain)
+    return IMM([KalmanFilter(PLAIN)] * size, chain)
 
 
 # --- Models -------------------------------------------------------------------------------------
@@ -60,6 +60,7 @@ DISCRETE = "it must be the transition over one sample"
         ({"R": 0.0}, "R: must be positive definite, its eigenvalues are 0"),
         ({"R": -2.0}, "R: must be positive definite, its eigenvalues are -2"),
         ({"R": INF}, "R: inf has an entry that is not finite"),
+        ({"sampling_period": 0.0}, "sampling_period: 0 must be greater than zero"),
         ({"R": "wide"}, "R: 'wide' is not a number or an array of numbers"),
     ],
 )
@@ -178,18 +179,19 @@ def test_wrong_beliefs_are_refused(mean: Any, covariance: Any, said: str) -> Non
 
 
 RECORDS = [
-    ([[1.0, 2.0]], [[0.0]], r"measurements: has shape \(1, 2\), must have .* more of 1 number"),
-    ([1.0, 2.0], [[0.0]], r"measurements: has shape \(2,\), must have .*"),
-    (np.empty((0, 1)), np.empty((0, 1)), r"measurements: has shape \(0, 1\), must have one .*"),
-    ([[1.0], [INF]], [[0.0]] * 2, r"measurements: sample 1 is \[inf\], must be finite, or nan .*"),
-    ([[1.0], ["x"]], [[0.0]] * 2, "measurements: is no array of numbers"),
-    ([[1.0], [2.0, 3.0]], [[0.0]] * 2, "measurements: is no array of numbers"),
-    ([[1.0], [1.0]], [[0.0], [NAN]], r"controls: sample 1 is \[nan\], must be finite"),
-    ([[1.0], [1.0]], [[INF], [0.0]], r"controls: sample 0 is \[inf\], must be finite"),
-    ([[1.0], [1.0]], [[0.0]], "controls: has 1 rows, must have 2 like the measurements"),
-    ([[1.0]], [[0.0, 0.0]], r"controls: has shape \(1, 2\), must have one row or more of 1 number"),
-    ([[1.0]], None, r"controls: are left out, must have shape \(1, 1\)"),
-    ([[1.0]], [["x"]], "controls: is no array of numbers"),
+    ([[1.0, 2.0]], [[0.0]], r"y: has shape \(1, 2\), must have .* more of 1 number"),
+    ([[[1.0]]], [[0.0]], r"y: has shape \(1, 1, 1\), must have .*"),
+    ([1.0, 2.0], [[0.0]], "u: has 1 rows, must have 2 like y"),
+    (np.empty((0, 1)), np.empty((0, 1)), r"y: has shape \(0, 1\), must have one .*"),
+    ([[1.0], [INF]], [[0.0]] * 2, r"y: sample 1 is \[inf\], must be finite, or nan .*"),
+    ([[1.0], ["x"]], [[0.0]] * 2, "y: is no array of numbers"),
+    ([[1.0], [2.0, 3.0]], [[0.0]] * 2, "y: is no array of numbers"),
+    ([[1.0], [1.0]], [[0.0], [NAN]], r"u: sample 1 is \[nan\], must be finite"),
+    ([[1.0], [1.0]], [[INF], [0.0]], r"u: sample 0 is \[inf\], must be finite"),
+    ([[1.0], [1.0]], [[0.0]], "u: has 1 rows, must have 2 like y"),
+    ([[1.0]], [[0.0, 0.0]], r"u: has shape \(1, 2\), must have one row or more of 1 number"),
+    ([[1.0]], None, r"u: is left out, must have shape \(1, 1\)"),
+    ([[1.0]], [["x"]], "u: is no array of numbers"),
 ]
 
 
@@ -197,60 +199,80 @@ RECORDS = [
 def test_wrong_records_are_refused(measurements: Any, controls: Any, said: str) -> None:
     kalman, both = KalmanFilter(PLAIN), bank()
     with pytest.raises(InputError, match=f"^{said}$"):
-        kalman.run(measurements, kalman.init([0.0, 0.0], 1.0), controls)
+        kalman.run(measurements, controls, state=kalman.init([0.0, 0.0], 1.0))
     with pytest.raises(InputError, match=f"^{said}$"):
-        both.run(measurements, both.init([0.0, 0.0], 1.0), controls)
+        both.run(measurements, controls, state=both.init([0.0, 0.0], 1.0))
 
 
 def test_controls_of_a_model_without_inputs_are_refused() -> None:
     kalman = KalmanFilter(NO_INPUT)
     with pytest.raises(
-        InputError, match=r"^controls: has shape \(1, 1\), must have one row or more of 0 numbers$"
+        InputError, match=r"^u: has shape \(1, 1\), must have one row or more of 0 numbers$"
     ):
-        kalman.run([[1.0]], kalman.init([0.0], 1.0), [[0.0]])
+        kalman.run([[1.0]], [[0.0]], state=kalman.init([0.0], 1.0))
 
 
 def test_wrong_samples_of_a_step_are_refused() -> None:
     kalman, both = KalmanFilter(PLAIN), bank()
-    belief, state = kalman.init([0.0, 0.0], 1.0), both.init([0.0, 0.0], 1.0)
-    with pytest.raises(InputError, match=r"^measurements: has shape \(1, 2\), must have"):
-        kalman.step(belief, [1.0, 2.0], [0.0])
-    with pytest.raises(InputError, match=r"^measurements: sample 0 is \[inf\]"):
-        kalman.step(belief, [INF], [0.0])
-    with pytest.raises(InputError, match=r"^control: \[nan\] has an entry that is not finite$"):
-        kalman.step(belief, [1.0], [NAN])
-    with pytest.raises(InputError, match=r"^control: has shape \(0,\), must be a list of 1 number"):
-        kalman.step(belief, [1.0])
-    with pytest.raises(InputError, match=r"^measurements: has shape \(1, 2\), must have"):
-        both.step(state, [1.0, 2.0], [0.0])
-    with pytest.raises(InputError, match=r"^control: \[nan\] has an entry that is not finite$"):
-        both.step(state, [1.0], [NAN])
-    with pytest.raises(
-        InputError, match=r"^controls: has shape \(1, 0\), must have one row or more of 1 number$"
-    ):
-        both.step(state, [1.0])
+    starts = kalman.init([0.0, 0.0], 1.0), both.init([0.0, 0.0], 1.0)
+    for one, state in ((kalman, starts[0]), (both, starts[1])):
+        step: Any = one.step
+        with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have"):
+            step(state, [1.0, 2.0], [0.0])
+        with pytest.raises(InputError, match=r"^y: sample 0 is \[inf\], must be finite, or nan"):
+            step(state, [INF], [0.0])
+        with pytest.raises(InputError, match=r"^u: sample 0 is \[nan\], must be finite$"):
+            step(state, [1.0], [NAN])
+        with pytest.raises(InputError, match=r"^u: is left out, must have shape \(1, 1\)$"):
+            step(state, [1.0])
+        with pytest.raises(InputError, match=r"^before: must be left out: \w+ reads nothing"):
+            step(state, [1.0], [0.0], before=([1.0], [0.0]))
+    belief = starts[0].belief
+    with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have"):
+        kalman.correct(belief, [1.0, 2.0], [0.0])
+    with pytest.raises(InputError, match=r"^u: \[nan\] has an entry that is not finite$"):
+        kalman.predict(belief, [NAN])
+    with pytest.raises(InputError, match=r"^u: has shape \(0,\), must be a list of 1 number"):
+        kalman.correct(belief, [1.0])
 
 
-def test_a_belief_of_another_filter_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("u", "said"),
+    [
+        ([0.0, 1.0], r"u: has shape \(1, 2\), must have one row or more of 1 number"),
+        ([NAN], r"u: sample 0 is \[nan\], must be finite"),
+        ((), r"u: has shape \(1, 0\), must have one row or more of 1 number"),
+        ("on", "u: is no array of numbers"),
+    ],
+)
+def test_an_input_before_the_first_row_that_cannot_be_is_refused(u: Any, said: str) -> None:
+    for one in (KalmanFilter(PLAIN), bank()):
+        with pytest.raises(InputError, match=f"^{said}$"):
+            one.init([0.0, 0.0], 1.0, u=u)
+
+
+def test_a_state_is_needed_and_one_of_another_filter_is_refused() -> None:
     # A compiled loop would read and write beyond its end.
     kalman = KalmanFilter(PLAIN)
+    with pytest.raises(InputError, match=r"^state: must be given: KalmanFilter.init says what it"):
+        kalman.run([[1.0]], [[0.0]])
     other = KalmanFilter(NO_INPUT).init([0.0], 1.0)
     said = (
-        r"^belief: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
+        r"belief: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
         r"must be of 2 states, 1 outputs$"
     )
-    with pytest.raises(InputError, match=said):
-        kalman.run([[1.0]], other, [[0.0]])
-    with pytest.raises(InputError, match=said):
-        kalman.predict(other, [0.0])
-    with pytest.raises(InputError, match=said):
-        kalman.correct(other, [1.0], [0.0])
+    with pytest.raises(InputError, match=rf"^state\.{said}"):
+        kalman.run([[1.0]], [[0.0]], state=other)
+    with pytest.raises(InputError, match=f"^{said}"):
+        kalman.predict(other.belief, [0.0])
+    with pytest.raises(InputError, match=f"^{said}"):
+        kalman.correct(other.belief, [1.0], [0.0])
     state = bank(2).init([0.0, 0.0], 1.0)
     with pytest.raises(InputError, match=r"^state: has 2 beliefs, must have 3$"):
-        bank(3).run([[1.0]], state, [[0.0]])
-    filters = InteractingMultipleModel([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
+        bank(3).run([[1.0]], [[0.0]], state=state)
+    filters = IMM([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
     with pytest.raises(InputError, match=r"^state.beliefs\[0\]: has arrays of shapes "):
-        filters.run([[1.0]], state)
+        filters.run([[1.0]], state=state)
 
 
 # --- Banks --------------------------------------------------------------------------------------
@@ -279,21 +301,29 @@ def test_a_belief_of_another_filter_is_refused() -> None:
 )
 def test_wrong_transitions_are_refused(transition: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^transition: {said}$"):
-        InteractingMultipleModel([KalmanFilter(PLAIN)] * 2, transition)
+        IMM([KalmanFilter(PLAIN)] * 2, transition)
 
 
 def test_no_filters_and_filters_of_different_sizes_are_refused() -> None:
     with pytest.raises(InputError, match=r"^filters: are none, must be one or more$"):
-        InteractingMultipleModel([], np.empty((0, 0)))
+        IMM([], np.empty((0, 0)))
     said = (
         r"^filters\[1\]: has \(4, 1, 1\) states, inputs and outputs, the first filter \(2, 1, 1\)$"
     )
     with pytest.raises(InputError, match=said):
-        InteractingMultipleModel([KalmanFilter(PLAIN), KalmanFilter(NORMAL)], np.eye(2))
+        IMM([KalmanFilter(PLAIN), KalmanFilter(NORMAL)], np.eye(2))
     said = r"^filters\[2\]: has \(1, 0, 1\) states, inputs and outputs, the first .* \(2, 1, 1\)$"
     filters = [KalmanFilter(PLAIN), KalmanFilter(PLAIN), KalmanFilter(NO_INPUT)]
     with pytest.raises(InputError, match=said):
-        InteractingMultipleModel(filters, np.eye(3))
+        IMM(filters, np.eye(3))
+
+
+def test_filters_of_different_sampling_periods_are_refused() -> None:
+    filters = [KalmanFilter(PLAIN), KalmanFilter(LinearModel(**MODEL, sampling_period=0.1))]
+    said = r"^filters\[1\]: has a sampling period of 0.1 s, the first filter 1 s$"
+    with pytest.raises(InputError, match=said):
+        IMM(filters, np.eye(2))
+    assert IMM(filters[1:] * 2, np.eye(2)).sampling_period == 0.1
 
 
 @pytest.mark.parametrize(

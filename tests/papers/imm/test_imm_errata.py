@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief
@@ -20,6 +20,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from tests.observers.actuator_models import (
     motion_model,
     ripple,
+    run_over,
     simulated,
     square_wave,
     velocity_model,
@@ -72,9 +73,9 @@ def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
 def test_10_must_sum_over_all_modes_or_the_mixture_is_too_narrow() -> None:
     # Two densities N(-1, 1) and N(3, 4), one half each: mean 1, variance 2.5 + 4.
     half = np.full((2, 2), 0.5)
-    bank = InteractingMultipleModel([KalmanFilter(scalar())] * 2, half)
-    start = bank.init([[-1.0], [3.0]], [[[1.0]], [[4.0]]])
-    run = bank.run([[np.nan]], start)
+    bank = IMM([KalmanFilter(scalar())] * 2, half)
+    start = bank.init([[-1.0], [3.0]], [[[1.0]], [[4.0]]], u=())
+    run = bank.run([[np.nan]], state=start)
     for belief in run.state.beliefs:
         assert belief.mean == pytest.approx([1.0])
         assert belief.covariance == pytest.approx(np.array([[6.5]]))
@@ -94,7 +95,7 @@ def test_12_without_the_transpose_gives_no_covariance(model: LinearModel) -> Non
     assert asymmetry > 0.5
     assert np.linalg.eigvals(printed).imag.max() > 0.05
     kalman = KalmanFilter(model)
-    found = kalman.predict(kalman.init(np.zeros(model.states), P), [0.0]).covariance
+    found = kalman.predict(kalman.init(np.zeros(model.states), P).belief, [0.0]).covariance
     assert np.array_equal(found, found.T)
     assert found == pytest.approx(A @ P @ A.T + Q, rel=1e-13, abs=1e-15)
     assert np.linalg.eigvalsh(found)[0] > 0
@@ -108,7 +109,7 @@ def test_13_with_a_power_of_one_for_the_transpose_fits_no_shape_or_is_not_symmet
     printed = square @ np.eye(2) @ square + 0.1 * np.eye(2)
     assert np.abs(printed - printed.T).max() == pytest.approx(10.0)
     kalman = KalmanFilter(MOTION)
-    told = kalman.correct(kalman.init(np.zeros(5), P), np.zeros(3), [0.0])
+    told = kalman.correct(kalman.init(np.zeros(5), P).belief, np.zeros(3), [0.0])
     assert told.innovation_covariance == pytest.approx(H @ P @ H.T + R, rel=1e-14)
 
 
@@ -118,8 +119,8 @@ def test_13_with_a_power_of_one_for_the_transpose_fits_no_shape_or_is_not_symmet
 def test_14_with_the_measurement_for_the_innovation_the_estimate_runs_away() -> None:
     kalman = KalmanFilter(scalar(Q=0.25))
     z = np.ones((200, 1))
-    run = kalman.run(z, kalman.init([0.0], 1.0))
-    assert run.estimate[-1, 0] == pytest.approx(1.0, rel=1e-12)
+    run = run_over(kalman, z, None, [0.0], 1.0)
+    assert run["state"][-1, 0] == pytest.approx(1.0, rel=1e-12)
     x, P = 0.0, 1.0
     for measurement in z[:, 0]:
         P += 0.25
@@ -148,7 +149,7 @@ def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() ->
     gain = printed_gain(e, np.zeros(3), np.ones(3), 0.1)
     with pytest.raises(ValueError, match="broadcast"):
         np.zeros(5) + gain @ e
-    found = smooth(MOTION, 1.0).init(np.zeros(5), 1.0)
+    found = smooth(MOTION, 1.0).init(np.zeros(5), 1.0).belief
     told = smooth(MOTION, 1.0).correct(found, e, [0.0])
     expected = np.linalg.pinv(MOTION.arrays.H) @ gain @ e
     assert told.belief.mean == pytest.approx(expected, rel=1e-13)
@@ -172,7 +173,7 @@ def test_15_without_the_inverse_contracts_no_error_but_for_the_identity(scale: f
     e = np.array([0.7])
     printed = e - scale * printed_gain(e, np.zeros(1), np.array([0.1]), 0.0) @ e
     assert printed == pytest.approx((1 - scale) * e)
-    told = smooth(model, 0.1, 0.0).correct(smooth(model, 0.1).init([0.0], 1.0), e)
+    told = smooth(model, 0.1, 0.0).correct(smooth(model, 0.1).init([0.0], 1.0).belief, e)
     assert told.belief.error == pytest.approx([0.0], abs=1e-15)
 
 
@@ -198,7 +199,7 @@ def test_15_with_the_gain_of_the_sample_before_comes_a_sample_late() -> None:
     e = np.array([2.0])
     before = printed_gain(np.array([1e-6]), np.zeros(1), np.array([0.5]), 0.1)
     assert e - before @ e == pytest.approx(e, rel=1e-5)
-    told = filters.correct(filters.init([0.0], 1.0), e)
+    told = filters.correct(filters.init([0.0], 1.0).belief, e)
     assert told.belief.error == pytest.approx([0.0], abs=1e-15)
 
 
@@ -207,7 +208,7 @@ def test_15_with_the_gain_of_the_sample_before_comes_a_sample_late() -> None:
 
 def test_19_has_a_matrix_for_an_exponent_and_must_have_a_quadratic_form() -> None:
     kalman = KalmanFilter(MOTION)
-    belief = kalman.init(np.zeros(5), np.diag([9.0, 0.3, 2e-3, 1e-3, 1e-3]))
+    belief = kalman.init(np.zeros(5), np.diag([9.0, 0.3, 2e-3, 1e-3, 1e-3])).belief
     e = np.array([0.02, 0.5, -20.0])
     told = kalman.correct(belief, e, [0.0])
     S = told.innovation_covariance
@@ -223,7 +224,7 @@ def test_19_has_a_matrix_for_an_exponent_and_must_have_a_quadratic_form() -> Non
 
 def test_19_is_ours_for_one_output() -> None:
     kalman = KalmanFilter(NORMAL)
-    told = kalman.correct(kalman.init(np.zeros(4), 0.1), [0.3], [0.0])
+    told = kalman.correct(kalman.init(np.zeros(4), 0.1).belief, [0.3], [0.0])
     e, S = told.innovation[0], told.innovation_covariance[0, 0]
     printed = np.exp(-0.5 * e * e / S) / np.sqrt(abs(2 * np.pi * S))
     assert np.exp(told.log_likelihood) == pytest.approx(printed, rel=1e-14)
@@ -257,7 +258,7 @@ def test_without_feedthrough_the_acceleration_is_foretold_wrong_by_all_of_d_u() 
     told = {}
     for model in (MOTION, without):
         kalman = KalmanFilter(model)
-        told[model] = kalman.step(kalman.init(np.zeros(5), 0.0), z[0], u[0]).innovation
+        told[model] = run_over(kalman, z, u, np.zeros(5), 0.0)["innovation"][0]
     assert np.abs(told[MOTION]).max() < 1e-12
     assert told[without] == pytest.approx([0.0, 0.0, 27.03 * 1.5], rel=1e-12, abs=1e-12)
 
@@ -275,9 +276,8 @@ def test_without_feedthrough_estimates_are_biased(
     z = simulated(MOTION, u)
     velocity = []
     for model in (MOTION, motion_model("normal", feedthrough=False)):
-        one = build(model)
-        run = one.run(z, one.init(np.zeros(5), 0.01), u)
-        velocity.append(run.estimate[:, 1])
+        run = run_over(build(model), z, u, np.zeros(5), 0.01)
+        velocity.append(run["state"][:, 1])
     assert velocity[0] == pytest.approx(z[:, 1], abs=1e-9)
     assert velocity[0][-1] == pytest.approx(0.9101 * 1.5, rel=1e-4)
     assert velocity[1][-1] - z[-1, 1] == pytest.approx(bias, rel=1e-3)
@@ -300,10 +300,8 @@ def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one()
     found = []
     for feedthrough in (True, False):
         models = [motion_model(mode, feedthrough) for mode in ("normal", "friction", "leakage")]
-        bank = InteractingMultipleModel(
-            [KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY
-        )
-        run = bank.run(z, bank.init(np.zeros(5), 0.01), u)
-        found.append(run.probability[50:, 0].mean())
+        bank = IMM([KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY)
+        run = run_over(bank, z, u, np.zeros(5), 0.01)
+        found.append(run["probability"][50:, 0].mean())
     assert found[0] > 0.98
     assert found[1] < 0.02

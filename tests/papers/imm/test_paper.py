@@ -16,8 +16,9 @@ from reobserve.ledger.check import check_ledger
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import InteractingMultipleModel, Run
+from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.scoring import probabilities, quoted_distance, window
@@ -221,12 +222,12 @@ def observer(algorithm: str, realisation: str) -> Tree:
     return {**body, "boundary_layer": layer, "layer_factor": 0.5, "memory": 0.2}
 
 
-def by_hand(body: Tree, found: Series) -> tuple[InteractingMultipleModel, Run]:
+def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
     filters: list[Any] = []
     for mode in MODES:
         one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 150.0)
         noise = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
-        model = LinearModel(one.A, one.B, one.H, *noise, one.D)
+        model = LinearModel(one.A, one.B, one.H, *noise, one.D, sampling_period=found.step)
         if body["algorithm"] == "kalman":
             filters.append(KalmanFilter(model))
         else:
@@ -234,11 +235,11 @@ def by_hand(body: Tree, found: Series) -> tuple[InteractingMultipleModel, Run]:
             filters.append(SmoothVariableStructureFilter(model, layer, 0.2))
     off = (1 - 0.97) / 2
     chain = [[0.97, off, off], [off, 0.97, off], [off, off, 0.97]]
-    bank = InteractingMultipleModel(filters, chain)
+    bank = IMM(filters, chain)
     columns = [MOTION.index(name) for name in REALISATIONS[body["realisation"]]]
-    start = bank.init(np.zeros(filters[0].model.states), 0.5)
-    run = bank.run(found["measured"][1:, columns], start, found["input"][:-1, None])
-    return bank, run
+    z, u = found["measured"][:, columns], found["input"][:, None]
+    start = bank.init(np.zeros(filters[0].model.states), 0.5, u=u[0])
+    return bank, bank.run(z[1:], u[1:], state=start)
 
 
 @pytest.mark.parametrize("realisation", REALISATIONS)
@@ -249,7 +250,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
     estimate = observe.estimate(settings, found)
     _, run = by_hand(body, found)
     np.testing.assert_array_equal(estimate["probability"][0], np.full(3, 1 / 3))
-    np.testing.assert_array_equal(estimate["probability"][1:], run.probability)
+    np.testing.assert_array_equal(estimate["probability"][1:], run["probability"])
     places = {"position": 0, "velocity": 1 if realisation == "motion" else 0}
     for name in ("position", "velocity"):
         if name not in REALISATIONS[realisation]:
@@ -258,7 +259,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         scale = 1 / 150.0 if name == "position" else 1.0
         values = estimate[name]
         assert values[0] == 0
-        np.testing.assert_allclose(values[1:], scale * run.estimate[:, places[name]], rtol=1e-14)
+        np.testing.assert_allclose(values[1:], scale * run["state"][:, places[name]], rtol=1e-14)
     if algorithm == "kalman":
         assert "outside" not in estimate.channels
         # Any realisation tells the leak, and has less noise in the velocity than what is measured.
@@ -268,7 +269,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         assert np.sqrt(np.mean(error**2)) < ledger().section("scenarios", "plain", "noise")[1]
     else:
         layer = 0.5 * np.array(body["boundary_layer"])
-        counted = [float((np.abs(row) > layer).sum()) / row.size for row in run.innovation]
+        counted = [float((np.abs(row) > layer).sum()) / row.size for row in run["innovation"]]
         np.testing.assert_allclose(estimate["outside"][1:], counted, rtol=1e-14)
         assert 0.01 < estimate["outside"].mean() < 0.99
         assert estimate["outside"][0] == 0

@@ -19,11 +19,11 @@ from reobserve.papers.imm.theory import (
     corrected_radius,
     error_variance,
     printed_weights,
-    steady_gain,
 )
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.scoring.metrics import lookup
+from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.timeseries.signals import Signal
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 
@@ -135,19 +135,15 @@ def test_variance_of_a_scalar_under_any_gain() -> None:
     assert error_variance(model, np.array([[2.5]])) == np.inf
 
 
-def test_kalmans_gain_of_a_random_walk() -> None:
-    gain = steady_gain(scalar(1.0, 0.25, 1.0))
-    assert gain == pytest.approx(np.array([[(np.sqrt(17) - 1) / 8]]), rel=1e-12)
-
-
 @pytest.mark.parametrize("mode", ACTUATOR)
 def test_the_variance_is_what_the_filter_comes_to(mode: str) -> None:
     model = motion_model(mode)
     kalman = KalmanFilter(model)
     # R of the acceleration leaves slow modes: some seconds until the covariance is at rest.
-    run = kalman.run(np.zeros((4000, 3)), kalman.init(np.zeros(5), 1.0), np.zeros((4000, 1)))
-    best = error_variance(model, steady_gain(model))
-    assert best == pytest.approx(run.variance[-1].sum(), rel=1e-8)
+    still = np.zeros((4000, 3)), np.zeros((4000, 1))
+    run = kalman.run(*still, state=kalman.init(np.zeros(5), 1.0))
+    best = error_variance(model, steady_kalman_gain(model))
+    assert best == pytest.approx(run["variance"][-1].sum(), rel=1e-8)
 
 
 def test_no_gain_that_is_tried_is_better() -> None:

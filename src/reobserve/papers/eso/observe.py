@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from reobserve.ledger.types import Settings, read_job
-from reobserve.observers.extended_state import ExtendedStateObserver, Run
+from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.run import Run
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.stored_design import stored_design
 from reobserve.timeseries.series import Channel, Series
@@ -24,8 +24,7 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
     """
     job = read_job(keys.Ledger, settings)
     system, found = stored_design(job.plant, design)
-    # Parabolas through the record's value in the middle of each step.
-    return ExtendedStateObserver(system, found.gains, 2.0 * job.plant.step, "second")
+    return ExtendedStateObserver(system, found.gains, 2.0 * job.plant.step)
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:
@@ -44,20 +43,18 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     return Series(
         plant.time[::2],
         {
-            "state": Channel(run.estimate, "rad/s, A"),
-            "actuator_fault": Channel(run.actuator_fault[:, 0], "V"),
-            "sensor_fault": Channel(run.sensor_fault[:, 0], "rad/s"),
+            "state": Channel(run["state"], "rad/s, A"),
+            "actuator_fault": Channel(run["actuator_fault"][:, 0], "V"),
+            "sensor_fault": Channel(run["sensor_fault"][:, 0], "rad/s"),
         },
         plant.events,
     )
 
 
-def run_on(observer: ExtendedStateObserver, plant: Series) -> Run:
-    """The observer on a record: samples, their limits from the left, and the middles."""
-    output, control = plant["output"], plant["control"][:, None]
-    before = plant["output_before"][::2], plant["control_before"][::2, None]
-    # There is nothing before the first sample.
-    middle = tuple(
-        np.concatenate([np.zeros((1, part.shape[1])), part[1::2]]) for part in (output, control)
-    )
-    return observer.run(output[::2], control[::2], observer.init(), before, (middle[0], middle[1]))
+def run_on(observer: ExtendedStateObserver, plant: Series) -> Run[State]:
+    """The observer on a record with its middles, and its limits from the left."""
+    control, control_before = plant["control"][:, None], plant["control_before"][:, None]
+    return run_on_halves(
+        observer, plant["output"], control, state=observer.init(),
+        y_before=plant["output_before"], u_before=control_before,
+    )  # fmt: skip

@@ -69,13 +69,13 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
     with located(f"study.{body.kind} at {choice} {level:g}"):
         found = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
-    observer = ExtendedStateObserver(system, found.gains, 2.0 * clean.step, "second")
+    observer = ExtendedStateObserver(system, found.gains, 2.0 * clean.step)
     run = run_on(observer, clean)
     estimate = Series(
         clean.time[::2],
         {
-            "actuator_fault": Channel(run.actuator_fault[:, 0], "V"),
-            "sensor_fault": Channel(run.sensor_fault[:, 0], "rad/s"),
+            "actuator_fault": Channel(run["actuator_fault"][:, 0], "V"),
+            "sensor_fault": Channel(run["sensor_fault"][:, 0], "rad/s"),
         },
     )
     about = {

@@ -6,7 +6,7 @@ import numpy as np
 
 from reobserve.errors import DivergenceError
 from reobserve.ledger.types import Settings, read_job
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import (
     MODES,
@@ -20,7 +20,7 @@ from reobserve.plants.hydraulic_actuator import REALISATIONS
 from reobserve.timeseries.series import Channel, Series
 
 
-def build(settings: Settings, period: float) -> InteractingMultipleModel:
+def build(settings: Settings, period: float) -> IMM:
     """The bank that an observer's settings state, for samples at a period [s]."""
     job = read_job(keys.Ledger, settings)
     return bank(job.plant, job.observer, period)
@@ -46,18 +46,18 @@ def estimate(settings: Settings, plant: Series) -> Series:
     columns = measured_columns(observer)
     found = run(chosen, observer, plant["measured"][1:, columns], plant["input"][:-1])
     if found.diverged_at is not None:
-        raise DivergenceError(observer.algorithm, float(plant.time[found.diverged_at]))
+        raise DivergenceError(observer.algorithm, found.diverged_at)
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
-    channels = {"probability": Channel(np.vstack([start, found.probability]), "1")}
+    channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
     names = REALISATIONS[observer.realisation]
     # Neither has a share of the input in it: the same row of H in all modes.
     rows = chosen.filters[0].model.H
     for name in ("position", "velocity"):
         if name in names:
-            values = np.concatenate([[0.0], found.estimate @ rows[names.index(name)]])
+            values = np.concatenate([[0.0], found["state"] @ rows[names.index(name)]])
             channels[name] = Channel(values, UNITS[name])
     if observer.algorithm == "smooth_variable_structure":
         layer = boundary_layer(observer, len(columns))
-        outside = np.mean(np.abs(found.innovation) > layer, axis=(1, 2))
+        outside = np.mean(np.abs(found["innovation"]) > layer, axis=(1, 2))
         channels["outside"] = Channel(np.concatenate([[0.0], outside]), "1")
     return Series(plant.time, channels, plant.events)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.matrices import as_vector
-from reobserve.observers.imm import InteractingMultipleModel, Run, State
+from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
@@ -104,7 +105,7 @@ def bank(
     observer: keys.Observer,
     period: float,
     models: list[ActuatorModel] | None = None,
-) -> InteractingMultipleModel:
+) -> IMM:
     """The filters on all modes, or on ``models``, and the chain.
 
     Raises
@@ -116,14 +117,15 @@ def bank(
     with _ledger_keys():
         filters = [_filter(observer, mode, period) for mode in known]
     transition = _transition(observer.stay, len(known))
-    return InteractingMultipleModel(filters, transition, observer.mixing)
+    return IMM(filters, transition, observer.mixing)
 
 
 def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
     one = mode.sampled(observer.realisation, period, observer.state_frequency)
     # A number stands for all states, or all outputs.
     model = LinearModel(
-        one.A, one.B, one.H, observer.process_noise, observer.measurement_noise, one.D
+        one.A, one.B, one.H, observer.process_noise, observer.measurement_noise, one.D,
+        sampling_period=period,
     )  # fmt: skip
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
@@ -136,18 +138,27 @@ def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Arra
     return observer.layer_factor * as_vector("boundary_layer", observer.boundary_layer, outputs)
 
 
-def run(
-    chosen: InteractingMultipleModel, observer: keys.Observer, measured: Array, held: Array
-) -> Run:
-    """Filter a record, from rest and equal probabilities of all modes, as far as it goes."""
-    return chosen.run(measured, start(chosen, observer), held[:, None], on_divergence="return")
+def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
+    """Filter a record, from rest and equal probabilities of all modes, as far as it goes.
+
+    ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
+    """
+    control = np.append(held[1:], held[-1:])  # from each row on; nothing reads the last one
+    state = start(chosen, observer, held[0])
+    return chosen.run(measured, control, state=state, on_divergence="return")
 
 
-def start(chosen: InteractingMultipleModel, observer: keys.Observer) -> State:
-    """Rest, and equal probabilities of all modes; `InputError` if the covariance is none."""
+def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
+    """Rest a step before the first row, up to which an input is held; all modes are as probable.
+
+    Raises
+    ------
+    InputError
+        If the covariance is none.
+    """
     with _ledger_keys():
         rest = np.zeros(chosen.filters[0].model.states)
-        return chosen.init(rest, observer.initial_covariance)
+        return chosen.init(rest, observer.initial_covariance, u=held)
 
 
 @contextmanager

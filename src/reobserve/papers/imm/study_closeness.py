@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located
 from reobserve.ledger.types import Job
 from reobserve.numerics.random_streams import random_stream
-from reobserve.observers.imm import InteractingMultipleModel
+from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.setup import run as run_bank
@@ -41,7 +41,7 @@ class Task:
     share: float
     gap: float
     motion: Array
-    banks: dict[str, InteractingMultipleModel]
+    banks: dict[str, IMM]
 
 
 def run(job: Job, plant: Series) -> list[Row]:
@@ -90,7 +90,7 @@ def run(job: Job, plant: Series) -> list[Row]:
                     one = run_bank(chosen, observers[name], task.motion + noise, control)
                     # A bank that diverges has not diagnosed anything.
                     whole = one.diverged_at is None
-                    mean = float(np.mean(one.probability[-judged:, 1])) if whole else 0.0
+                    mean = float(np.mean(one["probability"][-judged:, 1])) if whole else 0.0
                     found.append(mean)
                 return found
 

@@ -21,6 +21,7 @@ from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import MODES, UNITS, bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, simulate
 from reobserve.scoring.metrics import Metric
+from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.timeseries.grid import multiple
 from reobserve.timeseries.signals import Signal
 
@@ -111,21 +112,11 @@ def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
                 filters = bank(job.plant, told, period, models)
                 found = run(filters, body, motion[:, columns], control)
             if found.diverged_at is not None:
-                raise DivergenceError(name, found.diverged_at * period)
+                raise DivergenceError(name, found.diverged_at)
             row = filters.filters[0].model.H[names.index("velocity")]
-            error = found.estimate @ row - motion[:, MOTION.index("velocity")]
+            error = found["state"] @ row - motion[:, MOTION.index("velocity")]
             size = float(np.sqrt(np.mean(error[begin:] ** 2)))
             yield Metric(name, f"{what}_velocity_error", size, UNITS["velocity"])
-
-
-def steady_gain(model: LinearModel) -> Array:
-    """Kalman's gain at rest: P H^T (H P H^T + R)^-1 with P of the Riccati equation."""
-    from scipy.linalg import solve_discrete_are
-
-    A, _, H, _, Q, R = model.arrays
-    P = solve_discrete_are(A.T, H.T, Q, R)
-    gain: Array = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    return gain
 
 
 def error_variance(model: LinearModel, gain: Array) -> float:
@@ -155,7 +146,7 @@ def _gains(job: Job, chosen: Observers) -> Iterator[Metric]:
         least = np.inf
         for one in filters:
             model: LinearModel = one.model
-            gain = steady_gain(model)
+            gain = steady_kalman_gain(model)
             best = error_variance(model, gain)
             for _ in range(rules.gains):
                 moved = gain * (1.0 + rules.spread * stream.standard_normal(gain.shape))

@@ -107,7 +107,7 @@ class Calibration:
         chosen = bank(self.plant, observer, self.record.step, self._models)
         measured = self.record["measured"][1:, measured_columns(observer)]
         found = run(chosen, observer, measured, self.record["input"][:-1])
-        return None if found.diverged_at is not None else found.probability
+        return None if found.diverged_at is not None else found["probability"]
 
 
 def within(trial: Trial, observers: Mapping[str, keys.Observer], band: float) -> bool:

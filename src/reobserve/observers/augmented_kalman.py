@@ -1,0 +1,187 @@
+"""A Kalman filter that estimates unknown inputs along with the state.
+
+    x(k+1) = A x(k) + B u(k) + E d(k) + w(k)
+    d(k+1) = d(k) + n(k)                            n ~ N(0, W)
+    y(k)   = H x(k) + D u(k-1) + F d(k) + v(k)
+
+Disturbances, faults and biases d are taken for random walks (Friedland 1969): the filter is that of
+`reobserve.observers.kalman` on the state [x, d]. The greater W, the faster its estimates follow,
+and the noisier they are. A d that acts through E alone is seen one sample later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.models.linear import LinearModel, as_covariance
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_floats, as_vector
+from reobserve.observers.contract import Observer, Record, Rows
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import State
+from reobserve.synthesis.linear import undetectable_modes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AugmentedKalmanFilter(Observer[State]):
+    """The Kalman filter on the state and q unknown inputs.
+
+    Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q), ``variance`` and
+    ``unknown_input_variance`` in their shapes, and ``innovation`` and ``log_likelihood`` as those
+    of `reobserve.observers.linear_filter.LinearFilter`.
+
+    Parameters
+    ----------
+    model
+        The linear model of the plant without them.
+    input_matrix
+        E, shape (n, q): what each unknown input adds to the state in a sampling period.
+    walk
+        W, the covariance of what an unknown input gains a sample: a number, q numbers or (q, q).
+    output_matrix
+        F, shape (m, q): what it adds to the measurement, zero if left out.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit, W is no covariance, or a mode of [x, d] that does not decay is
+        hidden from the measurement: two unknown inputs, say, that do the same.
+    """
+
+    model: LinearModel
+    input_matrix: Array
+    walk: Array
+    output_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
+    sampling_period: float = field(init=False)
+
+    reads_between: ClassVar[bool] = False
+    reads_missing: ClassVar[bool] = True
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        (
+            "state",
+            "unknown_input",
+            "variance",
+            "unknown_input_variance",
+            "innovation",
+            "log_likelihood",
+        ),
+        "",
+    )
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self,
+            model: LinearModel,
+            input_matrix: ArrayLike,
+            walk: ArrayLike,
+            output_matrix: ArrayLike | None = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        model, put = as_kind("model", self.model, LinearModel), object.__setattr__
+        E = as_floats("input_matrix", self.input_matrix)
+        if E.ndim != 2 or len(E) != model.states or not E.size:
+            problem = f"has shape {E.shape}, must have {model.states} rows like A"
+            raise InputError("input_matrix", problem)
+        wanted = (model.outputs, E.shape[1])
+        given: Any = self.output_matrix
+        F = np.zeros(wanted) if given is None else as_floats("output_matrix", given)
+        if F.shape != wanted:
+            raise InputError("output_matrix", f"has shape {F.shape}, must be {wanted}")
+        put(self, "input_matrix", E)
+        put(self, "output_matrix", F)
+        put(self, "walk", as_covariance("walk", self.walk, E.shape[1]))
+        put(self, "sampling_period", model.sampling_period)
+        hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.H)
+        if len(hidden):
+            raise InputError(
+                "input_matrix",
+                "and output_matrix leave a mode of state and unknown inputs hidden from the "
+                f"measurements that does not decay, of the eigenvalue {hidden[0]:.4g}",
+            )
+
+    @property
+    def measurements(self) -> int:
+        """How many numbers a row of y has."""
+        return self.model.outputs
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers a row of u has."""
+        return self.model.inputs
+
+    @property
+    def unknown_inputs(self) -> int:
+        """Their number q."""
+        return int(self.input_matrix.shape[1])
+
+    @cached_property
+    def _kalman(self) -> KalmanFilter:
+        """The filter of [x, d]."""
+        A, B, H, D, Q, R = self.model.arrays
+        n, q = self.input_matrix.shape
+        whole = np.block([[A, self.input_matrix], [np.zeros((q, n)), np.eye(q)]])
+        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.walk]])
+        model = LinearModel(
+            whole, np.vstack([B, np.zeros((q, B.shape[1]))]), np.hstack([H, self.output_matrix]),
+            noise, R, D, unusual=True, sampling_period=self.sampling_period,
+        )  # fmt: skip
+        return KalmanFilter(model)
+
+    def init(
+        self,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        unknown_input: ArrayLike | None = None,
+        unknown_input_covariance: ArrayLike = 1.0,
+        *,
+        u: ArrayLike | None = None,
+    ) -> State:
+        """The state before the first row of a record.
+
+        Parameters
+        ----------
+        mean, covariance, u
+            Of the state, and the input, as `reobserve.observers.linear_filter.LinearFilter.init`.
+        unknown_input
+            Its mean, shape (q,); left out, zeros.
+        unknown_input_covariance
+            A number, q numbers or (q, q).
+
+        Raises
+        ------
+        InputError
+            If one of them is not that.
+        """
+        n, q = self.model.states, self.unknown_inputs
+        d = np.zeros(q) if unknown_input is None else as_vector("unknown_input", unknown_input, q)
+        spread = np.zeros((n + q, n + q))
+        spread[:n, :n] = as_covariance("covariance", covariance, n)
+        spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
+        return self._kalman.init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
+
+    def _checked(self, state: Any) -> State:
+        return self._kalman._checked(state)
+
+    def _fill(self, state: State, record: Record) -> Rows:
+        found, n = self._kalman._fill(state, record), self.model.states
+        whole, variance = found.estimates["state"], found.estimates["variance"]
+        estimates = {
+            "state": whole[:, :n],
+            "unknown_input": whole[:, n:],
+            "variance": variance[:, :n],
+            "unknown_input_variance": variance[:, n:],
+            "innovation": found.estimates["innovation"],
+            "log_likelihood": found.estimates["log_likelihood"],
+        }
+        return Rows(estimates, found.finite, found.state)

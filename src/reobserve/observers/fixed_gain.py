@@ -1,0 +1,125 @@
+"""A linear observer of constant gain: Luenberger's, by poles, or the steady Kalman filter.
+
+    x-(k) = A x^(k-1) + B u(k-1)
+    x^(k) = x-(k) + L [y(k) - H x-(k) - D u(k-1)]
+
+Its error moves by (I - L H) A a sample. It keeps account of a covariance like any linear filter:
+where Q and R are not known, its estimates do not depend on them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.matrices import as_floats, spectral_radius
+from reobserve.observers.linear_filter import LinearFilter, State
+from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.synthesis.linear import place, steady_kalman_gain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FixedGainObserver(LinearFilter):
+    """A prediction corrected by a constant gain; its estimates are those of `LinearFilter`.
+
+    Parameters
+    ----------
+    model
+        The linear model that it trusts.
+    gain
+        L, shape (n, m).
+
+    Raises
+    ------
+    InputError
+        If the gain has another shape, or its error does not decay.
+    """
+
+    gain: Array
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(self, model: LinearModel, gain: ArrayLike) -> None: ...
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        gain, wanted = as_floats("gain", self.gain), (self.model.states, self.model.outputs)
+        if gain.shape != wanted:
+            raise InputError("gain", f"has shape {gain.shape}, must be {wanted}")
+        object.__setattr__(self, "gain", gain)
+        radius = spectral_radius(self._error_transition)
+        if radius >= 1.0:
+            raise InputError(
+                "gain",
+                "gives no stable observer: the spectral radius of (I - L H) A must be below 1, "
+                f"it is {radius:.6g}",
+            )
+
+    @property
+    def _error_transition(self) -> Array:
+        A, _, H, _, _, _ = self.model.arrays
+        return (np.eye(len(A)) - self.gain @ H) @ A
+
+    @property
+    def poles(self) -> NDArray[Any]:
+        """Eigenvalues of (I - L H) A, shape (n,), the slowest first."""
+        poles = np.linalg.eigvals(self._error_transition)
+        return poles[np.argsort(-np.abs(poles), kind="stable")]
+
+    @property
+    def law(self) -> Any:
+        """The gain as it was given."""
+        return _given_gain
+
+    @property
+    def law_parameters(self) -> Array:
+        """The gain row by row."""
+        return self.gain.ravel()
+
+    def init(
+        self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None
+    ) -> State:
+        """As `LinearFilter.init`; a covariance is only for those who read the variance."""
+        return super().init(mean, covariance, u=u)
+
+
+def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
+    """The observer whose error has these poles [1], inside the unit circle.
+
+    Raises
+    ------
+    InputError
+        If the poles cannot be placed, `reobserve.synthesis.linear.place`; or they are not stable.
+    """
+    A, _, H, _, _, _ = as_kind("model", model, LinearModel).arrays
+    # The corrected estimate sees the state through H A: (I - L H) A = A - L (H A).
+    return FixedGainObserver(model, place(A, H @ A, poles))
+
+
+def steady_kalman(model: LinearModel) -> FixedGainObserver:
+    """The Kalman filter with the gain that it comes to, from the first row on.
+
+    Raises
+    ------
+    InputError
+        If there is no such gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+    """
+    return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
+
+
+@gain_law
+def _given_gain(
+    cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
+) -> None:
+    n, m = gain.shape
+    for a in range(n):
+        for o in range(m):
+            gain[a, o] = parameters[a * m + o]

@@ -1,0 +1,166 @@
+"""Gains of linear observers: placed poles, and the steady gain of the Kalman filter.
+
+Both ask what the measurements show. By Popov, Belevitch and Hautus the mode of an eigenvalue s of A
+is hidden from C if [A - s I; C] has no full column rank; no gain moves it.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError, shown
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.arguments import as_poles
+from reobserve.numerics.matrices import as_floats
+
+Array = NDArray[np.float64]
+
+_RANK = 1e-10  # of the size of A and C: the singular value of [A - s I; C] that counts as zero
+_CIRCLE = 1e-9  # how near to the unit circle an eigenvalue counts as on it
+
+
+def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
+    """The gain L, shape (n, m), with which A - L C has these eigenvalues.
+
+    With several outputs it is the one of scipy's ``place_poles``, whose eigenvalues are the least
+    sensitive that it finds. With one output there is only one.
+
+    Parameters
+    ----------
+    A
+        Shape (n, n), of continuous or discrete time.
+    C
+        Shape (m, n).
+    poles
+        n eigenvalues, complex ones in conjugate pairs; each as often as C has independent rows, or,
+        with one output, as often as you like.
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit, the poles are not so, or a mode of A is hidden from C: it is named.
+    """
+    A, C = _pair(A, C)
+    chosen, n = as_poles("poles", poles), len(A)
+    if chosen.shape != (n,) or not np.isfinite(chosen).all() or np.any(np.poly(chosen).imag):
+        problem = f"{shown(chosen.tolist())} must be {n} finite numbers, complex ones in pairs"
+        raise InputError("poles", problem)
+    hidden = hidden_modes(A, C)
+    if len(hidden):
+        said = f"do not show the mode of the eigenvalue {_told(hidden[0])}, which no gain moves"
+        raise InputError("A, C", said)
+    often = max(int(np.sum(chosen == pole)) for pole in chosen)
+    rank = int(np.linalg.matrix_rank(C))
+    if len(C) == 1 and often > 1:
+        return ackermann(A.T, C.T, chosen).reshape(-1, 1)
+    if often > rank:
+        said = f"have one {often} times, at most {rank} times is possible with rank {rank} of C"
+        raise InputError("poles", said)
+    return _placed(A, C, chosen)
+
+
+def _placed(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
+    from scipy.signal import place_poles
+
+    # As far as it goes: short of that the eigenvalues are off by some 1e-9, as the sensitivity is.
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Convergence was not reached")
+        found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
+    gain: Array = np.ascontiguousarray(found.gain_matrix.T)
+    return gain
+
+
+def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
+    """The gain K, shape (1, n), with which A - B K of one input has these eigenvalues.
+
+    By Ackermann's formula: the last row of the inverse controllability matrix times the polynomial
+    of the poles in A. For few states; no check is made.
+    """
+    n = len(A)
+    reached = np.hstack([np.linalg.matrix_power(A, k) @ B for k in range(n)])
+    polynomial = np.zeros((n, n))
+    for coefficient in np.poly(poles).real:
+        polynomial = polynomial @ A + coefficient * np.eye(n)
+    return np.asarray(np.linalg.solve(reached, polynomial)[-1:], dtype=np.float64)
+
+
+def steady_kalman_gain(model: LinearModel) -> Array:
+    """Kalman's gain at rest, shape (n, m): P H' (H P H' + R)^-1 with P of the Riccati equation.
+
+    It is the limit of the filter's gain from any positive definite covariance.
+
+    Raises
+    ------
+    InputError
+        If there is none: a mode that does not decay is hidden from H, or one on the unit circle is
+        not driven by the noise of covariance Q. The mode is named.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    A, _, H, _, Q, R = model.arrays
+    hidden = undetectable_modes(A, H)
+    if len(hidden):
+        said = f"has a mode of the eigenvalue {_told(hidden[0])} that H does not show"
+        raise InputError("model", f"{said} and that does not decay: there is no steady gain")
+    still = hidden_modes(A.T, Q)
+    still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
+    if len(still):
+        said = f"has a mode of the eigenvalue {_told(still[0])} on the unit circle"
+        raise InputError("model", f"{said} that Q does not drive: there is no steady gain")
+    try:
+        P = solve_discrete_are(A.T, H.T, Q, R)
+    except np.linalg.LinAlgError:
+        said = "has modes too near to the unit circle, or hidden too well, for a steady gain"
+        raise InputError("model", said) from None
+    gain: Array = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    return gain
+
+
+def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
+    """Those of `hidden_modes` that do not decay in discrete time: from the unit circle on.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit.
+    """
+    hidden = hidden_modes(A, C)
+    return hidden[np.abs(hidden) >= 1.0 - _CIRCLE]
+
+
+def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
+    """The eigenvalues of A whose modes C does not show, shape (k,).
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit.
+    """
+    A, C = _pair(A, C)
+    # Rows of C in units of their own: how large they are has no part in what they show.
+    sizes = np.linalg.norm(C, axis=1, keepdims=True)
+    scale = max(float(np.linalg.norm(A, 2)), float(np.finfo(float).tiny))
+    rows = scale * C / np.where(sizes > 0, sizes, 1.0)
+    found = []
+    for value in np.linalg.eigvals(A):
+        pencil = np.vstack([A - value * np.eye(len(A)), rows])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK * scale:
+            found.append(value)
+    return np.array(found, dtype=np.complex128)
+
+
+def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
+    square, rows = as_floats("A", A), as_floats("C", C)
+    if square.ndim != 2 or square.shape[0] != square.shape[1] or not square.size:
+        raise InputError("A", f"has shape {square.shape}, must be square")
+    if rows.ndim != 2 or rows.shape[1] != len(square) or not len(rows):
+        problem = f"has shape {rows.shape}, must have {len(square)} columns like A"
+        raise InputError("C", problem)
+    return square, rows
+
+
+def _told(value: complex) -> str:
+    return f"{value:.4g}" if value.imag else f"{value.real:.4g}"

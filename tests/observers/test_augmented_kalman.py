@@ -1,0 +1,150 @@
+"""Unknown inputs found: exactly without noise, as filterpy does with it, or refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.kalman import KalmanFilter
+from tests.observers.actuator_models import ripple
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.1
+HELD = zero_order_hold([[0.0, 1.0], [-2.0, -0.4]], [[0.0], [1.0]], PERIOD)
+FORCE = HELD[1]  # an unknown force acts as the known one does
+POSITION = np.array([[1.0, 0.0]])
+
+
+def mass(R: float = 1e-4, H: Any = POSITION) -> LinearModel:
+    """A mass on a spring, its position measured."""
+    return LinearModel(*HELD, H, 1e-8, R, sampling_period=PERIOD)
+
+
+def moved(u: Array, force: Array, start: Any = (0.3, -0.1)) -> Array:
+    """The states at the rows, under inputs and forces from each of them on."""
+    x, rows = np.array(start), []
+    for known, unknown in zip(u, force, strict=True):
+        rows.append(x)
+        x = HELD[0] @ x + HELD[1] @ (known + unknown)
+    return np.array(rows)
+
+
+def inputs(rows: int) -> tuple[Array, Array]:
+    time = PERIOD * np.arange(rows)[:, None]
+    return np.sin(time), np.where(time < 4.0, 0.5, 0.5 + 0.3 * np.sin(1.3 * time))
+
+
+def test_without_noise_the_unknown_input_of_the_row_before_is_found_exactly() -> None:
+    u, force = inputs(120)
+    states = moved(u, force)
+    model = LinearModel(*HELD, np.eye(2), 0.0, 1e-14, sampling_period=PERIOD)
+    observer = AugmentedKalmanFilter(model, FORCE, 1.0)
+    run = observer.run(states, u, state=observer.init([0.0, 0.0], 1.0, [0.0], 1.0))
+    assert np.abs(run["unknown_input"][1:] - force[:-1]).max() < 1e-9
+    assert np.abs(run["state"] - states).max() < 1e-9
+    plain = KalmanFilter(model)
+    other = plain.run(states, u, state=plain.init([0.0, 0.0], 1.0))
+    assert np.abs(other["innovation"][5:]).max() > 0.01, "it knows of no force"
+
+
+def test_a_bias_of_a_sensor_is_told_from_the_state_by_the_other_one() -> None:
+    u, none = inputs(400)[0], np.zeros((400, 1))
+    states = moved(u, none)
+    y = states[:, [0, 0]] + np.array([0.0, 0.7])
+    model = mass(1e-8, [[1.0, 0.0], [1.0, 0.0]])
+    observer = AugmentedKalmanFilter(model, np.zeros((2, 1)), 1e-12, [[0.0], [1.0]])
+    run = observer.run(y, u, state=observer.init([0.0, 0.0], 1.0))
+    assert run["unknown_input"][-1] == pytest.approx([0.7], abs=1e-6)
+    assert run["unknown_input_variance"].shape == (400, 1)
+    assert run["unknown_input_variance"][-1, 0] < 1e-8
+
+
+def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
+    u, force = inputs(200)
+    y = moved(u, force)[:, :1] + 0.01 * ripple(200)
+    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
+    run = observer.run(y, u, state=observer.init([0.1, 0.2], 0.5, [0.4], 2.0))
+    peer = FilterpyKalmanFilter(3, 1, 1)
+    peer.F = np.block([[HELD[0], FORCE], [np.zeros((1, 2)), np.eye(1)]])
+    peer.B, peer.H = np.vstack([HELD[1], [[0.0]]]), np.array([[1.0, 0.0, 0.0]])
+    peer.Q, peer.R = np.diag([1e-8, 1e-8, 1e-3]), np.array([[1e-4]])
+    peer.x, peer.P = np.array([[0.1], [0.2], [0.4]]), np.diag([0.5, 0.5, 2.0])
+    found = []
+    for k in range(200):
+        if k:
+            peer.predict(u[k - 1][:, None])
+        peer.update(y[k][:, None])
+        found.append((peer.x[:, 0].copy(), np.diag(peer.P).copy(), peer.log_likelihood))
+    means, variances, logs = (np.array(part) for part in zip(*found, strict=True))
+    ours = np.hstack([run["state"], run["unknown_input"]])
+    assert ours == pytest.approx(means, rel=1e-10, abs=1e-12)
+    spread = np.hstack([run["variance"], run["unknown_input_variance"]])
+    assert spread == pytest.approx(variances, rel=1e-10)
+    assert run["log_likelihood"] == pytest.approx(logs, rel=1e-8)
+    # And with noise the force is found, too, as well as a walk so slow lets it.
+    assert np.sqrt(np.mean((run["unknown_input"][60:] - force[59:-1]) ** 2)) < 0.15
+
+
+def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts() -> None:
+    u, force = inputs(60)
+    y = moved(u, force)[:, :1]
+    y[20:23] = np.nan
+    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
+    start = observer.init([0.0, 0.0], 1.0, u=[0.0])
+    run = observer.run(y, u, state=start)
+    assert run.missing == 3
+    assert run.time[0] == PERIOD
+    state, rows = start, []
+    for k in range(60):
+        state, estimate = observer.step(state, y[k], u[k])
+        rows.append(estimate)
+    first = observer.run(y[:21], u[:21], state=start)
+    second = observer.run(y[21:], u[21:], state=first.state)
+    for name, values in run.estimates.items():
+        assert np.array_equal([row[name] for row in rows], values, equal_nan=True)
+        assert np.array_equal(np.concatenate([first[name], second[name]]), values, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((np.ones((3, 1)), 1.0), r"input_matrix: has shape \(3, 1\), must have 2 rows like A"),
+        ((np.ones((2, 0)), 1.0), r"input_matrix: has shape \(2, 0\), must have 2 rows like A"),
+        ((FORCE, -1.0), "walk: must be positive semidefinite"),
+        ((FORCE, 1.0, [[1.0, 0.0]]), r"output_matrix: has shape \(1, 2\), must be \(1, 1\)"),
+        (
+            (np.hstack([FORCE, 2 * FORCE]), 1.0),
+            "input_matrix: and output_matrix leave a mode",
+        ),
+        (
+            (np.zeros((2, 1)), 1.0),
+            "input_matrix: and output_matrix leave .* that does not decay, of the eigenvalue 1",
+        ),
+    ],
+)
+def test_unknown_inputs_that_cannot_be_estimated_are_refused(arguments: Any, said: str) -> None:
+    with pytest.raises(InputError, match=f"^{said}"):
+        AugmentedKalmanFilter(mass(), *arguments)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"mean": [0.0]}, r"mean: has shape \(1,\), must be a list of 2 numbers"),
+        ({"unknown_input": [0.0, 1.0]}, r"unknown_input: has shape \(2,\), must be a list of 1"),
+        ({"unknown_input_covariance": -1.0}, "unknown_input_covariance: must be positive semi"),
+    ],
+)
+def test_starts_that_cannot_be(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
+    with pytest.raises(InputError, match=f"^{said}"):
+        AugmentedKalmanFilter(mass(), FORCE, 1.0).init(**given)
