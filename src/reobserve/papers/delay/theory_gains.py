@@ -11,7 +11,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from reobserve.ledger.types import Job
 from reobserve.papers.delay.setup import build_model
-from reobserve.scoring.metrics import Metric, window
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import window
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve.timeseries.series import Series
 

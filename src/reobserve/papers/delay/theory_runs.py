@@ -15,13 +15,10 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
-from reobserve.papers.delay.scoring import (
-    constant_segments,
-    errors,
-    root_mean_square,
-)
+from reobserve.papers.delay.scoring import constant_segments, errors
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.scoring.metrics import Metric, window
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Channel, Series
 

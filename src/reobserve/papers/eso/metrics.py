@@ -2,43 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
-from reobserve.ledger.types import Settings, read_job
-from reobserve.papers.eso import keys
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.eso.scoring import check_rules, scores
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.scoring.metrics import Metric, scores_of
 
-Rows = Sequence[Mapping[str, Any]]
+_CHOSEN = ("filter_rate", "choice", "level")  # of a design, by its kind
 
 
-def measure(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Rows | None = None,
-) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure; see `MEANINGS`.
 
     Raises
     ------
     InputError
         If a setting of the metrics cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = data.job
     check_rules(job.metrics, job.plant)
-    found = []
-    for name, estimate in estimates.items():
-        found += [Metric(name, *score) for score in scores(job.metrics, plant, estimate)]
-    if study is not None:
-        found += _brief(study)
-    return found
-
-
-def _brief(study: Rows) -> Iterator[Metric]:
-    """Each number of a design, named after what was chosen."""
-    for row in study:
-        place = f"rate_{float(row['filter_rate']):g}_{row['choice']}_{float(row['level']):g}"
-        yield Metric(row["kind"], f"{row['quantity']}_at_{place}", float(row["value"]), row["unit"])
+    for name, estimate in data.estimates.items():
+        yield from scores_of(name, scores(job.metrics, data.plant, estimate))
+    if data.study:
+        for design, numbers in data.study.groups("kind", *_CHOSEN, "quantity", "unit"):
+            kind, rate, choice, level, quantity, unit = design
+            at = {"rate": rate, choice: level}
+            yield Metric.at(kind, (quantity, numbers.value(), unit), **at)

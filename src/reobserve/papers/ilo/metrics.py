@@ -2,59 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.papers.ilo import keys
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.ilo.prediction import predicted_error
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.scoring.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
-from reobserve.timeseries.series import Series
+from reobserve.scoring.metrics import Metric, Score, scores_of
+from reobserve.scoring.responses import first_crossing, peak, settling_time
 
 
-def measure(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Sequence[Mapping[str, str]] | None = None,
-) -> list[Metric]:
-    """The numbers of a figure, observer by observer; see ``results/README.md`` for their names.
-
-    Raises
-    ------
-    InputError
-        If a setting of the metrics cannot be used.
-    """
-    job = read_job(keys.Ledger, settings)
-    axis = job.metrics.axis
-    found = [
-        Metric(name, *numbers)
-        for name, estimate in estimates.items()
-        for numbers in _judge(job, plant, estimate, name, axis - 1)
-    ]
-    if study is not None:
-        found += _summarise(study)
-    return found
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure, observer by observer; see `MEANINGS`."""
+    for name in data.estimates:
+        yield from scores_of(name, _scores(data, name))
+    score = "relative_rms_error"
+    if data.study:  # the mean over the runs at each level
+        for (observer, sweep, level), runs in data.study.groups("observer", "sweep", "level"):
+            yield Metric.at(observer, (score, float(np.mean(runs[score])), "1"), **{sweep: level})
 
 
-def _summarise(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
-    """The mean over runs at each level, as metrics named after the sweep and the level."""
-    groups: dict[tuple[str, str, str], list[float]] = {}
-    for row in rows:
-        key = (row["observer"], row["sweep"], row["level"])
-        groups.setdefault(key, []).append(float(row["relative_rms_error"]))
-    return [
-        Metric(observer, f"relative_rms_error_at_{sweep}_{float(level):g}", float(np.mean(v)), "1")
-        for (observer, sweep, level), v in groups.items()
-    ]
-
-
-def _judge(
-    job: Job, plant: Series, estimate: Series, name: str, axis: int
-) -> Iterator[tuple[str, float, str]]:
+def _scores(data: FigureData, name: str) -> Iterator[Score]:
+    job, plant, estimate = data.job, data.plant, data.estimates[name]
     rules = job.metrics
+    axis = rules.axis - 1
     onsets = plant.events["onsets"]
     errors = Errors.of(plant, estimate, axis)
     score = scored(errors, onsets, rules.settling_skip)
@@ -67,11 +39,10 @@ def _judge(
     v_before = estimate["fault_before"][~before]
     threshold = rules.residual_threshold
 
-    rms = root_mean_square(score.start, score.end)
-    yield "rms_error", rms, "N m"
-    yield "relative_rms_error", rms / root_mean_square(score.fault_start, score.fault_end), "1"
+    yield "rms_error", score.root_mean_square, "N m"
+    yield "relative_rms_error", score.relative_root_mean_square, "1"
     yield "peak_error", peak(score.start, score.end), "N m"
-    yield "late_rms_error", root_mean_square(late.start, late.end), "N m"
+    yield "late_rms_error", late.root_mean_square, "N m"
     yield "final_error", abs(float(errors.end[-1])), "N m"
     yield "residual_before_fault", peak(estimate["fault"][before]), "N m"
     seen = first_crossing(time, v[:-1, axis], v_before[1:, axis], threshold)

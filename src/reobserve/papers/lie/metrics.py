@@ -2,51 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.papers.lie import keys
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.papers.lie.study_rows import table
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
-
-Rows = Sequence[Mapping[str, Any]]
+from reobserve.scoring.metrics import Metric, Score, scores_of
+from reobserve.scoring.responses import error_of
 
 
-def measure(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Rows | None = None,
-) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
-
-    Raises
-    ------
-    InputError
-        If a setting of the metrics cannot be used.
-    """
-    job = read_job(keys.Ledger, settings)
-    rules = job.metrics
-    found = [
-        Metric(name, *numbers)
-        for name, estimate in estimates.items()
-        for numbers in _judge(rules, plant, estimate)
-    ]
-    if study is not None:
-        found += _FROM_STUDY[job.study.method](job, study)
-    return found
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure; see `MEANINGS`."""
+    for name in data.estimates:
+        yield from scores_of(name, _scores(data, name))
+    yield from _FROM_STUDY[data.job.study.method](data)
 
 
-def _judge(
-    rules: keys.Metrics, plant: Series, estimate: Series
-) -> Iterator[tuple[str, float, str]]:
-    step = estimate.step
-    error = estimate["state"] - plant["state"][:: round(step / plant.step)]
+def _scores(data: FigureData, name: str) -> Iterator[Score]:
+    rules, estimate = data.job.metrics, data.estimates[name]
+    step, error = estimate.step, error_of(data.plant, estimate, "state")
     squares = integral_of_squares(error, step)
     size = np.linalg.norm(error, axis=1)
     for i, value in enumerate(squares):
@@ -60,54 +35,51 @@ def _judge(
     yield "decay_rate", decay_rate(error, step, *rules.decay_window), "1/s"
 
 
-def _orders(job: Job, study: Rows) -> Iterator[Metric]:
+def _orders(data: FigureData) -> Iterator[Metric]:
     """All of the study where a figure draws it; else the exponents of the figure's observers."""
-    values = table(study)
+    study, job = data.study, data.job
     for quantity, unit in (("period", "s"), ("mean_square_output", "1")):
-        yield Metric("cycle", quantity, values["cycle", quantity][0][0], unit)
+        yield Metric("cycle", quantity, study.value(form="cycle", quantity=quantity), unit)
     if job.figure.layout == "orders":
-        for row in study:
-            if row["form"] != "cycle":
-                name = f"{row['quantity']}_order_{int(row['order'])}"
-                yield Metric(row["form"], name, float(row["value"]), row["unit"])
+        for (form, order, quantity, unit), rows in study.groups(
+            "form", "order", "quantity", "unit"
+        ):
+            if form != "cycle":
+                yield Metric.at(form, (quantity, rows.value(), unit), order=order)
         return
     for name, observer in job.observers.items():
-        form = name if (name, "ise") in values else getattr(observer, "gain", "")
-        exponents = values.get((form, "floquet_exponent"), {})
-        if observer.order in exponents:
-            yield Metric(name, "floquet_exponent", exponents[observer.order][0], "1/s")
+        own = name in study["form"]
+        form = name if own else getattr(observer, "gain", "")
+        found = study.where(form=form, quantity="floquet_exponent", order=observer.order)
+        for value in found["value"]:
+            yield Metric(name, "floquet_exponent", float(value), "1/s")
 
 
-def _domain(_: Job, study: Rows) -> Iterator[Metric]:
-    """The summaries of the study, those of a series named after its degree."""
-    for row in study:
-        if row["x1"] == "":
-            degree = f"_degree_{row['order']}" if row["form"] in ("S", "T") else ""
-            yield Metric(
-                row["form"], f"{row['quantity']}{degree}", float(row["value"]), row["unit"]
-            )
+def _domain(data: FigureData) -> Iterator[Metric]:
+    """The summaries of the study, those of a series at their degree."""
+    study = data.study
+    for (form, order, quantity, unit), rows in study.groups("form", "order", "quantity", "unit"):
+        if np.isnan(rows["x1"]).all():
+            degree = {"degree": order} if form in ("S", "T") else {}
+            yield Metric.at(form, (quantity, rows.value(), unit), **degree)
 
 
-def _ensemble(_: Job, study: Rows) -> Iterator[Metric]:
+def _ensemble(data: FigureData) -> Iterator[Metric]:
     """Over all initial states: which share is better than the constant gain, settles, diverges."""
-    values = table(study)
-    reference = np.array(values["constant", "ise"][0])
-    for form, quantity in values:
-        if quantity != "ise":
-            continue
-        for order, squares in values[form, "ise"].items():
-            ise = np.array(squares)
-            settled = float(np.mean(values[form, "settled"][order]))
-            diverged = float(np.mean(values[form, "diverged"][order]))
-            with np.errstate(invalid="ignore"):
-                better = float(np.mean(ise < reference))
-            ratios = np.where(np.isnan(ise), np.inf, ise) / reference
-            yield Metric(form, f"share_better_{order}", better, "1")
-            yield Metric(form, f"share_settled_{order}", settled, "1")
-            yield Metric(form, f"share_diverged_{order}", diverged, "1")
-            for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
-                value = float(ratio) if np.isfinite(ratio) else float("nan")
-                yield Metric(form, f"{name}_ise_ratio_{order}", value, "1")
+    study = data.study
+    reference = study.where(form="constant", quantity="ise")["value"]
+    for (form, order), rows in study.groups("form", "order"):
+        ise, settled, diverged = (
+            rows.where(quantity=quantity)["value"] for quantity in ("ise", "settled", "diverged")
+        )
+        with np.errstate(invalid="ignore"):
+            better = ise < reference
+        for what, states in (("better", better), ("settled", settled), ("diverged", diverged)):
+            yield Metric.at(form, (f"share_{what}", float(np.mean(states)), "1"), order=order)
+        ratios = np.where(np.isnan(ise), np.inf, ise) / reference
+        for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
+            value = float(ratio) if np.isfinite(ratio) else float("nan")
+            yield Metric.at(form, (f"{name}_ise_ratio", value, "1"), order=order)
 
 
 _FROM_STUDY = {"orders": _orders, "ensemble": _ensemble, "domain": _domain}
