@@ -12,6 +12,64 @@ from reobserve.papers.delay.setup import UNITS
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import root_mean_square, window
 
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "turned_over_at": "when the pendulum first leaves half a turn",
+    "largest_angle": "of the pendulum, turns counted",
+    "rms_error_<component>": "root mean square error of a state",
+    "rms_error_<component>_from_start": "the same from t = 0 on",
+    "rms_delay_error": "root mean square error of the delay",
+    "rms_delay_error_from_start": "the same from t = 0 on",
+    "late_delay_error_<jump>": "largest error in the last five seconds before a jump",
+    "varying_rms_delay_error": "root mean square error from 80 to 105 s, where the delay varies",
+    "varying_peak_delay_error": "largest error there",
+    "ripple_<jump>": "of the estimate in the last two seconds before a jump, its slope taken out",
+    "least_delay": "least estimate of the run",
+    "greatest_delay": "greatest estimate of the run",
+    "off_share": "share of the run in which the gain is switched off",
+    "<quantity> <sweep>=<level>": "mean over the runs of a study at one level",
+    "<quantity>_at_<sweep>_<level>": "the same of the theory's run, without noise",
+    "lipschitz_constant": "of the pendulum's f",
+    "drift_over_lipschitz": "largest difference of f over that of the state, over that constant",
+    "least_input_gain": "least |G|",
+    "greatest_input_gain": "greatest |G|",
+    "determinant_error": (
+        "of the observability Jacobian from -G u'(t - tau), over its greatest value"
+    ),
+    "difference_under_constant_input": "largest one of the state between two delays",
+    "jumps": "how often the delay jumps",
+    "largest_jump": "of the delay",
+    "breaks": "instants at which the input or a derivative up to the third is discontinuous",
+    "largest_derivative_<order>": "of the input",
+    "least_rate": "least |u'|, zero where it changes its sign",
+    "singular_instants": "how often u' changes its sign",
+    "singular_share": "share of the time with u' = 0",
+    "least_rate_at_printed_instants": (
+        "least |u'| where the paper says it is zero, over its greatest"
+    ),
+    "remainder_order_<order>": "largest remainder of the expansion (6)",
+    "remainder_over_bound_order_<order>": "the same over its bound (7), at the worst delay",
+    "xi_zeros": "how often xi with the true delay passes zero after the last jump",
+    "slow_pole": "of the linear error system, hanging pendulum",
+    "slow_pole_upright": "the same, upright",
+    "rho_over_proved": "rho over the least one with which the proof of Theorem 2 goes through",
+    "relative_rms_error_<order>": (
+        "root mean square error of a derivative by the differentiator, over its own"
+    ),
+    "bound_share": "third derivative of the input over L",
+    "noise_exponent_<order>": "power of the noise with which the error of a derivative grows",
+    "rms_bias": (
+        "of the delay with which the expansion gives u(t - tau), away from singular instants"
+    ),
+    "relative_rms_bias": "the same over the delay",
+    "relative_rms_bias_faster": "the same with a faster input and a shorter delay",
+    "share_at_bounds": "share of runs from random starts that meet a bound of the delay",
+    "singular_peak_delay_error": "mean over singular instants of the largest error near them",
+    "other_peak_delay_error": "largest error away from them",
+    "<which>_peak_delay_error_hardly_off": "the same with a small threshold",
+    "output_noise": "five per cent of the largest angle",
+}
+
 
 def measure(data: FigureData) -> Iterator[Metric]:
     """The numbers of a figure; see `MEANINGS`."""
