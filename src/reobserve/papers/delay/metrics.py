@@ -27,8 +27,9 @@ MEANINGS = {
     "least_delay": "least estimate of the run",
     "greatest_delay": "greatest estimate of the run",
     "off_share": "share of the run in which the gain is switched off",
-    "<quantity> <sweep>=<level>": "mean over the runs of a study at one level",
-    "<quantity>_at_<sweep>_<level>": "the same of the theory's run, without noise",
+    "<quantity> <sweep>=<level>": (
+        "mean over the runs of a study at one level; of the theory's runs one, without noise"
+    ),
     "lipschitz_constant": "of the pendulum's f",
     "drift_over_lipschitz": "largest difference of f over that of the state, over that constant",
     "least_input_gain": "least |G|",
@@ -47,8 +48,8 @@ MEANINGS = {
     "least_rate_at_printed_instants": (
         "least |u'| where the paper says it is zero, over its greatest"
     ),
-    "remainder_order_<order>": "largest remainder of the expansion (6)",
-    "remainder_over_bound_order_<order>": "the same over its bound (7), at the worst delay",
+    "remainder order=<order>": "largest remainder of the expansion (6)",
+    "remainder_over_bound order=<order>": "the same over its bound (7), at the worst delay",
     "xi_zeros": "how often xi with the true delay passes zero after the last jump",
     "slow_pole": "of the linear error system, hanging pendulum",
     "slow_pole_upright": "the same, upright",

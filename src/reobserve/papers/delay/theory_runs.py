@@ -96,8 +96,8 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
     for rho in job.theory.rhos:
         time, error = _delay_error(job, "order2", ramp, rho=rho, step_size=step)
         moving = error[window(time, *job.metrics.varying)]
-        name = f"varying_peak_delay_error_at_rho_{rho:g}"
-        yield Metric("order2", name, float(np.max(np.abs(moving))), "s")
+        peak = float(np.max(np.abs(moving)))
+        yield Metric.at("order2", ("varying_peak_delay_error", peak, "s"), rho=rho)
 
 
 def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
@@ -106,7 +106,7 @@ def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
         for rho in job.theory.rhos:
             time, error = _delay_error(job, name, sine, rho=rho, step_size=step)
             value = float(root_mean_square(error[near_and_away(job, sine, time)[1]]))
-            yield Metric(f"order_{order}", f"rms_delay_error_at_rho_{rho:g}", value, "s")
+            yield Metric.at(f"order_{order}", ("rms_delay_error", value, "s"), rho=rho)
 
 
 def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
@@ -119,8 +119,8 @@ def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
         late = np.zeros(len(time), dtype=bool)
         for _, start, end in constant_segments(ramp, job.metrics.late):
             late |= window(time, start, end)
-        name = f"late_delay_error_at_share_{share:g}"
-        yield Metric("order2", name, float(np.max(np.abs(error[late]))), "s")
+        peak = float(np.max(np.abs(error[late])))
+        yield Metric.at("order2", ("late_delay_error", peak, "s"), share=share)
 
 
 def _projection(job: Job, ramp: Series) -> Iterator[Metric]:

@@ -28,7 +28,7 @@ MEANINGS = {
     "violations": "random cases in which (5) of Lemma 1 fails",
     "violations_without_mismatch": "the same of (12)",
     "closest_ratio": "least right side of (5) over the left in these cases",
-    "torque_ratio_at_<size>": (
+    "torque_ratio size=<size>": (
         "largest difference of gyroscopic torques per rate error of this size [rad/s]"
     ),
     "one_sided_constant": "eta that the proof needs at the initial rate",
@@ -43,18 +43,18 @@ MEANINGS = {
     ),
     "certified": "one if the conditions of Theorem 1 have a solution for an observer",
     "required_damping": "least Lambda with which they have one",
-    "gain_margin_at_multiple_<multiple>": (
+    "gain_margin multiple=<multiple>": (
         "factor to the largest stable K2, v updated at a multiple of the interval"
     ),
-    "noise_gain_at_multiple_<multiple>": (
+    "noise_gain multiple=<multiple>": (
         "standard deviation of the estimate over that of a noise drawn at each update"
     ),
     "unstable_roots": "characteristic roots in the right half-plane",
     "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",
-    "growth_rate_at_K1_<gain>": "of errors with this K1",
-    "sine_error_at_interval_<interval>": "amplitude of e over that of sin 10 t, linear theory",
+    "growth_rate K1=<gain>": "of errors with this K1",
+    "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "sine_error_slope": "of its logarithm over that of the interval",
-    "largest_interval_at_<frequency>": (
+    "largest_interval frequency=<frequency>": (
         "longest interval that keeps it below 5 %, half a period at most"
     ),
     "distance_from_integrator": (
@@ -70,7 +70,7 @@ MEANINGS = {
     "late_relative_error_under_a_constant": (
         "the same of the adaptive observer under the stuck fault"
     ),
-    "relative_error_slowed_by_<factor>": "the same from when updates become rarer by a factor",
+    "relative_error slowdown=<factor>": "the same from when updates become rarer by a factor",
     "rising_share": "of the times at which V exceeds what it was an interval before, once d = 0",
     "largest_rise": "largest relative change of V over an interval",
     "relative_error_under_jumps": "root mean square of e over a fault that takes random values",

@@ -91,7 +91,7 @@ def measure(job: Job) -> Iterator[Metric]:
     yield Metric("adaptive", "late_relative_error_under_a_constant", constant, "1")
     for factor in theory.slowdowns:
         found = _slowed(bench, factor)
-        yield Metric("sampled", f"relative_error_slowed_by_{factor:g}", found, "1")
+        yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
     yield from _lyapunov(bench)
     yield from _bound(bench)
     fault = _jumps(theory, job.plant.horizon, job.metrics.axis)
