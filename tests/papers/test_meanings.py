@@ -1,4 +1,4 @@
-"""What metrics mean stands in the code of their paper, and the list of results/README.md is that."""
+"""What metrics mean stands in the code of their paper, and results/README.md says the same."""
 
 from __future__ import annotations
 

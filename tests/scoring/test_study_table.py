@@ -36,9 +36,9 @@ def test_rows_are_found_by_their_coordinates() -> None:
     assert len(table.where(form="c")) == 0
     assert table.value(form="b", order=2) == 2.5
     assert table.value("order", form="a") == 2.0
-    with pytest.raises(LookupError, match="^2 rows with form 'b', order 4$"):
+    with pytest.raises(LookupError, match=r"^2 rows with form 'b', order 4$"):
         table.value(form="b", order=4)
-    with pytest.raises(LookupError, match="^0 rows with form 'c'$"):
+    with pytest.raises(LookupError, match=r"^0 rows with form 'c'$"):
         table.value(form="c")
     with pytest.raises(LookupError):
         table.where(frm="b")

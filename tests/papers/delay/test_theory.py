@@ -17,13 +17,12 @@ from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.papers.delay.theory_derivatives import taylor_delay
 from reobserve.papers.delay.theory_gains import error_matrix, least_proved_rho, noise_gain
 from reobserve.pipeline.evaluation import Evaluator
-from reobserve.scoring.metrics import lookup
+from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A, Case, observed, record
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
-Numbers = dict[tuple[str, str], float]
 
 ROOT = Path(__file__).parents[3]
 

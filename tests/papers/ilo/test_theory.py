@@ -15,11 +15,10 @@ from reobserve.papers.ilo import keys, theory, theory_limits, theory_runs
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.scoring.metrics import lookup
+from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 
-Numbers = dict[tuple[str, str], float]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
 
@@ -73,9 +72,8 @@ def test_torque_difference_grows_at_half_the_spread_of_the_moments(
 ) -> None:
     # |x x J x| over unit vectors is at most (J_max - J_min) / 2; the rest is linear.
     slope = np.ptp(MOMENTS) / 2
-    assert found.at("assumption_2", "torque_ratio", size=100) == pytest.approx(
-        100 * slope, rel=0.01
-    )
+    ratio = found.at("assumption_2", "torque_ratio", size=100)
+    assert ratio == pytest.approx(100 * slope, rel=0.01)
     rate = float(np.linalg.norm(settings["plant"]["initial_rate"]))
     assert found["assumption_2", "one_sided_constant"] == pytest.approx(slope * rate)
 
@@ -172,9 +170,8 @@ def test_a_fault_that_every_interval_follows_is_limited_by_its_period(
     slow = copy.deepcopy(settings)
     slow["theory"]["frequencies"] = [0.1]  # 2 |3.6 j + 100| / 5000 is below 5 %
     slow["observers"]["continuous"]["K2"] = 5000.0
-    assert limits(slow).at("continuous", "largest_interval", frequency=0.1) == pytest.approx(
-        np.pi / 0.1
-    )
+    longest = limits(slow).at("continuous", "largest_interval", frequency=0.1)
+    assert longest == pytest.approx(np.pi / 0.1)
 
 
 def test_the_integrator_is_near_by_the_square_of_the_phase(found: Numbers) -> None:
