@@ -26,5 +26,6 @@ name one in the ledger get it as a third argument.
 What studies, figures and records have in common, the keys of papers take from
 `reobserve.ledger.types`. ``settings`` are what `reobserve.ledger.ledger.Ledger.settings` returns
 for the stage. A stage makes a `reobserve.ledger.types.Job` of them before it uses any, by the same
-types that the whole ledger is checked with before a build: ``job = read_job(keys.Ledger, settings)``.
+types that the whole ledger is checked with before a build:
+``job = read_job(keys.Ledger, settings)``.
 """
