@@ -1,4 +1,14 @@
-"""Stage metrics: how well state and delay are estimated, at rest and while the delay moves."""
+"""Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
+
+Errors are estimates minus the truth. They count from five seconds on (the ledger's
+`metrics.start`), or `_from_start`; a number at the end of a state's error is its component, at the
+end of a delay's the segment before which jump of the delay. `nan` means that it never happens.
+
+In the theory the observer column holds what is judged: the pendulum, the delay, an input, the order
+of the expansion, the differentiator with L in its last line (`levant`) and without, random starts
+(`projection`), the average delay as an estimate, noise as the paper puts it; and errors of runs are
+without noise but in that case.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts."""
+"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts.
+
+e is the fault torque minus its estimate on the faulty axis. Scores start one second (the ledger's
+`metrics.settling_skip`) after every onset; `nan` means that it never happens, or that there is
+none. The lower part is the theory's, in `theory.metrics.csv`: there the observer column may hold
+what is judged, the stuck fault is that of Fig. 1, and an interval is tau.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates."""
+"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates.
+
+Means over the last two seconds before the fault (`_before`) and over the last three of the run
+(`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
+What stands at a coordinate belongs to a study: of changes, at what is changed and its level, or of
+closeness, at the noise and the share of the leak. For the neighbourhood the observer column holds
+the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank,
+`svsf_law` for the SVSF's gain, or a printed equation. `nan` means that it never happens.
+"""
 
 from __future__ import annotations
 

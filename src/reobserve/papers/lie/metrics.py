@@ -1,4 +1,11 @@
-"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief."""
+"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief.
+
+e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
+at an order or a degree summarise the study behind it, where the observer column holds the reading
+of the gain, the series or `cycle`, the limit cycle. From `eigenvalue_<part>` on they
+are those of the theory, where it holds the injection, the kind of systems or the formula that is
+judged. `nan` means that it never happens.
+"""
 
 from __future__ import annotations
 
