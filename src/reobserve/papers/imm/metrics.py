@@ -84,7 +84,7 @@ def measure(data: FigureData) -> Iterator[Metric]:
     for name in data.estimates:
         yield from scores_of(name, _scores(data, name))
     if job.study is not None:
-        yield from _SUMMARIES[job.study.method](job, data.study)
+        yield from _SUMMARIES[job.study.method](data)
 
 
 def _scores(data: FigureData, name: str) -> Iterator[Score]:
@@ -106,13 +106,14 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
         yield "outside_share", float(np.mean(estimate["outside"][later])), "1"
 
 
-def _neighbourhood(job: Job, study: StudyTable) -> Iterator[Metric]:
+def _neighbourhood(data: FigureData) -> Iterator[Metric]:
     """What the search says of itself, and how far each number may move."""
+    study = data.study
     for sweep, ending in (("kept", ""), ("stated", "_stated")):
         for (name, quantity), rows in study.where(sweep=sweep).groups("observer", "quantity"):
             yield Metric(name, f"{quantity}{ending}", rows.value(), "1")
     for parameter in TUNED:
-        low, high = reach(job, study, parameter)
+        low, high = reach(data.job, study, parameter)
         yield Metric(parameter, "least_factor", low, "1")
         yield Metric(parameter, "greatest_factor", high, "1")
 
@@ -156,15 +157,16 @@ def _off(job: Job, name: str, quantity: str, value: float) -> float:
     return float(abs(value - observer.quoted[("normal_after", "leakage_after").index(quantity)]))
 
 
-def _changes(_: Job, study: StudyTable) -> Iterator[Metric]:
+def _changes(data: FigureData) -> Iterator[Metric]:
     """Each mean probability with one thing changed, at the level to which."""
     coordinates = "observer", "quantity", "sweep", "level"
-    for (name, quantity, sweep, level), rows in study.groups(*coordinates):
+    for (name, quantity, sweep, level), rows in data.study.groups(*coordinates):
         yield Metric.at(name, (quantity, rows.value(), "1"), **{sweep: level})
 
 
-def _closeness(job: Job, study: StudyTable) -> Iterator[Metric]:
+def _closeness(data: FigureData) -> Iterator[Metric]:
     """Correct diagnoses and mean probability by bank, noise and share; the gap that is enough."""
+    study, enough = data.study, data.job.study.enough
     gaps = study.where(observer="models")
     for (share,), rows in gaps.groups("level"):
         yield Metric.at("models", ("nu_gap", float(rows["value"][0]), "1"), share=share)
@@ -176,7 +178,7 @@ def _closeness(job: Job, study: StudyTable) -> Iterator[Metric]:
         yield Metric.at(name, ("mean_probability", mean, "1"), **at)
     for (name, sweep), _ in banks.groups("observer", "sweep"):
         gap, diagnosed, drawn = diagnoses(study, name, sweep)
-        least = enough_gap(gap.tolist(), (diagnosed / drawn).tolist(), job.study.enough)
+        least = enough_gap(gap.tolist(), (diagnosed / drawn).tolist(), enough)
         yield Metric.at(name, ("least_gap", least, "1"), noise=noise_of(sweep))
 
 
