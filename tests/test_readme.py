@@ -84,7 +84,7 @@ def of_lie() -> Iterator[str]:
         names = ("ise", "settling_time", "floquet_exponent")
         numbers = [f"{fig1[observer, name]:.3g}" for name in names]
         yield f"| `{observer}` | {' | '.join(numbers)} |"
-    share = golden_metrics("lie", "fig1_ensemble")["series", "share_better_4"]
+    share = golden_metrics("lie", "fig1_ensemble")["series", "share_better order=4"]
     yield f"Order 4 is better from {percent(share)} of the initial states"
     with (ROOT / "tests/golden/lie/table_coefficients.csv").open() as stream:
         agree = [row["agrees"] for row in csv.DictReader(stream) if row["printed"]]
@@ -125,7 +125,7 @@ def of_imm() -> Iterator[str]:
     assert tuned["svsf_thin_tuned", "outside_share"] == tuned["svsf_tuned", "outside_share"] == 0
     yield "no innovation leaves the boundary layers"
     gaps = golden_metrics("imm", "fig8_closeness")
-    needed = [f"{gaps[name, 'least_gap_at_noise_0.1']:.2g}" for name in ("kalman", "svsf")]
+    needed = [f"{gaps[name, 'least_gap noise=0.1']:.2g}" for name in ("kalman", "svsf")]
     yield f"noise of 10 % the KF-IMM needs a ν-gap of {needed[0]}, the SVSF-IMM {needed[1]}."
 
 

@@ -10,7 +10,10 @@ from reobserve.drawing.captions import render
 from reobserve.errors import InputError
 from reobserve.scoring.metrics import Metric
 
-METRICS = [Metric("sampled", "rms_error", 0.0123456, "N m")]
+METRICS = [
+    Metric("sampled", "rms_error", 0.0123456, "N m"),
+    Metric.at("sampled", ("rms_error", 0.5, "N m"), noise=1e-5, gain=3.0),
+]
 
 
 def rendered(folder: Path, text: str, **settings: object) -> str:
@@ -25,6 +28,11 @@ def test_numbers_are_rounded_as_asked(tmp_path: Path) -> None:
         ", {{ rms | milli(3) }}, {{ 200000.0 | digits(4) }}, {{ k.K1 }}"
     )
     assert rendered(tmp_path, text, k={"K1": 0.9}) == "0.012, 1.2 %, 12.3, 200000, 0.9\n"
+
+
+def test_a_number_of_a_study_is_asked_for_by_its_coordinates(tmp_path: Path) -> None:
+    text = '{{ value("sampled", "rms_error", noise=levels[0], gain=3) | percent }}'
+    assert rendered(tmp_path, text, levels=[1e-5]) == "50 %\n"
 
 
 def test_paragraphs_are_one_line_each(tmp_path: Path) -> None:

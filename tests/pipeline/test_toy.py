@@ -161,8 +161,11 @@ def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
     refusing = """from reobserve.errors import InputError
 
 
-def draw(settings, plant, estimates, study, metrics):
+def lines(data):
     raise InputError("layout", "cannot be drawn today")
+
+
+LAYOUTS = {"lines": lines}
 """
     plot = toy.folder / "src/reobserve/papers/toy/plot.py"
     (toy.folder / "results/report.html").unlink()
@@ -247,7 +250,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
         ("papers/toy/table.py", {"table": 1, **TOLD}),
         ("stages/table.py", {"table": 1, **TOLD}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
-        ("stages/common.py", ALL),
+        ("pipeline/common.py", ALL),
     ],
 )
 def test_an_edit_makes_stale_what_reads_the_design(
@@ -318,7 +321,7 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
     said = refused(toy, "ledger", "toy", *overrides)
-    assert said == "reobserve: toy.designs.gains: gives a number that is not finite"
+    assert said == "reobserve: toy.designs.gains.pole: gives a number that is not finite"
     said = refused(toy, "design", LEDGER, "gain")
     assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"
     said = refused(toy, "table", LEDGER, "table2", "--design-file", DESIGN)

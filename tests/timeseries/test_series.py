@@ -15,13 +15,19 @@ from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.plain_data.files import read_table, write_table, write_text, write_whole
 from reobserve.scoring.metrics import (
     Metric,
-    first_crossing,
     lookup,
-    peak,
+    name_at,
+    parse_name,
     read_metrics,
-    root_mean_square,
-    settling_time,
     write_metrics,
+)
+from reobserve.scoring.responses import (
+    first_crossing,
+    peak,
+    root_mean_square,
+    root_mean_square_of_steps,
+    settling_time,
+    window,
 )
 from reobserve.timeseries.series import Channel, Series
 
@@ -206,6 +212,36 @@ def test_metrics_survive_the_disk(tmp_path: Path) -> None:
     assert lookup(metrics)["adaptive", "delay"] == 2.0
 
 
+def test_a_metric_is_found_at_its_coordinates(tmp_path: Path) -> None:
+    levels = (("ise", 1.0, 2.0), ("ise", 2e-05, 3.0), ("ise", 0.1234567890123, 4.0))
+    metrics = [
+        Metric.at("svsf", (name, value, "s"), noise=level, share=1 / 3, fault="leak")
+        for name, level, value in levels
+    ]
+    assert metrics[0].metric == f"ise fault=leak noise=1 share={1 / 3!r}"
+    write_metrics(tmp_path / "metrics.csv", metrics)
+    found = lookup(read_metrics(tmp_path / "metrics.csv"))
+    for name, level, value in levels:
+        assert found.at("svsf", name, share=1 / 3, fault="leak", noise=level) == value
+    with pytest.raises(InputError, match=r"^metrics: there is no 'ise noise=1' of 'svsf'$"):
+        found.at("svsf", "ise", noise=1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [("ise", "ise"), ("ise noise=1e-5", "ise noise=1e-05"), ("ise  b=2.0 a=x", "ise a=x b=2")],
+)
+def test_a_name_as_a_person_writes_it(text: str, name: str) -> None:
+    metric, at = parse_name(text)
+    assert name_at(metric, **at) == name
+
+
+@pytest.mark.parametrize("text", ["ise 3", "ise a=", "ise =3", "ise a=1 a=2"])
+def test_a_name_that_is_none(text: str) -> None:
+    with pytest.raises(InputError, match=r"^metric: '.*' must be a metric, then each coordinate"):
+        parse_name(text)
+
+
 # --- Metrics ------------------------------------------------------------------------------------
 
 TIME = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -213,13 +249,30 @@ TIME = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
 
 def test_root_mean_square_is_exact_for_straight_pieces() -> None:
     # Over 0..1 the square of t integrates to 1/3; from -1 to 1 and back the same.
-    assert root_mean_square(np.array([0.0]), np.array([1.0])) == pytest.approx(3**-0.5, rel=1e-15)
-    saw = root_mean_square(np.array([-1.0, 1.0]), np.array([1.0, -1.0]))
+    ramp = root_mean_square_of_steps(np.array([0.0]), np.array([1.0]))
+    assert ramp == pytest.approx(3**-0.5, rel=1e-15)
+    saw = root_mean_square_of_steps(np.array([-1.0, 1.0]), np.array([1.0, -1.0]))
     assert saw == pytest.approx(3**-0.5, rel=1e-15)
     # A jump between steps: 2 in the first, 0 ... 3 in the second: (4 + 3) / 2.
-    jump = root_mean_square(np.array([2.0, 0.0]), np.array([2.0, 3.0]))
+    jump = root_mean_square_of_steps(np.array([2.0, 0.0]), np.array([2.0, 3.0]))
     assert jump == pytest.approx(3.5**0.5, rel=1e-15)
-    assert np.isnan(root_mean_square(np.array([]), np.array([])))
+    assert np.isnan(root_mean_square_of_steps(np.array([]), np.array([])))
+
+
+def test_root_mean_square_of_samples_and_of_none() -> None:
+    values = np.array([[3.0, 0.0], [-4.0, 0.0]])
+    assert root_mean_square(values).tolist() == [12.5**0.5, 0.0]
+    assert root_mean_square(values[:, 0]) == 12.5**0.5
+    assert np.isnan(root_mean_square(np.empty((0, 2)))).tolist() == [True, True]
+    assert np.isnan(root_mean_square(np.array([])))
+
+
+def test_a_window_takes_the_sample_at_one_of_its_bounds() -> None:
+    assert TIME[window(TIME, 1.0, 3.0)].tolist() == [1.0, 2.0]
+    assert TIME[window(TIME, 1.0, 3.0, closed="right")].tolist() == [2.0, 3.0]
+    # Times are sums of steps, off by their rounding.
+    assert TIME[window(TIME + 1e-12, 1.0, 3.0)].tolist() == [1.0, 2.0]
+    assert TIME[window(TIME - 1e-12, 1.0, 3.0)].tolist() == [1.0, 2.0]
 
 
 def test_peak() -> None:

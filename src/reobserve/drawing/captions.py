@@ -15,9 +15,10 @@ from reobserve.scoring.metrics import Metric, lookup
 def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric]) -> str:
     """The caption in reStructuredText.
 
-    Templates see the branches of the settings by name, ``value(observer, metric)`` and the
-    filters ``digits`` (significant ones), ``percent`` and ``milli``. Titles, labels and all other
-    text of the settings is text: it is shown as it stands, whatever it would mean as markup.
+    Templates see the branches of the settings by name, ``value(observer, metric)``, with the
+    coordinates of a number in a study by name (``order=4``), and the filters ``digits``
+    (significant ones), ``percent`` and ``milli``. Titles, labels and all other text of the
+    settings is text: it is shown as it stands, whatever it would mean as markup.
 
     Raises
     ------
@@ -33,11 +34,10 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
         trim_blocks=True,
     )
     environment.filters.update(digits=_digits, percent=_percent, milli=_milli)
-    numbers = lookup(metrics)
     text = read_text(template)
     try:
         rendered = environment.from_string(text).render(
-            **_literal(dict(settings)), value=lambda observer, metric: numbers[observer, metric]
+            **_literal(dict(settings)), value=lookup(metrics).at
         )
     except InputError as error:
         raise InputError(str(template), f"asks for a metric: {error.problem}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -110,6 +111,33 @@ def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]
     rest = np.arange(len(first) * size, len(time))
     index = np.unique(np.concatenate([[0], *kept, rest]))
     return time[index], values[index]
+
+
+def envelope(time: Array, size: Array, width: float) -> tuple[Array, Array]:
+    """The largest value in each bin of ``width`` seconds, gaps left out."""
+    per_bin = max(1, round(width / (time[1] - time[0])))
+    bins = len(time) // per_bin
+    blocks = size[: bins * per_bin].reshape(bins, per_bin)
+    return time[: bins * per_bin : per_bin], np.fmax.reduce(blocks, axis=1)
+
+
+def time_axis(axes: Axes, time: Array) -> None:
+    """The axis of panels over time, from end to end of a record."""
+    axes.set_xlabel("time [s]")
+    axes.set_xlim(time[0], time[-1])
+
+
+def headroom(axes: Axes, share: float) -> None:
+    """Room for the legend above the curves."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
+def few_ticks(axes: Axes, levels: Sequence[float]) -> None:
+    """Label these levels on a logarithmic axis of abscissae, and no others."""
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("")
+    axes.set_xticks(levels)
 
 
 def decades(axis: Axis) -> None:

@@ -1,4 +1,8 @@
-"""A ledger checked whole, before anything runs: its types, and what takes building to see."""
+"""A ledger checked whole, before anything runs: its types, and what takes building to see.
+
+What a paper's ledger states is built once, section by section, by what the paper declares in
+``CHECKS`` of ``reobserve.papers.<paper>.ledger``.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,38 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import Job, named, read_ledger
+from reobserve.ledger.types import ONE_OF, Job, StudyFigure, named, read_ledger
+
+Observers = Mapping[str, Any]  # forms that observers must have, by name
+
+# Designs before what is built with them.
+_SECTIONS = ("scenario", "design", "observer", "study", "search", "table", "figure")
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What of a paper's ledger takes building to see.
+
+    Attributes
+    ----------
+    build
+        By what a `Job` calls a branch: what builds it, and raises the `InputError` that a stage
+        would raise. It gets the job, and the design that the branch names, as it was built.
+    about
+        By the type of a study, of a figure or of the theory: the observers that it is about.
+    """
+
+    build: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+    about: Mapping[type, Observers] = field(default_factory=dict)
+
+    def made(self, one: str, *arguments: Any) -> object:
+        """What a branch builds to; nothing if the paper has no need to see."""
+        return self.build[one](*arguments) if one in self.build else None
 
 
 def check_ledger(ledger: Ledger) -> None:
@@ -25,7 +56,69 @@ def check_ledger(ledger: Ledger) -> None:
     stated = read_ledger(ledger)
     module = importlib.import_module(f"reobserve.papers.{ledger.paper}.ledger")
     with building(ledger.paper):
-        module.check(stated)
+        check_stated(stated, module.CHECKS)
+
+
+def check_stated(stated: Any, checks: Checks) -> None:
+    """Build what a paper's typed ledger states; raises as `check_ledger`."""
+    parts = ("plant", "observers", "designs", "metrics", "theory")
+    whole = Job(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
+    built: dict[str, object] = {}  # the designs
+    checks.made("plant", whole)
+    for one in _SECTIONS:
+        for name, branch in getattr(stated, ONE_OF[one], {}).items():
+            job = _job(stated, whole, one, branch)
+            with _place(one, f"{ONE_OF[one]}.{name}"):
+                if isinstance(branch, StudyFigure):
+                    _check_method(job.study, branch)
+                _check_observers(checks, job.observers, branch)
+                design = getattr(branch, "design", "")
+                found = checks.made(one, job, *([built[design]] if design else []))
+            if one == "design":
+                built[name] = found
+    checks.made("metrics", whole)
+    with building("theory"):
+        _check_observers(checks, whole.observers, whole.theory)
+        checks.made("theory", whole, built)
+
+
+def _job(stated: Any, whole: Job, one: str, branch: Any) -> Job:
+    """What a job of the branch sees."""
+    seen = {one: branch}
+    if hasattr(branch, "scenario"):
+        seen["scenario"] = stated.scenarios[branch.scenario]
+        seen["observers"] = {name: stated.observers[name] for name in branch.observers}
+    if hasattr(branch, "study"):
+        seen["study"] = stated.studies[branch.study]
+    return replace(whole, **seen)
+
+
+def _check_method(study: Any, figure: StudyFigure) -> None:
+    """A figure of a study draws one of the method that its layout draws."""
+    method = getattr(study, "method", figure.layout)
+    if method != figure.layout:
+        problem = f"{figure.study!r} has the method {method}, must have {figure.layout}"
+        raise InputError("study", problem)
+
+
+def _check_observers(checks: Checks, observers: Observers, branch: Any) -> None:
+    for name, kind in checks.about.get(type(branch), {}).items():
+        named(observers, name, kind)
+
+
+@contextmanager
+def _place(one: str, place: str) -> Iterator[None]:
+    """`building`; of a scenario, what builds its plant names the plant and itself as they are."""
+    if one != "scenario":
+        with building(place):
+            yield
+        return
+    try:
+        with computable(place):
+            yield
+    except InputError as error:
+        key = re.sub(r"^scenario\b", place, error.parameter)
+        raise InputError(key, error.problem) from None
 
 
 @contextmanager
@@ -47,50 +140,3 @@ def computable(place: str) -> Iterator[None]:
         except (ArithmeticError, ValueError, MemoryError) as error:  # LinAlgError is the second
             problem = f"its numbers are too large or too small to compute with ({error})"
             raise InputError(place, problem) from None
-
-
-def check_scenarios(ledger: Any, build: Callable[[Job], object]) -> None:
-    """Build the plant of every scenario of a paper's typed ledger, and run none.
-
-    Raises
-    ------
-    InputError
-        With the config key: what a plant calls ``scenario`` stands there under its own name.
-    """
-    for name, scenario in ledger.scenarios.items():
-        try:
-            with computable(f"scenarios.{name}"):
-                build(Job(ledger.plant, scenario=scenario))
-        except InputError as error:
-            key = re.sub(r"^scenario\b", f"scenarios.{name}", error.parameter)
-            raise InputError(key, error.problem) from None
-
-
-def check_studies(ledger: Any, wanted: Mapping[type, Mapping[str, Any]]) -> None:
-    """Studies have the observers that their method is about, by name and form.
-
-    ``wanted`` holds them by the type of the study.
-    """
-    for name, study in ledger.studies.items():
-        stated = {key: ledger.observers[key] for key in study.observers}
-        with located(f"studies.{name}"):
-            for observer, kind in wanted.get(type(study), {}).items():
-                named(stated, observer, kind)
-
-
-def check_figures(ledger: Any, of_studies: Any, wanted: Mapping[str, Mapping[str, Any]]) -> None:
-    """Figures of studies draw one of the method that their layout draws, and know its observers.
-
-    ``wanted`` holds the observers, by name and form, that a layout is about.
-    """
-    for name, figure in ledger.figures.items():
-        if not isinstance(figure, of_studies):
-            continue
-        stated = {key: ledger.observers[key] for key in figure.observers}
-        with located(f"figures.{name}"):
-            method = getattr(ledger.studies[figure.study], "method", figure.layout)
-            if method != figure.layout:
-                problem = f"{figure.study!r} has the method {method}, must have {figure.layout}"
-                raise InputError("study", problem)
-            for observer, kind in wanted.get(figure.layout, {}).items():
-                named(stated, observer, kind)

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 from typing import Any, get_args, get_type_hints
 
 from reobserve.errors import InputError, nearest
+from reobserve.ledger.conditions import Names
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.typed_tree import parse
 
 # What a job calls the one branch that it sees of a section.
-_ONE_OF = {
+ONE_OF = {
     "scenario": "scenarios",
     "design": "designs",
     "observer": "observers",
@@ -51,6 +52,38 @@ class Job:
 Settings = Mapping[str, Any] | Job
 
 
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What every study states; the method, if there are several, is for the paper to name."""
+
+    scenario: str
+    observers: Names
+    title: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """What every figure states; a paper's own narrow the layouts to those that it draws."""
+
+    layout: str
+    scenario: str
+    observers: Names
+    title: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyFigure(Figure):
+    """The figure of a study, whose method is the layout's name if it has one."""
+
+    study: str
+
+
+def record_axis(job: Job) -> tuple[float, float]:
+    """Horizon and step of a plant's record [s], unless the paper's `record` says otherwise."""
+    return job.plant.horizon, job.plant.step
+
+
 def read_job(keys: type, settings: Settings) -> Job:
     """The settings of a job (`reobserve.ledger.ledger.Ledger.settings`), checked and as types.
 
@@ -69,8 +102,8 @@ def read_job(keys: type, settings: Settings) -> Job:
             branches[name] = branch
             continue
         # A theory is shown all sections, those that the paper does not have as empty ones.
-        kind = kinds.get(_ONE_OF.get(name, name), dict[str, str])
-        if name in _ONE_OF:
+        kind = kinds.get(ONE_OF.get(name, name), dict[str, str])
+        if name in ONE_OF:
             kind = get_args(kind)[1]
         branches[name] = parse(kind, branch, "" if name == subject else name)
     return Job(**branches)

@@ -4,7 +4,8 @@ A paper is a package with one module a stage, so that a change in one stage leav
 of the others fresh:
 
     plant.simulate(settings) -> Series
-    record.axis, plant, estimates, EVENTS: what records and estimates must hold when they are read
+    record.plant, record.estimates: what records and estimates must hold when they are read
+    record.axis, record.EVENTS       (only where it is not the plant's, and where there are any)
     design.compute(settings) -> dict                  (only papers that have designs)
     observe.estimate(settings, plant) -> Series
     study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
@@ -12,17 +13,19 @@ of the others fresh:
     study.KINDS, table.KINDS: what the cells of a column must be
                                                       (see `reobserve.plain_data.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
-    metrics.measure(settings, plant, estimates, study) -> list of Metric
-    plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
-                                                      (by `reobserve.drawing.layouts.by_layout`)
+    metrics.measure(data) -> Metrics                  (see `reobserve.ledger.figure_data`)
+    metrics.MEANINGS: what each metric is, in words
+    plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(settings, plant, progress) -> dict     (only papers that have searches)
     keys.Ledger                                       (the keys of the ledger, as dataclasses)
-    ledger.check(keys.Ledger) -> None                 (builds everything once, runs nothing)
+    ledger.CHECKS: how what the ledger states is built, once     (see `reobserve.ledger.check`)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the ledger get it as a third argument.
 
-``settings`` are what `reobserve.ledger.ledger.Ledger.settings` returns for the stage. A stage makes
-a `reobserve.ledger.types.Job` of them before it uses any, by the same types that the whole ledger
-is checked with before a build: ``job = read_job(keys.Ledger, settings)``.
+What studies, figures and records have in common, the keys of papers take from
+`reobserve.ledger.types`. ``settings`` are what `reobserve.ledger.ledger.Ledger.settings` returns
+for the stage. A stage makes a `reobserve.ledger.types.Job` of them before it uses any, by the same
+types that the whole ledger is checked with before a build:
+``job = read_job(keys.Ledger, settings)``.
 """

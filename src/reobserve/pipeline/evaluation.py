@@ -13,6 +13,7 @@ from typing import Any
 from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger, digest
 from reobserve.pipeline.common import compute_design, paper_module
+from reobserve.pipeline.figures import figure_data, measure
 from reobserve.scoring.metrics import Metric
 from reobserve.timeseries.series import Series
 
@@ -56,9 +57,8 @@ class Evaluator:
             name: self._estimate(scenario, name) for name in settings["figure"]["observers"]
         }
         study = self._study(settings["figure"]["study"]) if "study" in settings else None
-        module = paper_module(self.ledger.paper, "metrics")
-        with located(self.ledger.paper):
-            metrics = module.measure(settings, plant, estimates, study)
+        data = figure_data(self.ledger.paper, settings, plant, estimates, study)
+        metrics = measure(self.ledger.paper, data)
         self.made[f"metrics {figure}"] = metrics
         return Evaluation(plant, estimates, study, metrics)
 
@@ -74,12 +74,12 @@ class Evaluator:
             return []
         settings = self.ledger.settings("theory")
 
-        def measure() -> Any:
+        def compute() -> Any:
             designs = {name: self._design({"design": name})[0] for name in settings["designs"]}
             with located(f"{self.ledger.paper}.theory"):
                 return paper_module(self.ledger.paper, "theory").measure(settings, designs)
 
-        found: list[Metric] = self._once("theory", settings, measure)
+        found: list[Metric] = self._once("theory", settings, compute)
         return found
 
     def table(self, table: str) -> list[dict[str, Any]]:

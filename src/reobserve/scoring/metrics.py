@@ -2,31 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reobserve.errors import InputError, shown
 from reobserve.plain_data.files import NAME, SCORE, UNIT, read_table, write_table
-
-Array = NDArray[np.float64]
 
 HEADER = ("observer", "metric", "value", "unit")
 KEY = ("observer", "metric")
 KINDS = {"observer": NAME, "metric": NAME, "value": SCORE, "unit": UNIT}
 
+Level = float | int | str  # of a coordinate: a number, or a word
+Score = tuple[str, float, str]  # a metric, its value and its unit, whoever's they are
+
+
+def name_at(metric: str, /, **at: Level) -> str:
+    """The one name of a metric at coordinates: ``ise order=4``, coordinates in alphabetic order."""
+    return " ".join([metric, *(f"{name}={_spelt(at[name])}" for name in sorted(at))])
+
+
+def parse_name(text: str) -> tuple[str, dict[str, Level]]:
+    """The metric and its coordinates from what `name_at` gives, or what a person writes for it.
+
+    Raises
+    ------
+    InputError
+        If a word after the first is not ``NAME=LEVEL``, or names a coordinate again.
+    """
+    metric, *words = text.split() or [""]
+    at: dict[str, Level] = {}
+    for word in words:
+        name, equals, level = word.partition("=")
+        if not (name and equals and level) or name in at:
+            raise InputError(
+                "metric", f"{shown(text)} must be a metric, then each coordinate as NAME=LEVEL"
+            )
+        at[name] = _level(level)
+    return metric, at
+
+
+def _spelt(level: Level) -> str:
+    """A level as a name has it: no more digits than it needs."""
+    if isinstance(level, str):
+        return level
+    short = f"{level:g}"
+    return short if float(short) == level else repr(float(level))
+
+
+def _level(text: str) -> Level:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
 
 @dataclass(frozen=True)
 class Metric:
-    """One number: whose, what, how much. ``nan`` where it does not exist."""
+    """One number: whose, what, how much. ``nan`` where it does not exist.
+
+    What it is called says at which coordinates it was found, if at any; see `name_at`.
+    """
 
     observer: str
     metric: str
     value: float
     unit: str
+
+    @classmethod
+    def at(cls, observer: str, score: Score, /, **coordinates: Level) -> Metric:
+        """A score found at coordinates, such as those of a study."""
+        metric, value, unit = score
+        return cls(observer, name_at(metric, **coordinates), value, unit)
+
+
+def scores_of(observer: str, scores: Iterable[Score]) -> Iterator[Metric]:
+    """The scores of one observer."""
+    return (Metric(observer, *score) for score in scores)
 
 
 def write_metrics(path: str | Path, metrics: Iterable[Metric]) -> None:
@@ -48,59 +100,11 @@ class Numbers(dict[tuple[str, str], float]):
     def __missing__(self, key: tuple[str, str]) -> float:
         raise InputError("metrics", f"there is no {shown(key[1])} of {shown(key[0])}")
 
+    def at(self, observer: str, metric: str, /, **coordinates: Level) -> float:
+        """The value of a metric at coordinates, in whatever order they are given."""
+        return self[observer, name_at(metric, **coordinates)]
+
 
 def lookup(metrics: Iterable[Metric]) -> Numbers:
     """Values by (observer, metric)."""
     return Numbers({(metric.observer, metric.metric): metric.value for metric in metrics})
-
-
-def window(time: Array, start: float, end: float) -> NDArray[np.bool_]:
-    """The samples from ``start`` to just before ``end`` [s]."""
-    chosen: NDArray[np.bool_] = (time > start - 1e-9) & (time < end - 1e-9)
-    return chosen
-
-
-def root_mean_square(start: Array, end: Array) -> float:
-    """Over time, of a signal that runs straight from ``start`` to ``end`` in each step.
-
-    With the limits from inside each step a signal that jumps between steps is scored right;
-    nan for no steps.
-    """
-    if not start.size:
-        return float("nan")
-    return float(np.sqrt(np.mean((start * start + start * end + end * end) / 3.0)))
-
-
-def peak(*values: Array) -> float:
-    """The largest absolute value in all arrays; nan if they are empty."""
-    sizes = [float(np.max(np.abs(array))) for array in values if array.size]
-    return max(sizes, default=float("nan"))
-
-
-def first_crossing(time: Array, start: Array, end: Array, level: float) -> float:
-    """When |signal| first exceeds ``level``: inside a step, linearly, or by a jump between two.
-
-    ``start`` and ``end`` are the signal's limits from inside the steps that begin at ``time``
-    [s], which has one more entry, the end of the last step; nan if the level is never exceeded.
-    """
-    first, last = np.abs(start), np.abs(end)
-    above = np.flatnonzero((first > level) | (last > level))
-    if above.size == 0:
-        return float("nan")
-    k = int(above[0])
-    if first[k] > level:
-        return float(time[k])
-    share = (level - first[k]) / (last[k] - first[k])
-    return float(time[k] + share * (time[k + 1] - time[k]))
-
-
-def settling_time(time: Array, start: Array, end: Array, band: float) -> float:
-    """When |error| enters ``band`` for good: the end of the last step that leaves it.
-
-    Arguments as for `first_crossing`; nan if the error is outside at the end.
-    """
-    outside = np.flatnonzero(np.maximum(np.abs(start), np.abs(end)) > band)
-    if outside.size == 0:
-        return float(time[0])
-    k = int(outside[-1]) + 1
-    return float(time[k]) if k < len(time) - 1 else float("nan")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import paper_module, read_study, rows_from
+from reobserve.pipeline.common import read_study, rows_from
+from reobserve.pipeline.figures import figure_data, measure
 from reobserve.scoring.metrics import write_metrics
 from reobserve.stages.records import read_estimates, read_record
 
@@ -25,7 +25,6 @@ def run(
     plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
     estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
-    module = paper_module(ledger.paper, "metrics")
-    with located(ledger.paper), rows_from(study_file):
-        found = module.measure(settings, plant, estimates, study)
+    with rows_from(study_file):
+        found = measure(ledger.paper, figure_data(ledger.paper, settings, plant, estimates, study))
     write_metrics(output, found)

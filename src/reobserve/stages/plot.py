@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from reobserve.drawing.captions import render
 from reobserve.drawing.figures import fix_layout, save
+from reobserve.drawing.layouts import draw
 from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.common import paper_module, read_study, rows_from
+from reobserve.pipeline.figures import figure_data
 from reobserve.plain_data.files import write_text
-from reobserve.scoring.metrics import read_metrics
+from reobserve.scoring.metrics import lookup, read_metrics
 from reobserve.stages.records import read_estimates, read_record
 
 
@@ -33,9 +36,10 @@ def run(
     plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
     estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
     study = read_study(ledger.paper, study_file)
-    module = paper_module(ledger.paper, "plot")
+    data = figure_data(ledger.paper, settings, plant, estimates, study)
+    layouts = paper_module(ledger.paper, "plot").LAYOUTS
     with located(f"{ledger.paper}.figures.{figure}"), rows_from(study_file):
-        drawing = module.draw(settings, plant, estimates, study, metrics)
+        drawing = draw(layouts, replace(data, metrics=lookup(metrics)))
     fix_layout(drawing)
     for output in outputs:
         save(drawing, output)

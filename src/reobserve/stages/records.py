@@ -10,7 +10,7 @@ import numpy as np
 
 from reobserve.errors import InputError, located, shown
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import Job, declared_keys, read_job
+from reobserve.ledger.types import Job, declared_keys, read_job, record_axis
 from reobserve.pipeline.common import Provenance, paper_module
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series, Shape
@@ -30,11 +30,11 @@ def read_record(path: Path, ledger: Ledger, scenario: str | None = None) -> Seri
     series = Series.read(path)
     job = _job(path, series, ledger, "plant", scenario)
     stated, settings = _stated(ledger, ledger.settings("plant", job))
-    horizon, step = stated.axis(settings)
+    horizon, step = getattr(stated, "axis", record_axis)(settings)
     count = round(horizon / step) + 1
     _check_axis(path, series, np.arange(count, dtype=np.float64) * step, step)
     _check_channels(path, series, stated.plant(settings))
-    for event in stated.EVENTS:
+    for event in getattr(stated, "EVENTS", ()):
         if event not in series.events:
             raise InputError(str(path), f"has no event {event!r}")
     return series

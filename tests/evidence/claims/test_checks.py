@@ -51,6 +51,14 @@ def test_a_check_holds_where_arithmetic_says_so(body: dict[str, Any], holds: boo
     assert check(**body).holds(NUMBERS) is holds
 
 
+def test_a_number_of_a_study_is_named_by_its_coordinates() -> None:
+    numbers = {"fig1": {("a", "error gain=2 noise=1e-05"): 0.5}}
+    for text in ("error gain=2 noise=1e-05", "error noise=1.0e-5 gain=2.0"):
+        one = check(value=f"fig1 a {text}", below=1)
+        assert one.values(numbers) == [0.5]
+        assert one.told(numbers) == "fig1 a error gain=2 noise=1e-05 = 0.5, must be below 1"
+
+
 def test_one_reference_serves_a_whole_list() -> None:
     both = check(value=["fig1 a error", "fig1 b error"], over="fig1 b error", within=[0.2, 1])
     assert both.values(NUMBERS) == pytest.approx([0.2, 1.0])
@@ -94,7 +102,14 @@ def test_a_number_that_nobody_has_is_one_sentence(text: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ({"value": "fig1 a", "below": 1}, "reference: 'fig1 a' must be FIGURE OBSERVER METRIC"),
+        *(
+            (
+                {"value": text, "below": 1},
+                f"reference: {text!r} must be FIGURE OBSERVER METRIC, then NAME=LEVEL for a "
+                "coordinate",
+            )
+            for text in ("fig1 a", "fig1 a b c", "fig1 a order=4", "fig1 a b order=")
+        ),
         (
             {"value": "fig1 a error"},
             "checks: 0 relations given, must be one of "

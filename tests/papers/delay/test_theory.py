@@ -17,13 +17,12 @@ from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.papers.delay.theory_derivatives import taylor_delay
 from reobserve.papers.delay.theory_gains import error_matrix, least_proved_rho, noise_gain
 from reobserve.pipeline.evaluation import Evaluator
-from reobserve.scoring.metrics import lookup
+from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A, Case, observed, record
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
-Numbers = dict[tuple[str, str], float]
 
 ROOT = Path(__file__).parents[3]
 
@@ -82,12 +81,12 @@ def test_remainders_of_the_sine_in_closed_form() -> None:
     found, b = numbers(), 0.2 * 1.5
     first = np.hypot(np.cos(b) - 1, b - np.sin(b))
     second = np.hypot(np.cos(b) - 1 + b**2 / 2, b - np.sin(b))
-    assert found["sine", "remainder_order_1"] == pytest.approx(first, rel=1e-3)
-    assert found["sine", "remainder_order_2"] == pytest.approx(second, rel=1e-3)
+    assert found.at("sine", "remainder", order=1) == pytest.approx(first, rel=1e-3)
+    assert found.at("sine", "remainder", order=2) == pytest.approx(second, rel=1e-3)
     for order in (1, 2):
-        assert 0.99 < found["sine", f"remainder_over_bound_order_{order}"] <= 1
-        assert found["ramp", f"remainder_order_{order}"] < 1e-14
-        assert ("ramp", f"remainder_over_bound_order_{order}") not in found
+        assert 0.99 < found.at("sine", "remainder_over_bound", order=order) <= 1
+        assert found.at("ramp", "remainder", order=order) < 1e-14
+        assert ("ramp", f"remainder_over_bound order={order}") not in found
 
 
 def test_xi_passes_zero_once_in_half_a_period_for_both_orders() -> None:
@@ -120,8 +119,8 @@ def test_the_lag_is_the_error_at_rest_under_a_steady_rate() -> None:
 def test_the_predicted_lag_is_that_of_the_run() -> None:
     found = numbers()
     for rho, share in ((5, 0.03), (10, 0.01), (20, 0.003), (40, 0.003)):
-        expected = found["order2", f"predicted_peak_delay_error_at_rho_{rho}"]
-        run = found["order2", f"varying_peak_delay_error_at_rho_{rho}"]
+        expected = found.at("order2", "predicted_peak_delay_error", rho=rho)
+        run = found.at("order2", "varying_peak_delay_error", rho=rho)
         assert run == pytest.approx(expected, rel=share)
 
 
@@ -135,7 +134,7 @@ def test_the_noise_gain_is_an_integral_over_frequency() -> None:
     variance = period * quad(density, 0, np.inf, limit=200)[0] / np.pi
     found = noise_gain(rho, G_OVER_L, A, xi, period)
     assert found == pytest.approx(np.sqrt(variance) / xi, rel=1e-6)
-    assert numbers()["order2_noise", "noise_gain_at_rho_5"] == pytest.approx(found, rel=1e-6)
+    assert numbers().at("order2_noise", "noise_gain", rho=5) == pytest.approx(found, rel=1e-6)
 
 
 def test_the_proved_rho_is_where_c3_passes_zero() -> None:
@@ -192,7 +191,7 @@ def test_the_differentiator_is_the_one_of_its_own_tests() -> None:
 def test_wrong_derivatives_scale_the_delay_of_the_ramp() -> None:
     """tau^ u'(1 + e) = tau u' at rest; the greatest of the constant delays is 1.2 s."""
     for share in (0.01, 0.03, 0.1):
-        found = numbers()["order2", f"late_delay_error_at_share_{share:g}"]
+        found = numbers().at("order2", "late_delay_error", share=share)
         assert found == pytest.approx(1.2 * share / (1 + share), rel=1e-4)
 
 
@@ -200,7 +199,7 @@ def test_high_gains_end_at_the_bias_of_the_expansion() -> None:
     """For m = 1; for m = 2 the lag of the highest gain is still larger than the bias."""
     found = numbers()
     first, second = (
-        (found[f"order_{m}", "rms_delay_error_at_rho_40"], found[f"order_{m}", "rms_bias"])
+        (found.at(f"order_{m}", "rms_delay_error", rho=40), found[f"order_{m}", "rms_bias"])
         for m in (1, 2)
     )
     assert first[0] == pytest.approx(first[1], rel=0.05)
@@ -209,7 +208,7 @@ def test_high_gains_end_at_the_bias_of_the_expansion() -> None:
 
 def test_runs_at_the_rho_of_the_figures_are_those_of_the_figures() -> None:
     fig1 = lookup(Evaluator(Ledger.load(ROOT, "delay")).figure("fig1").metrics)
-    found = numbers()["order2", "varying_peak_delay_error_at_rho_5"]
+    found = numbers().at("order2", "varying_peak_delay_error", rho=5)
     assert found == pytest.approx(fig1["order2", "varying_peak_delay_error"], rel=1e-6)
 
 

@@ -22,8 +22,10 @@ from reobserve.papers.eso import keys, metrics, observe, plant, study
 from reobserve.papers.eso.scoring import lag, scores
 from reobserve.pipeline.common import compute_design
 from reobserve.pipeline.evaluation import Evaluator
+from reobserve.pipeline.figures import figure_data
 from reobserve.plain_data.typed_tree import parse
-from reobserve.scoring.metrics import lookup, window
+from reobserve.scoring.metrics import lookup
+from reobserve.scoring.responses import window
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import Certificate, certify, error_system
 from reobserve.synthesis.extended_state.deviation import held_deviation
@@ -485,13 +487,14 @@ def test_the_study_has_the_numbers_of_direct_calls(
 def test_metrics_tell_every_design_of_the_study() -> None:
     settings = ledger().settings("metrics", "fig3_designs")
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
-    found = lookup(metrics.measure(settings, record("disturbed"), estimates, rows_of_the_study()))
+    data = figure_data("eso", settings, record("disturbed"), estimates, rows_of_the_study())
+    found = lookup(metrics.measure(data))
     names = [name for observer, name in found if observer != "pd_pi"]
-    assert [name.partition("_at_")[2] for name in names] == [
-        *["rate_2_decay_1"] * 18, *["rate_1_bound_50"] * 18
+    assert [name.partition(" ")[2] for name in names] == [
+        *["decay=1 rate=2"] * 18, *["bound=50 rate=1"] * 18
     ]  # fmt: skip
     row = next(row for row in rows_of_the_study() if row["quantity"] == "norm")
-    assert found["pi_feasible", "norm_at_rate_2_decay_1"] == row["value"]
+    assert found.at("pi_feasible", "norm", rate=2, decay=1) == row["value"]
 
 
 # --- Bad values ---------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.theory_inequality import agreement, margin_above_norm
 from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
 from reobserve.pipeline.evaluation import Evaluator
-from reobserve.scoring.metrics import lookup
+from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
@@ -215,19 +215,19 @@ def test_deviations_are_those_of_the_study() -> None:
     sizes = np.array([0.4, 0.2]) / np.sqrt(12)
     with (ROOT / "tests/golden/eso/fig3_designs.metrics.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    study = {(row["observer"], row["metric"]): float(row["value"]) for row in rows}
-    for observer, kind, place in (
-        ("pi", "pi_feasible", "rate_1_decay_1"),
-        ("pd_pi", "pd_pi_least_norm", "rate_1_factor_1.05"),
+    study = Numbers({(row["observer"], row["metric"]): float(row["value"]) for row in rows})
+    for observer, kind, at in (
+        ("pi", "pi_feasible", {"rate": 1, "decay": 1}),
+        ("pd_pi", "pd_pi_least_norm", {"rate": 1, "factor": 1.05}),
     ):
         for fault in UNITS:
-            noise = study[kind, f"noise_in_{fault}_fault_at_{place}"]
+            noise = study.at(kind, f"noise_in_{fault}_fault", **at)
             assert numbers()[observer, f"noise_in_{fault}_fault"] == pytest.approx(noise, rel=1e-3)
         # The other disturbance has a share of its own in each fault, which is small.
         for fault, source, size in (
             ("actuator", "current", sizes[1]), ("sensor", "speed", 0.1 * sizes[0])
         ):  # fmt: skip
-            both = study[kind, f"disturbance_in_{fault}_fault_at_{place}"]
+            both = study.at(kind, f"disturbance_in_{fault}_fault", **at)
             alone = numbers()[observer, f"{source}_disturbance_left"] * size
             assert 0.99 * both < alone <= both
     assert numbers()["noise", "deviation"] == pytest.approx(np.sqrt(1e-3), rel=1e-14)

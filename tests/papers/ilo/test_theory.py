@@ -15,12 +15,11 @@ from reobserve.papers.ilo import keys, theory, theory_limits, theory_runs
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.scoring.metrics import lookup
+from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 
-Numbers = dict[tuple[str, str], float]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
 
@@ -74,7 +73,8 @@ def test_torque_difference_grows_at_half_the_spread_of_the_moments(
 ) -> None:
     # |x x J x| over unit vectors is at most (J_max - J_min) / 2; the rest is linear.
     slope = np.ptp(MOMENTS) / 2
-    assert found["assumption_2", "torque_ratio_at_100"] == pytest.approx(100 * slope, rel=0.01)
+    ratio = found.at("assumption_2", "torque_ratio", size=100)
+    assert ratio == pytest.approx(100 * slope, rel=0.01)
     rate = float(np.linalg.norm(settings["plant"]["initial_rate"]))
     assert found["assumption_2", "one_sided_constant"] == pytest.approx(slope * rate)
 
@@ -113,7 +113,7 @@ def test_a_certified_observer_is_called_so(settings: dict[str, Any]) -> None:
 @pytest.mark.parametrize("multiple", [1, 2, 5, 10])
 def test_gain_margin_against_the_scalar_limit(found: Numbers, multiple: int) -> None:
     limit = scalar_sampled_limit(float(MOMENTS[0]), 1000.0, 1.0, multiple * 0.001)
-    assert found["sampled", f"gain_margin_at_multiple_{multiple}"] == pytest.approx(limit / 2000)
+    assert found.at("sampled", "gain_margin", multiple=multiple) == pytest.approx(limit / 2000)
 
 
 def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
@@ -130,7 +130,7 @@ def test_noise_gain_against_a_long_run(settings: dict[str, Any]) -> None:
         v += k2 * (w + n)
         seen.append(v)
         w = decay * w - (1 - decay) / lam * v
-    gain = limits(scalar)["sampled", "noise_gain_at_multiple_1"]
+    gain = limits(scalar).at("sampled", "noise_gain", multiple=1)
     assert gain == pytest.approx(np.std(seen), rel=0.01)
 
 
@@ -138,13 +138,13 @@ def test_an_unstable_multiple_has_no_noise_gain(settings: dict[str, Any]) -> Non
     wild = copy.deepcopy(settings)
     wild["observers"]["sampled"] |= {"damping": 100.0, "update_interval": 0.01, "K2": 5000.0}
     numbers = limits(wild)
-    assert numbers["sampled", "gain_margin_at_multiple_10"] < 1
-    assert np.isnan(numbers["sampled", "noise_gain_at_multiple_10"])
-    assert numbers["sampled", "gain_margin_at_multiple_1"] > 1
+    assert numbers.at("sampled", "gain_margin", multiple=10) < 1
+    assert np.isnan(numbers.at("sampled", "noise_gain", multiple=10))
+    assert numbers.at("sampled", "gain_margin", multiple=1) > 1
 
 
 def test_growth_and_decay_in_closed_form(found: Numbers) -> None:
-    assert found["continuous", "growth_rate_at_K1_1.05"] == pytest.approx(np.log(1.05) / 0.01)
+    assert found.at("continuous", "growth_rate", K1=1.05) == pytest.approx(np.log(1.05) / 0.01)
     assert found["continuous", "unstable_roots"] == found["forgetting", "unstable_roots"] == 0
     assert found["continuous", "worst_round_gain"] == pytest.approx(1)
     assert found["forgetting", "worst_round_gain"] == pytest.approx(0.9)
@@ -156,11 +156,11 @@ def test_growth_and_decay_in_closed_form(found: Numbers) -> None:
 def test_accuracy_follows_the_interval(found: Numbers) -> None:
     # For a small interval e = s tau (J s + Lambda) / K2 u_f.
     response = 10 * np.linalg.norm((10j * INERTIA + 100 * np.eye(3))[0, 0]) / 2000
-    error = found["continuous", "sine_error_at_interval_0.001"]
+    error = found.at("continuous", "sine_error", interval=0.001)
     assert error == pytest.approx(0.001 * response, rel=0.01)
     assert found["continuous", "sine_error_slope"] == pytest.approx(1, abs=0.02)
     for omega in (3.0, 10.0, 30.0):
-        longest = found["continuous", f"largest_interval_at_{omega:g}"]
+        longest = found.at("continuous", "largest_interval", frequency=omega)
         law = (INERTIA, 100.0, 1.0, 1.0, 2000.0, longest)
         assert abs(error_transfer(omega, Law(*law))[0, 0, 0]) == pytest.approx(0.05, rel=1e-6)
 
@@ -171,7 +171,8 @@ def test_a_fault_that_every_interval_follows_is_limited_by_its_period(
     slow = copy.deepcopy(settings)
     slow["theory"]["frequencies"] = [0.1]  # 2 |3.6 j + 100| / 5000 is below 5 %
     slow["observers"]["continuous"]["K2"] = 5000.0
-    assert limits(slow)["continuous", "largest_interval_at_0.1"] == pytest.approx(np.pi / 0.1)
+    longest = limits(slow).at("continuous", "largest_interval", frequency=0.1)
+    assert longest == pytest.approx(np.pi / 0.1)
 
 
 def test_the_integrator_is_near_by_the_square_of_the_phase(found: Numbers) -> None:
@@ -204,9 +205,9 @@ def test_slowing_down_is_harmless_up_to_the_limit_of_stability(changed: dict[str
     for K2, stable in ((6500.0, True), (7500.0, False)):
         changed["observers"]["sampled"]["K2"] = K2
         numbers = runs(changed)
-        margin = limits(changed)["sampled", "gain_margin_at_multiple_10"]
+        margin = limits(changed).at("sampled", "gain_margin", multiple=10)
         assert (margin > 1) == stable
-        error = numbers["sampled", "relative_error_slowed_by_10"]
+        error = numbers.at("sampled", "relative_error", slowdown=10)
         assert (error < 1e-6) == stable, error
 
 

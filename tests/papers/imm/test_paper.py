@@ -21,10 +21,11 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys, observe, plant
-from reobserve.papers.imm.scoring import probabilities, quoted_distance, window
+from reobserve.papers.imm.scoring import probabilities, quoted_distance
 from reobserve.papers.imm.setup import MODES
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
+from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 from tests.observers.actuator_models import ACTUATOR
 
@@ -193,12 +194,12 @@ def test_friction_as_the_fault() -> None:
         estimate = Evaluator(changed).figure("fig5_plain").estimates["kalman"]
         found[mixing] = estimate["probability"]
         assert estimate.events["fault"] == (5.0,)
-    late = window(estimate.time, [7.0, 10.0])
+    late = window(estimate.time, 7.0, 10.0, closed="right")
     assert found[False][late, 1].mean() > 0.95
     assert np.mean(found[False][late].argmax(axis=1) == 1) > 0.99
     assert found[True][late, 1].max() < 1e-6
     for mixed in found.values():
-        assert mixed[window(estimate.time, [3.0, 5.0]), 0].mean() > 0.95
+        assert mixed[window(estimate.time, 3.0, 5.0, closed="right"), 0].mean() > 0.95
 
 
 # --- The stage ----------------------------------------------------------------------------------
@@ -315,7 +316,7 @@ def scores(probability: Array, fault: int = 2) -> dict[str, float]:
 
 
 def test_windows_begin_after_their_first_bound_and_end_with_the_second() -> None:
-    np.testing.assert_allclose(TIME[window(TIME, [3.0, 3.03])], [3.01, 3.02, 3.03])
+    np.testing.assert_allclose(TIME[window(TIME, 3.0, 3.03, closed="right")], [3.01, 3.02, 3.03])
 
 
 def test_scores_of_known_probabilities() -> None:

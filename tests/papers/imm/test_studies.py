@@ -22,10 +22,18 @@ from reobserve.papers.imm.setup import modes
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept
 from reobserve.papers.imm.tuning import TUNED, Calibration, Trial, within
 from reobserve.plain_data.typed_tree import parse
+from reobserve.scoring.study_table import StudyTable
 from reobserve.synthesis.nu_gap import nu_gap
 from tests.papers.imm.test_paper import ROOT, Tree, ledger, measured, record
 
 Row = dict[str, Any]
+
+COLUMNS = ("observer", "sweep", "level", "quantity", "value")
+
+
+def table(rows: Sequence[Row]) -> StudyTable:
+    return StudyTable.of(rows, {name: study.KINDS[name] for name in COLUMNS})
+
 
 KEPT = ROOT / "config" / "searches" / "imm_calibrated.json"
 
@@ -82,7 +90,7 @@ def test_reach_is_where_the_worst_of_all_values_leaves_the_band() -> None:
         *rows_of("leave", 32.0, loud_before=0.18),
         *rows_of("process_noise_1", 2.0, loud_normal=5.0),
     ]
-    least, greatest = reach(RULES, rows, "leave")
+    least, greatest = reach(RULES, table(rows), "leave")
     assert least == pytest.approx(0.5 * 0.5 ** ((0.1 - 0.05) / (0.25 - 0.05)))
     # At 8 the distance is the band, up to rounding; beyond, it leaves it at once.
     assert greatest == pytest.approx(8.0, rel=1e-6)
@@ -108,7 +116,7 @@ def test_reach_is_where_the_worst_of_all_values_leaves_the_band() -> None:
 )  # fmt: skip
 def test_reach_of_known_rows(rows: list[Row], wanted: tuple[float, float]) -> None:
     for order in (1, -1):
-        assert reach(RULES, [*STATED, *rows][::order], "leave") == pytest.approx(wanted)
+        assert reach(RULES, table([*STATED, *rows][::order]), "leave") == pytest.approx(wanted)
 
 
 def test_numbers_that_are_outside_as_stated_may_not_move() -> None:
@@ -117,7 +125,7 @@ def test_numbers_that_are_outside_as_stated_may_not_move() -> None:
         *rows_of("leave", 0.5),
         *rows_of("leave", 2.0, loud_normal=0.15),
     ]
-    assert reach(RULES, rows, "leave") == (1.0, 1.0)
+    assert reach(RULES, table(rows), "leave") == (1.0, 1.0)
 
 
 def test_within_is_what_reach_asks_for() -> None:
@@ -337,8 +345,8 @@ def test_more_runs_leave_the_first_as_they_were() -> None:
 
 def test_noise_makes_no_diagnosis_better() -> None:
     means = {
-        key: {share: float(np.mean(found)) for share, found in shares.items()}
-        for key, shares in diagnoses(few()).items()
+        key: {share: float(np.mean(runs["value"])) for (share,), runs in found.groups("level")}
+        for key, found in table(few()).groups("observer", "sweep")
     }
     # Of Kalman filters: the SVSF's gain knows nothing of the noise, and its bank may do better with
     # more of it, as R grows along.
@@ -349,6 +357,17 @@ def test_noise_makes_no_diagnosis_better() -> None:
         # Under noise as large as the signal nothing is told, of the closest models least.
         assert abs(means[bank, "noise_1"][0.05] - 0.5) < 0.1
         assert means[bank, "noise_0.03"][0.3] > 0.8
+
+
+def test_a_pair_of_models_is_counted_once_a_run() -> None:
+    """Against the numbers that the figure's metrics tell."""
+    rows = table(few())
+    for share, gap, right, runs in zip(
+        FEW["shares"], *diagnoses(rows, "kalman", "noise_0.3"), strict=True
+    ):
+        mine = rows.where(observer="kalman", sweep="noise_0.3", level=share)
+        assert gap == rows.value(observer="models", sweep="noise_0.3", level=share)
+        assert (right, runs) == (sum(value > 0.5 for value in mine["value"]), FEW["runs"])
 
 
 def test_the_gap_that_is_enough() -> None:

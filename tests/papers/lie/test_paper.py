@@ -19,6 +19,7 @@ from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.pipeline.evaluation import Evaluator
+from reobserve.scoring.metrics import Numbers, lookup
 from tests.observers.test_normal_form_observers import (
     START,
     A,
@@ -42,8 +43,8 @@ def evaluator() -> Evaluator:
 
 
 @cache
-def measured(figure: str) -> dict[tuple[str, str], float]:
-    return {(m.observer, m.metric): m.value for m in evaluator().figure(figure).metrics}
+def measured(figure: str) -> Numbers:
+    return lookup(evaluator().figure(figure).metrics)
 
 
 @cache
@@ -128,12 +129,12 @@ def test_what_follows_from_the_figure() -> None:
 def test_orders_by_the_study() -> None:
     value = measured("fig1_orders")
     for order in (0, 4, 8):
-        assert value["series", f"ise_order_{order}"] == value["series", f"ise_order_{order + 1}"]
-    assert value["series", "diverged_at_order_2"] == pytest.approx(9.736, abs=3e-3)
-    assert np.isnan(value["series", "ise_order_2"])
-    assert value["series", "floquet_exponent_order_2"] > 0
-    assert np.isnan(value["series", "diverged_at_order_4"])
-    orders = {value[gain, "ise_order_0"] for gain in ("series", "jacobian", "composed")}
+        assert value.at("series", "ise", order=order) == value.at("series", "ise", order=order + 1)
+    assert value.at("series", "diverged_at", order=2) == pytest.approx(9.736, abs=3e-3)
+    assert np.isnan(value.at("series", "ise", order=2))
+    assert value.at("series", "floquet_exponent", order=2) > 0
+    assert np.isnan(value.at("series", "diverged_at", order=4))
+    orders = {value.at(gain, "ise", order=0) for gain in ("series", "jacobian", "composed")}
     assert len(orders) == 1
 
 

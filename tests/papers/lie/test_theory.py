@@ -14,13 +14,15 @@ import sympy
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.overrides import OVERRIDDEN
-from reobserve.ledger.types import read_job
+from reobserve.ledger.types import Job, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import keys
 from reobserve.papers.lie import metrics as metrics_stage
 from reobserve.papers.lie import theory as theory_stage
+from reobserve.papers.lie.study_rows import KINDS
 from reobserve.papers.lie.theory_cases import random_problem
 from reobserve.papers.lie.theory_runs import Case, deviation_from_linear, difference_of_forms
 from reobserve.papers.lie.theory_series import (
@@ -33,6 +35,9 @@ from reobserve.papers.lie.theory_series import (
 )
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.power_series.maps import PolynomialMap
+from reobserve.scoring.metrics import lookup
+from reobserve.scoring.study_table import StudyTable
+from reobserve.timeseries.series import Series
 from tests.observers.test_normal_form_observers import form
 from tests.papers.lie.test_errata_series import GENERIC, matrix_of_ad, triangle
 from tests.papers.lie.test_paper import evaluator, measured
@@ -244,12 +249,14 @@ def test_the_least_ratio_is_over_initial_states() -> None:
         for error in errors:
             study += [row(name, order, "ise", error), row(name, order, "settled", 1.0),
                       row(name, order, "diverged", 0.0)]  # fmt: skip
-    found = {(m.observer, m.metric): m.value for m in metrics_stage._ensemble({}, study)}
-    assert found["series", "least_ise_ratio_4"] == 0.5
-    assert found["series", "median_ise_ratio_4"] == 0.75
-    assert found["series", "least_ise_ratio_2"] == 0.75
-    assert isnan(found["series", "median_ise_ratio_2"])
-    assert found["constant", "least_ise_ratio_0"] == 1.0
+    kinds = {name: KINDS[name] for name in study[0]}
+    data = FigureData(Job(None), Series(np.zeros(1), {}), {}, StudyTable.of(study, kinds))
+    found = lookup(metrics_stage._ensemble(data))
+    assert found.at("series", "least_ise_ratio", order=4) == 0.5
+    assert found.at("series", "median_ise_ratio", order=4) == 0.75
+    assert found.at("series", "least_ise_ratio", order=2) == 0.75
+    assert isnan(found.at("series", "median_ise_ratio", order=2))
+    assert found.at("constant", "least_ise_ratio", order=0) == 1.0
 
 
 @pytest.mark.parametrize("degree", [2, 3])

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from reobserve.errors import InputError, nearest
+from reobserve.scoring.metrics import name_at, parse_name
 
 THEORY = "theory"  # stands where a reference names a figure
 
@@ -29,11 +30,22 @@ class Reference(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Reference:
-        """From ``FIGURE OBSERVER METRIC``; `InputError` for anything else."""
-        words = text.split()
-        if len(words) != 3:
-            raise InputError("reference", f"{text!r} must be FIGURE OBSERVER METRIC")
-        return cls(*words)
+        """From ``FIGURE OBSERVER METRIC``, and each coordinate of a study's as ``NAME=LEVEL``.
+
+        Raises
+        ------
+        InputError
+            For anything else.
+        """
+        figure, observer, metric = [*text.split(maxsplit=2), "", "", ""][:3]
+        try:
+            name, at = parse_name(metric)
+        except InputError:
+            name, at = "", {}
+        if not name or "=" in name:
+            problem = f"{text!r} must be FIGURE OBSERVER METRIC, then NAME=LEVEL for a coordinate"
+            raise InputError("reference", problem)
+        return cls(figure, observer, name_at(name, **at))
 
     def look_up(self, numbers: Numbers) -> float:
         """The value; `InputError` if there is no such figure or number."""

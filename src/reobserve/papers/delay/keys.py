@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
 from reobserve.errors import InputError, shown
+from reobserve.ledger import types
 from reobserve.ledger.conditions import (
     Count,
     Levels,
-    Names,
     NotNegative,
     Positive,
     Terms,
@@ -156,32 +156,26 @@ Estimator = LeastSquares | Adaptive | Relay
 Observer = Extended | Standard | LeastSquares | Adaptive | Relay
 
 
-@dataclass(frozen=True)
-class Tradeoff:
+@dataclass(frozen=True, kw_only=True)
+class Tradeoff(types.Study):
     """The error of the delay against rho, without and with noise."""
 
     method: Literal["tradeoff"]
-    scenario: str
-    observers: Names
     rhos: Levels
     runs: Annotated[int, within(1, 100_000)]
     away: NotNegative
     sampling_period: Positive
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, kw_only=True)
+class Tuning(types.Study):
     """Errors of the four methods of Fig. 3 against the tuning of each."""
 
     method: Literal["tuning"]
-    scenario: str
-    observers: Names
     rhos: Levels
     forgetting: Levels
     gain_per_forgetting: Positive
     relay_gains: Levels
-    title: str = ""
 
 
 Study = Tradeoff | Tuning
@@ -216,27 +210,25 @@ class Theory:
     cases: Count
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A figure of one scenario."""
+@dataclass(frozen=True, kw_only=True)
+class Estimation(types.Figure):
+    """Delay and states of one scenario."""
 
     layout: Literal["states", "comparison"]
-    scenario: str
-    observers: Names
-    title: str = ""
-    source: str = ""
 
 
-@dataclass(frozen=True)
-class StudyFigure:
-    """The figure of a study, which the layout names."""
+@dataclass(frozen=True, kw_only=True)
+class TradeoffFigure(types.StudyFigure):
+    """The study of the gain."""
 
-    layout: Literal["tradeoff", "tuning"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
+    layout: Literal["tradeoff"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningFigure(types.StudyFigure):
+    """The study of all methods."""
+
+    layout: Literal["tuning"]
 
 
 @dataclass(frozen=True)
@@ -249,4 +241,4 @@ class Ledger:
     studies: Mapping[str, Study]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Figure | StudyFigure]
+    figures: Mapping[str, Estimation | TradeoffFigure | TuningFigure]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.layouts import by_layout
-from reobserve.papers.delay import keys, plot_comparison, plot_states, plot_tradeoff, plot_tuning
+from reobserve.papers.delay import plot_comparison, plot_states, plot_tradeoff, plot_tuning
 
 LAYOUTS = {
     "states": plot_states.draw,
@@ -11,5 +10,3 @@ LAYOUTS = {
     "tradeoff": plot_tradeoff.draw,
     "tuning": plot_tuning.draw,
 }
-
-draw = by_layout(keys.Ledger, LAYOUTS, ("tradeoff", "tuning"))

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.drawing.figures import (
+    STYLES,
+    TRUTH,
+    add_note,
+    decades,
+    envelope,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.delay.scoring import errors, turned_over_at
-from reobserve.scoring.metrics import Metric
 from reobserve.timeseries.series import Series
 
+BIN = 0.2  # [s], of which the largest error is drawn
 
-def draw(
-    job: Job,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    _: Sequence[Mapping[str, Any]],
-    __: Sequence[Metric],
-) -> Figure:
+
+def draw(data: FigureData) -> Figure:
     """Delay, both states, and the errors of delay and angle."""
+    job, plant, estimates = data.job, data.plant, data.estimates
     figure, axes = new_figure((1.6, 1.35, 1.35, 1.35, 1.35))
     delay, angle, rate, delay_error, angle_error = axes
     labels = {name: job.observers[name].label for name in estimates}
@@ -38,7 +43,7 @@ def draw(
         for i, panel in enumerate((angle, rate)):
             panel.plot(*thin(estimate.time, estimate["state"][:, i]), **line, label=labels[name])
         size = np.abs(error["state"][:, 0])
-        angle_error.semilogy(*largest(estimate.time, size), **line, label=labels[name])
+        angle_error.semilogy(*envelope(estimate.time, size, BIN), **line, label=labels[name])
     delay.set_ylabel("delay [s]")
     delay.set_title("(a) delay and its estimates")
     delay.set_ylim(-0.1, 2.3)
@@ -56,8 +61,7 @@ def draw(
     angle_error.legend(loc="upper right", ncols=3)
     low, high = angle_error.get_ylim()
     angle_error.set_ylim(low, 30 * high)
-    angle_error.set_xlabel("time [s]")
-    angle_error.set_xlim(plant.time[0], plant.time[-1])
+    time_axis(angle_error, plant.time)
     _mark_turn(angle, rate, plant)
     add_note(figure, _note(job))
     return figure
@@ -75,13 +79,6 @@ def upright(plant: Series) -> tuple[Any, Any]:
 def _around_jumps(plant: Series) -> Any:
     rows = [round(jump / plant.step) for jump in plant.events["jumps"]]
     return np.array([2 * row + side for row in rows for side in (0, 1)], dtype=int)
-
-
-def largest(time: Any, size: Any, width: float = 0.2) -> tuple[Any, Any]:
-    """The largest value in each bin of ``width`` seconds."""
-    per_bin = max(1, round(width / (time[1] - time[0])))
-    bins = len(time) // per_bin
-    return time[: bins * per_bin : per_bin], size[: bins * per_bin].reshape(bins, -1).max(axis=1)
 
 
 def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:

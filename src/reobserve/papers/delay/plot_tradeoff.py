@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, add_note, new_figure
-from reobserve.ledger.types import Job
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.ledger.figure_data import FigureData
 
 _PANELS = (
     ("rms_delay_error", "RMS error [s]", "(a) delay"),
@@ -19,32 +14,27 @@ _PANELS = (
 )
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """Without noise as lines, with noise as the median of the runs and the band of nine in ten."""
+    job, study = data.job, data.study
     figure, panels = new_figure((2.4, 2.2), share_time=True)
     for axes, (quantity, unit, title) in zip(panels, _PANELS, strict=True):
         for index, name in enumerate(job.observers):
             label = job.observers[name].label.rpartition(", ")[2]
-            clean = levels(study, name, "rho", quantity)
-            noisy = levels(study, name, "noise_rho", quantity)
-            rhos = sorted(clean)
+            mine = study.where(observer=name, quantity=quantity)
+            clean, noisy = (
+                mine.where(sweep=sweep).by_level("level") for sweep in ("rho", "noise_rho")
+            )
+            rhos = list(clean)
             axes.loglog(
-                rhos, [clean[rho][0] for rho in rhos], **STYLES[2 * index].points(),
+                rhos, [value for (value,) in clean.values()], **STYLES[2 * index].points(),
                 label=f"{label}, no noise",
             )  # fmt: skip
-            low, middle, high = np.percentile([noisy[rho] for rho in rhos], (5, 50, 95), axis=1)
+            low, middle, high = np.percentile(list(noisy.values()), (5, 50, 95), axis=1)
             style = STYLES[2 * index + 1]
             axes.loglog(rhos, middle, **style.points(), label=f"{label}, noise")
             axes.fill_between(rhos, low, high, color=style.color, alpha=0.2, linewidth=0)
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
-        axes.set_xticks(rhos)
+        few_ticks(axes, rhos)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.set_ylabel(unit)
         axes.set_title(title)
@@ -61,14 +51,3 @@ def draw(
         f"{job.study.away:g} s from where the input does not change.",
     )
     return figure
-
-
-def levels(
-    study: Sequence[Mapping[str, Any]], observer: str, sweep: str, quantity: str
-) -> dict[float, list[float]]:
-    """The values of an observer by the level of what is swept, in the order of the rows."""
-    found: dict[float, list[float]] = {}
-    for row in study:
-        if (row["observer"], row["sweep"], row["quantity"]) == (observer, sweep, quantity):
-            found.setdefault(float(row["level"]), []).append(float(row["value"]))
-    return found

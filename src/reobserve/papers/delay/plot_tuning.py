@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note, decades
-from reobserve.ledger.types import Job
-from reobserve.papers.delay.plot_tradeoff import levels
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.drawing.figures import STYLES, WIDTH, add_note, decades, few_ticks
+from reobserve.ledger.figure_data import FigureData
 
-_AXES = {
-    "extended_lag": "ρ [1/s]",
-    "least_squares": "forgetting [1/s]",
-    "adaptive": "forgetting [1/s]",
-    "relay": "gain M [1/s²]",
+_SWEPT = {
+    "extended_lag": ("rho", "ρ [1/s]"),
+    "least_squares": ("forgetting", "forgetting [1/s]"),
+    "adaptive": ("forgetting", "forgetting [1/s]"),
+    "relay": ("relay_gain", "gain M [1/s²]"),
 }
 _QUANTITIES = (
     ("resting_rms_delay_error", "delay at rest"),
@@ -25,36 +19,22 @@ _QUANTITIES = (
 )
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """One panel a method; the dotted line is the tuning of Fig. 3."""
+    job = data.job
     figure = Figure(figsize=(WIDTH, 4.6))
     panels = figure.subplots(2, 2, sharey=True)
-    parameters = {
-        "extended_lag": "rho",
-        "least_squares": "forgetting",
-        "adaptive": "forgetting",
-        "relay": "relay_gain",
-    }
-    for axes, (name, label) in zip(panels.ravel(), _AXES.items(), strict=True):
+    for axes, (name, (parameter, label)) in zip(panels.ravel(), _SWEPT.items(), strict=True):
+        runs = data.study.where(observer=name, sweep=parameter)
         for style, (quantity, text) in zip(STYLES, _QUANTITIES, strict=False):
-            found = levels(study, name, parameters[name], quantity)
-            axes.loglog(
-                list(found), [value[0] for value in found.values()], **style.points(), label=text
-            )
-        chosen = getattr(job.observers[name], parameters[name])
+            found = runs.where(quantity=quantity)
+            axes.loglog(found["level"], found["value"], **style.points(), label=text)
+        chosen = getattr(job.observers[name], parameter)
         if chosen > 0:
             axes.axvline(chosen, color="0.4", linewidth=0.8, linestyle=":")
         axes.set_title(job.observers[name].label.replace(", a reconstruction of", ""))
         axes.set_xlabel(label)
-        axes.set_xticks(list(found))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
+        few_ticks(axes, runs.levels("level"))
         axes.set_ylim(1e-5, 1)
         decades(axes.yaxis)
     for axes in panels[:, 0]:

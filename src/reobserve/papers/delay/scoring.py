@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.scoring.responses import error_of
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
@@ -14,20 +15,11 @@ Array = NDArray[np.float64]
 
 def errors(plant: Series, estimate: Series) -> dict[str, Array]:
     """The errors of an estimate: ``delay``, shape (k,), and ``state``, (k, n), if it has them."""
-    every = round(estimate.step / plant.step)
     return {
-        name: estimate[name] - plant[name][::every]
+        name: error_of(plant, estimate, name)
         for name in ("delay", "state")
         if name in estimate.channels
     }
-
-
-def root_mean_square(values: Array) -> Array:
-    """Over samples, of each column; nan for none."""
-    if not len(values):
-        return np.full(values.shape[1:], np.nan)
-    found: Array = np.sqrt(np.mean(values * values, axis=0))
-    return found
 
 
 def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float, float]]:

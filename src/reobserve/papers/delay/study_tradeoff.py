@@ -21,7 +21,7 @@ from reobserve.numerics.random_streams import held_normal, random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay.observe import build_extended
-from reobserve.papers.delay.scoring import root_mean_square
+from reobserve.scoring.responses import root_mean_square
 from reobserve.timeseries.grid import noise_hold, stride
 from reobserve.timeseries.series import Series
 

@@ -11,8 +11,8 @@ from reobserve.errors import located
 from reobserve.ledger.types import Job, named
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
-from reobserve.papers.delay.scoring import constant_segments, errors, root_mean_square
-from reobserve.scoring.metrics import window
+from reobserve.papers.delay.scoring import constant_segments, errors
+from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]

@@ -152,9 +152,9 @@ def _remainder(job: Job, name: str, signals: list[Signal], plant: Series) -> Ite
             sizes.append(float(np.max(gamma)))
             bound = float(tau) ** (order + 1) / factorial(order + 1) * largest
             ratios.append(sizes[-1] / bound if bound else float("nan"))
-        yield Metric(name, f"remainder_order_{order}", max(sizes), "N m")
+        yield Metric.at(name, ("remainder", max(sizes), "N m"), order=order)
         if largest:
-            yield Metric(name, f"remainder_over_bound_order_{order}", max(ratios), "1")
+            yield Metric.at(name, ("remainder_over_bound", max(ratios), "1"), order=order)
 
 
 def _printed_instants(job: Job, sine: Series) -> Iterator[Metric]:

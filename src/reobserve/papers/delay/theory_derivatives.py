@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from reobserve.ledger.types import Job, named
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys
-from reobserve.papers.delay.scoring import root_mean_square
 from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import root_mean_square
 from reobserve.timeseries.series import Series
 from reobserve.timeseries.signals import Signal
 

@@ -11,7 +11,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from reobserve.ledger.types import Job
 from reobserve.papers.delay.setup import build_model
-from reobserve.scoring.metrics import Metric, window
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import window
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve.timeseries.series import Series
 
@@ -35,13 +36,13 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     for rho in job.theory.rhos:
         turn = stiffness * np.cos(ramp["state"][:, 0])
         lag = lag_per_rate(rho, turn, friction) * slope
-        name = f"predicted_peak_delay_error_at_rho_{rho:g}"
-        yield Metric("order2", name, float(np.max(np.abs(lag[chosen]))), "s")
+        peak = float(np.max(np.abs(lag[chosen])))
+        yield Metric.at("order2", ("predicted_peak_delay_error", peak, "s"), rho=rho)
     xi = gain * float(np.max(np.abs(sine["input_derivatives"][:, 0])))
     for rho in job.theory.rhos:
         period = job.plant.noise_period
         value = noise_gain(rho, stiffness, friction, xi, period)
-        yield Metric("order2_noise", f"noise_gain_at_rho_{rho:g}", value, "s/rad")
+        yield Metric.at("order2_noise", ("noise_gain", value, "s/rad"), rho=rho)
 
 
 def error_matrix(rho: float, stiffness: float, friction: float) -> Array:

@@ -16,13 +16,10 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
-from reobserve.papers.delay.scoring import (
-    constant_segments,
-    errors,
-    root_mean_square,
-)
+from reobserve.papers.delay.scoring import constant_segments, errors
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.scoring.metrics import Metric, window
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Channel, Series
 
@@ -100,8 +97,8 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
     for rho in job.theory.rhos:
         time, error = _delay_error(job, "order2", ramp, rho=rho, sampling_period=step)
         moving = error[window(time, *job.metrics.varying)]
-        name = f"varying_peak_delay_error_at_rho_{rho:g}"
-        yield Metric("order2", name, float(np.max(np.abs(moving))), "s")
+        peak = float(np.max(np.abs(moving)))
+        yield Metric.at("order2", ("varying_peak_delay_error", peak, "s"), rho=rho)
 
 
 def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
@@ -110,7 +107,7 @@ def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
         for rho in job.theory.rhos:
             time, error = _delay_error(job, name, sine, rho=rho, sampling_period=step)
             value = float(root_mean_square(error[near_and_away(job, sine, time)[1]]))
-            yield Metric(f"order_{order}", f"rms_delay_error_at_rho_{rho:g}", value, "s")
+            yield Metric.at(f"order_{order}", ("rms_delay_error", value, "s"), rho=rho)
 
 
 def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
@@ -123,8 +120,8 @@ def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
         late = np.zeros(len(time), dtype=bool)
         for _, start, end in constant_segments(ramp, job.metrics.late):
             late |= window(time, start, end)
-        name = f"late_delay_error_at_share_{share:g}"
-        yield Metric("order2", name, float(np.max(np.abs(error[late]))), "s")
+        peak = float(np.max(np.abs(error[late])))
+        yield Metric.at("order2", ("late_delay_error", peak, "s"), share=share)
 
 
 def _projection(job: Job, ramp: Series) -> Iterator[Metric]:

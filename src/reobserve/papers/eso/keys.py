@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from reobserve.errors import InputError
+from reobserve.ledger import types
 from reobserve.ledger.conditions import (
     Count,
     Levels,
-    Names,
     NotNegative,
     Positive,
     Terms,
@@ -115,20 +115,18 @@ class Observer:
     label: str = ""
 
 
-@dataclass(frozen=True)
-class Designs:
+@dataclass(frozen=True, kw_only=True)
+class Designs(types.Study):
     """The study of many designs."""
 
     method: Literal["designs"]
-    scenario: str
-    observers: list[str]
+    observers: list[str]  # none: it has designs of its own
     filter_rates: Changed
     decays: Annotated[list[NotNegative], items(0)]
     factors: Changed
     pole_bounds: Changed
     radius: Positive
     solver: Solver
-    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -156,27 +154,18 @@ class Theory:
     other_poles: Poles
 
 
-@dataclass(frozen=True)
-class Faults:
-    """A figure of one fault and its estimates."""
+@dataclass(frozen=True, kw_only=True)
+class Faults(types.Figure):
+    """One fault and its estimates."""
 
     layout: Literal["actuator", "sensor"]
-    scenario: str
-    observers: Names
-    title: str = ""
-    source: str = ""
 
 
-@dataclass(frozen=True)
-class DesignsFigure:
-    """The figure of the study."""
+@dataclass(frozen=True, kw_only=True)
+class DesignsFigure(types.StudyFigure):
+    """The study."""
 
     layout: Literal["designs"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
 
 
 @dataclass(frozen=True)

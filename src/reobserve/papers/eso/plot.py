@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.layouts import by_layout
-from reobserve.papers.eso import keys, plot_designs, plot_fault
+from reobserve.papers.eso import plot_designs, plot_fault
 
 LAYOUTS = {
     "actuator": plot_fault.draw,
     "sensor": plot_fault.draw,
     "designs": plot_designs.draw,
 }
-
-draw = by_layout(keys.Ledger, LAYOUTS, ("designs",))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note
-from reobserve.ledger.types import Job
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.drawing.figures import STYLES, WIDTH, add_note, few_ticks
+from reobserve.ledger.figure_data import FigureData
 
 _KINDS = {
     "pi_feasible": "PI, feasible",
@@ -24,15 +21,8 @@ _PANELS = (
 )
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """One point a design: how late its estimates are, and what noise and disturbance do to them."""
-    points = designs(study)
     figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, 2)
     for column, (lag, noise, title, unit) in enumerate(_PANELS):
@@ -40,22 +30,20 @@ def draw(
         for row, quantity in enumerate((noise, disturbance)):
             axes = panels[row, column]
             for style, (kind, label) in zip(STYLES, _KINDS.items(), strict=False):
-                found = [point for point in points if point["kind"] == kind]
+                found = data.study.where(kind=kind)
                 axes.loglog(
-                    [point[lag] for point in found], [point[quantity] for point in found],
+                    *(found.where(quantity=name)["value"] for name in (lag, quantity)),
                     linestyle="", marker=style.marker, color=style.color, markersize=4.5,
                     markerfacecolor="none" if kind == "pi_least_norm" else style.color,
                     markeredgewidth=1.1, label=label,
                 )  # fmt: skip
             axes.set_ylabel(unit if row == 0 else unit.replace("noise", "disturbance"))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_formatter("")
-            axes.set_xticks((0.01, 0.03, 0.1, 0.3, 1, 3))
+            few_ticks(axes, (0.01, 0.03, 0.1, 0.3, 1, 3))
         panels[0, column].set_title(title)
         panels[1, column].set_xlabel("lag of the estimate [s]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
-    chosen = job.study
+    chosen = data.job.study
     add_note(
         figure,
         "Standard deviations at the ends of the holds, from a discrete Lyapunov equation. PI, "
@@ -66,16 +54,6 @@ def draw(
         f"{chosen.radius:g}.",
     )
     return figure
-
-
-def designs(study: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The rows gathered by design: its kind, what was chosen, and each quantity by its name."""
-    found: dict[tuple[str, ...], dict[str, Any]] = {}
-    for row in study:
-        key = tuple(str(row[name]) for name in ("kind", "filter_rate", "choice", "level"))
-        one = found.setdefault(key, {"kind": row["kind"]})
-        one[row["quantity"]] = float(row["value"])
-    return list(found.values())
 
 
 def _listed(values: Sequence[float]) -> str:

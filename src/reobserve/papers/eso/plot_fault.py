@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, new_figure, thin
+from reobserve.drawing.figures import (
+    STYLES,
+    TRUTH,
+    add_note,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.eso import keys
-from reobserve.scoring.metrics import Metric
+from reobserve.papers.eso.setup import noise_deviation
+from reobserve.scoring.responses import error_of
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
@@ -20,32 +27,24 @@ Array = NDArray[np.float64]
 _LABELS = {"actuator": "actuator fault [V]", "sensor": "sensor fault [rad/s]"}
 
 
-def draw(
-    job: Job,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    _: Sequence[Mapping[str, Any]],
-    __: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """The fault with its estimates, and their errors."""
+    job, plant = data.job, data.plant
     layout = job.figure.layout
     figure, (fault, error) = new_figure((2.8, 2.0))
     channel = f"{layout}_fault"
     fault.plot(*upright(plant, channel), **TRUTH.line(), label=f"{layout} fault")
-    for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
+    for style, (name, estimate) in zip(STYLES, data.estimates.items(), strict=False):
         label = job.observers[name].label
-        values, truth = estimate[channel], plant[channel][::2]
-        fault.plot(*thin(estimate.time, values), **style.line(), label=label)
-        error.plot(*thin(estimate.time, values - truth), **style.line())
+        fault.plot(*thin(estimate.time, estimate[channel]), **style.line(), label=label)
+        error.plot(*thin(estimate.time, error_of(plant, estimate, channel)), **style.line())
     fault.set_ylabel(_LABELS[layout])
     fault.set_title(f"(a) {layout} fault and its estimates")
     fault.legend(loc="upper left")
-    low, high = fault.get_ylim()
-    fault.set_ylim(low, high + 0.15 * (high - low))
+    headroom(fault, 0.15)
     error.set_ylabel(f"error {_LABELS[layout].rpartition(' ')[2]}")
     error.set_title("(b) estimate minus fault")
-    error.set_xlabel("time [s]")
-    error.set_xlim(plant.time[0], plant.time[-1])
+    time_axis(error, plant.time)
     add_note(figure, _note(job))
     return figure
 
@@ -64,8 +63,7 @@ def _note(job: Job) -> str:
     low, high = scenario.disturbance_low, scenario.disturbance_high
     noise = "no noise"
     if scenario.noise_power > 0:
-        deviation = np.sqrt(scenario.noise_power / plant.hold_period)
-        noise = f"noise of {deviation:.3g} rad/s"
+        noise = f"noise of {noise_deviation(scenario.noise_power, plant):.3g} rad/s"
     stated = ",\n".join(dict.fromkeys(map(_gains, job.designs.values())))
     return (
         f"Chosen here: disturbances between {low} and {high}, {noise}, both held for "

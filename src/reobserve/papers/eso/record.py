@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+"""What a record of the plant and estimates hold: the channels and their units."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ from reobserve.timeseries.series import Shape
 EVENTS = ("faults",)
 
 _FAULTS = {"actuator_fault": Shape("V"), "sensor_fault": Shape("rad/s")}
-
-
-def axis(job: Job) -> tuple[float, float]:
-    """Horizon and step of a record [s]."""
-    return job.plant.horizon, job.plant.step
 
 
 def plant(_: Job) -> dict[str, Shape]:

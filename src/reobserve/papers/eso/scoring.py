@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.papers.eso import keys
-from reobserve.scoring.metrics import window
+from reobserve.scoring.metrics import Score
+from reobserve.scoring.responses import error_of, root_mean_square, window
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
-Score = tuple[str, float, str]
 
 FAULTS = {"actuator": "V", "sensor": "rad/s"}
 
@@ -35,11 +35,6 @@ def check_rules(rules: keys.Metrics, plant: keys.Plant) -> None:
                         f"[{first:.9g}, {last:.9g}] s must hold two samples of the estimates, "
                         f"which are {period:g} s apart",
                     )
-
-
-def root_mean_square(values: Array) -> float:
-    """Over samples; nan for none."""
-    return float(np.sqrt(np.mean(values * values))) if values.size else float("nan")
 
 
 def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float) -> float:
@@ -83,11 +78,11 @@ def _likely(truth: Array, estimate: Array, most: int) -> list[int]:
 def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
     """Of both faults: errors where they vary and where they are constant, and the lag."""
     for name, unit in FAULTS.items():
-        truth, found = plant[f"{name}_fault"][::2], estimate[f"{name}_fault"]
-        error, time = found - truth, estimate.time
+        channel, time = f"{name}_fault", estimate.time
+        error = error_of(plant, estimate, channel)
         for what in ("varying", "constant"):
             chosen = error[window(time, *getattr(rules, f"{name}_{what}"))]
-            yield f"rms_{name}_error_{what}", root_mean_square(chosen), unit
+            yield f"rms_{name}_error_{what}", float(root_mean_square(chosen)), unit
             yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
-        bounds = getattr(rules, f"{name}_varying")
-        yield f"{name}_lag", lag(time, truth, found, bounds, rules.longest_lag), "s"
+        truth, bounds = plant[channel][::2], getattr(rules, f"{name}_varying")
+        yield f"{name}_lag", lag(time, truth, estimate[channel], bounds, rules.longest_lag), "s"

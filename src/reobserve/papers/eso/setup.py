@@ -121,8 +121,13 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
             raise InputError(
                 "disturbance_low", f"{low.tolist()} must not be above {high.tolist()}, the high one"
             )
-    deviation = float(np.sqrt(scenario.noise_power / period))
+    deviation = noise_deviation(scenario.noise_power, plant)
     return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
+
+
+def noise_deviation(power: float, plant: keys.Plant) -> float:
+    """Of the held samples of a white noise of this power."""
+    return float(np.sqrt(power / plant.hold_period))
 
 
 def _signal(name: str, terms: Any, step: float, horizon: float) -> Signal:

@@ -14,10 +14,11 @@ import numpy as np
 
 from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.setup import augmented, controlled_motor, motor
+from reobserve.papers.eso.setup import augmented, controlled_motor, motor, noise_deviation
 from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
-from reobserve.scoring.metrics import Metric, settling_time
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import settling_time
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from reobserve.timeseries.signals import Signal
@@ -40,7 +41,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     found = [*_motors(plant), *_conditions(system), *_step_response(plant)]
     found += _floors(plant, theory.filter_rates)
     found += agreement(system, theory.cases)
-    noise = float(np.sqrt(theory.noise_power / plant.hold_period))
+    noise = noise_deviation(theory.noise_power, plant)
     found.append(Metric("noise", "deviation", noise, "rad/s"))
     records = records_of_two_controllers(plant, theory.other_poles)
     for name, body in job.observers.items():

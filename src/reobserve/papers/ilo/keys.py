@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from reobserve.ledger import types
 from reobserve.ledger.conditions import (
     Count,
     Levels,
-    Names,
     NotNegative,
     Positive,
     Seed,
@@ -99,17 +99,14 @@ Learning = Sampled | Continuous
 Observer = Sampled | Continuous | Adaptive
 
 
-@dataclass(frozen=True)
-class Matching:
+@dataclass(frozen=True, kw_only=True)
+class Matching(types.Study):
     """The study of ILO and adaptive observers over gain and noise."""
 
-    scenario: str
-    observers: Names
     integral_gains: Levels
     damping_ratio: Positive
     noise_levels: Annotated[list[NotNegative], items()]
     noise_runs: Count
-    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -145,27 +142,18 @@ class Theory:
     lyapunov_window: Positive
 
 
-@dataclass(frozen=True)
-class Estimation:
-    """A figure of fault, estimate and error over time."""
+@dataclass(frozen=True, kw_only=True)
+class Estimation(types.Figure):
+    """Fault, estimate and error over time."""
 
     layout: Literal["estimation"]
-    scenario: str
-    observers: Names
-    title: str = ""
-    source: str = ""
 
 
-@dataclass(frozen=True)
-class MatchingFigure:
-    """The figure of the study."""
+@dataclass(frozen=True, kw_only=True)
+class MatchingFigure(types.StudyFigure):
+    """The study."""
 
     layout: Literal["matching"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,60 +1,103 @@
-"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts."""
+"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts.
+
+e is the fault torque minus its estimate on the faulty axis. Scores start one second (the ledger's
+`metrics.settling_skip`) after every onset; `nan` means that it never happens, or that there is
+none. The lower part is the theory's, in `theory.metrics.csv`: there the observer column may hold
+what is judged, the stuck fault is that of Fig. 1, and an interval is tau.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.papers.ilo import keys
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.ilo.prediction import predicted_error
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.scoring.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
-from reobserve.timeseries.series import Series
+from reobserve.scoring.metrics import Metric, Score, scores_of
+from reobserve.scoring.responses import first_crossing, peak, settling_time
+
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "rms_error": "root mean square of e over time",
+    "relative_rms_error": "the same over that of the fault",
+    "peak_error": "largest |e|, both limits counted where the estimate jumps",
+    "late_rms_error": "root mean square of e in the last second",
+    "final_error": "|e| at the end",
+    "residual_before_fault": "largest estimate on any axis before the first onset",
+    "detection_delay": "from the first onset until the estimate exceeds the threshold",
+    "settling_time": "from the last onset until |e| stays below the threshold",
+    "leakage": "largest estimate on the other two axes after the first onset",
+    "predicted_rms_error": "what linear theory says of `rms_error` in steady state",
+    "relative_rms_error <sweep>=<level>": "mean over the runs of a study at one level",
+    "violations": "random cases in which (5) of Lemma 1 fails",
+    "violations_without_mismatch": "the same of (12)",
+    "closest_ratio": "least right side of (5) over the left in these cases",
+    "torque_ratio size=<size>": (
+        "largest difference of gyroscopic torques per rate error of this size [rad/s]"
+    ),
+    "one_sided_constant": "eta that the proof needs at the initial rate",
+    "required_damping_at_identity": "least Lambda with which Theorem 1 certifies K1 = I",
+    "least_constant_error": (
+        "least share of a constant fault that certified designs leave unestimated"
+    ),
+    "least_promised_error": "least error that (18) promises, over the largest fault with that k_d",
+    "unstable_share": "of random certified designs",
+    "bound_18_ratio": (
+        "right side of (18) over the left, of a certified design under the stuck fault"
+    ),
+    "certified": "one if the conditions of Theorem 1 have a solution for an observer",
+    "required_damping": "least Lambda with which they have one",
+    "gain_margin multiple=<multiple>": (
+        "factor to the largest stable K2, v updated at a multiple of the interval"
+    ),
+    "noise_gain multiple=<multiple>": (
+        "standard deviation of the estimate over that of a noise drawn at each update"
+    ),
+    "unstable_roots": "characteristic roots in the right half-plane",
+    "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",
+    "growth_rate K1=<gain>": "of errors with this K1",
+    "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
+    "sine_error_slope": "of its logarithm over that of the interval",
+    "largest_interval frequency=<frequency>": (
+        "longest interval that keeps it below 5 %, half a period at most"
+    ),
+    "distance_from_integrator": (
+        "of the transfer to e from that with the integrator K2 / tau, over its size"
+    ),
+    "decay_rate_at_rest": "slowest of the adaptive observer's errors, without torques",
+    "residual_after_other_start": (
+        "largest estimate in the second before the fault, if the observer starts from zero rate"
+    ),
+    "late_relative_error_after_other_start": (
+        "root mean square of e over the fault in the last second of that run"
+    ),
+    "late_relative_error_under_a_constant": (
+        "the same of the adaptive observer under the stuck fault"
+    ),
+    "relative_error slowdown=<factor>": "the same from when updates become rarer by a factor",
+    "rising_share": "of the times at which V exceeds what it was an interval before, once d = 0",
+    "largest_rise": "largest relative change of V over an interval",
+    "relative_error_under_jumps": "root mean square of e over a fault that takes random values",
+    "relative_rate_error_under_jumps": "the same of the rate, all axes",
+}
 
 
-def measure(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Sequence[Mapping[str, str]] | None = None,
-) -> list[Metric]:
-    """The numbers of a figure, observer by observer; see ``results/README.md`` for their names.
-
-    Raises
-    ------
-    InputError
-        If a setting of the metrics cannot be used.
-    """
-    job = read_job(keys.Ledger, settings)
-    axis = job.metrics.axis
-    found = [
-        Metric(name, *numbers)
-        for name, estimate in estimates.items()
-        for numbers in _judge(job, plant, estimate, name, axis - 1)
-    ]
-    if study is not None:
-        found += _summarise(study)
-    return found
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure, observer by observer; see `MEANINGS`."""
+    for name in data.estimates:
+        yield from scores_of(name, _scores(data, name))
+    score = "relative_rms_error"
+    if data.study:  # the mean over the runs at each level
+        for (observer, sweep, level), runs in data.study.groups("observer", "sweep", "level"):
+            yield Metric.at(observer, (score, float(np.mean(runs[score])), "1"), **{sweep: level})
 
 
-def _summarise(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
-    """The mean over runs at each level, as metrics named after the sweep and the level."""
-    groups: dict[tuple[str, str, str], list[float]] = {}
-    for row in rows:
-        key = (row["observer"], row["sweep"], row["level"])
-        groups.setdefault(key, []).append(float(row["relative_rms_error"]))
-    return [
-        Metric(observer, f"relative_rms_error_at_{sweep}_{float(level):g}", float(np.mean(v)), "1")
-        for (observer, sweep, level), v in groups.items()
-    ]
-
-
-def _judge(
-    job: Job, plant: Series, estimate: Series, name: str, axis: int
-) -> Iterator[tuple[str, float, str]]:
+def _scores(data: FigureData, name: str) -> Iterator[Score]:
+    job, plant, estimate = data.job, data.plant, data.estimates[name]
     rules = job.metrics
+    axis = rules.axis - 1
     onsets = plant.events["onsets"]
     errors = Errors.of(plant, estimate, axis)
     score = scored(errors, onsets, rules.settling_skip)
@@ -67,11 +110,10 @@ def _judge(
     v_before = estimate["fault_before"][~before]
     threshold = rules.residual_threshold
 
-    rms = root_mean_square(score.start, score.end)
-    yield "rms_error", rms, "N m"
-    yield "relative_rms_error", rms / root_mean_square(score.fault_start, score.fault_end), "1"
+    yield "rms_error", score.root_mean_square, "N m"
+    yield "relative_rms_error", score.relative_root_mean_square, "1"
     yield "peak_error", peak(score.start, score.end), "N m"
-    yield "late_rms_error", root_mean_square(late.start, late.end), "N m"
+    yield "late_rms_error", late.root_mean_square, "N m"
     yield "final_error", abs(float(errors.end[-1])), "N m"
     yield "residual_before_fault", peak(estimate["fault"][before]), "N m"
     seen = first_crossing(time, v[:-1, axis], v_before[1:, axis], threshold)

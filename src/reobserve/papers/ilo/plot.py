@@ -2,60 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, TRUTH, Style, add_note, decades, new_figure, thin
-from reobserve.errors import InputError
-from reobserve.ledger.types import Job, Settings, named, read_job
+from reobserve.drawing.figures import (
+    STYLES,
+    TRUTH,
+    Style,
+    add_note,
+    decades,
+    envelope,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve.ledger.figure_data import FigureData
+from reobserve.ledger.types import Job, named
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
-
-Rows = Sequence[Mapping[str, Any]]
+from reobserve.scoring.study_table import StudyTable
 
 
-def draw(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Rows | None,
-    metrics: Sequence[Metric],
-) -> Figure:
-    """The figure in the layout that the ledger names: ``estimation`` or ``matching``.
-
-    Raises
-    ------
-    InputError
-        If there is no such layout, or ``matching`` has no study.
-    """
-    job = read_job(keys.Ledger, settings)
-    layout = job.figure.layout
-    if layout == "estimation":
-        return _estimation(job, plant, estimates)
-    if layout == "matching" and study is not None:
-        return _matching(job, plant, estimates, study)
-    raise InputError("layout", f"{layout!r} must be estimation, or matching with a study")
-
-
-def _estimation(job: Job, plant: Series, estimates: Mapping[str, Series]) -> Figure:
+def estimation(data: FigureData) -> Figure:
+    """The fault and its estimate by the first observer, its error, and the size of all errors."""
+    job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
     labels = {name: job.observers[name].label for name in estimates}
     main = next(iter(estimates))
     figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
 
-    _fault(above, plant, axis)
-    time, value = thin(estimates[main].time, estimates[main]["fault"][:, axis - 1])
-    above.plot(time, value, **STYLES[0].line(), label=f"estimate v: {labels[main]}")
+    fault, found = (
+        thin(series.time, series["fault"][:, axis - 1]) for series in (plant, estimates[main])
+    )
+    above.plot(*fault, **TRUTH.line(), label=f"fault of thruster {axis}")
+    above.plot(*found, **STYLES[0].line(), label=f"estimate v: {labels[main]}")
     above.set_ylabel("torque [N m]")
     above.set_title("(a) fault and its estimate")
     above.legend(loc="upper left", ncols=2)
-    _headroom(above)
+    headroom(above, 0.28)
 
     for index, (name, estimate) in enumerate(estimates.items()):
         errors = Errors.of(plant, estimate, axis - 1)
@@ -63,41 +51,24 @@ def _estimation(job: Job, plant: Series, estimates: Mapping[str, Series]) -> Fig
             middle.plot(*thin(errors.time, errors.start), **STYLES[0].line())
         with np.errstate(divide="ignore"):
             size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
-        below.semilogy(*_envelope(errors.time, size), **STYLES[index].line(), label=labels[name])
+        below.semilogy(
+            *envelope(errors.time, size, 0.01), **STYLES[index].line(), label=labels[name]
+        )
     middle.set_ylabel("error e [N m]")
     middle.set_title(f"(b) estimation error e = fault − v: {labels[main]}")
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
     below.set_ylim(1e-12, 10)
     decades(below.yaxis)
-    below.set_xlabel("time [s]")
-    below.set_xlim(plant.time[0], plant.time[-1])
+    time_axis(below, plant.time)
     below.legend(loc="center right", bbox_to_anchor=(1.0, 0.34))
     add_note(figure, _note(job))
     return figure
 
 
-def _fault(axes: Axes, plant: Series, axis: int) -> None:
-    time, fault = thin(plant.time, plant["fault"][:, axis - 1])
-    axes.plot(time, fault, **TRUTH.line(), label=f"fault of thruster {axis}")
-
-
-def _headroom(axes: Axes) -> None:
-    """Room for the legend above the curves."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.28 * (high - low))
-
-
-def _envelope(time: Any, size: Any, width: float = 0.01) -> tuple[Any, Any]:
-    """The largest value in each bin of ``width`` seconds."""
-    per_bin = max(1, round(width / (time[1] - time[0])))
-    bins = len(time) // per_bin
-    blocks = size[: bins * per_bin].reshape(bins, per_bin)
-    largest = np.where(np.isnan(blocks).all(axis=1), np.nan, np.fmax.reduce(blocks, axis=1))
-    return time[: bins * per_bin : per_bin], largest
-
-
-def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Rows) -> Figure:
+def matching(data: FigureData) -> Figure:
+    """Errors over the integral gain and over noise, and those of the ILO and its match in time."""
+    job, plant, study = data.job, data.plant, data.study
     names = job.study.observers
     labels = {name: job.observers[name].label for name in names}
     styles = dict(zip(names, STYLES, strict=False))
@@ -110,7 +81,7 @@ def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Ro
         ("ilo", "continuous", "ILO, continuous, K₁ = I, K₂ = Γτ"),
     )
     for family, like, label in families:
-        _sweep(gains, rows, "integral_gain", family, styles[like], label)
+        _sweep(gains, study, "integral_gain", family, styles[like], label)
     gains.set_xlabel("integral gain Γ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
@@ -124,7 +95,7 @@ def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Ro
     gains.legend(loc="lower left", bbox_to_anchor=(0.02, 0.1))
 
     for name in names:
-        _sweep(noise, rows, "noise", name, styles[name], labels[name])
+        _sweep(noise, study, "noise", name, styles[name], labels[name])
     noise.set_xlabel("standard deviation of the rate measurement [rad/s]")
     noise.set_ylabel("relative RMS error [%]")
     noise.set_title("(b) the same error over the measurement noise")
@@ -133,7 +104,7 @@ def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Ro
 
     for name in ("continuous", "matched"):
         onset = plant.events["onsets"][0]
-        errors = Errors.of(plant, estimates[name], axis - 1).window(onset - 0.1, onset + 2.5)
+        errors = Errors.of(plant, data.estimates[name], axis - 1).window(onset - 0.1, onset + 2.5)
         trace.plot(*thin(errors.time, errors.start), **styles[name].line(), label=labels[name])
     trace.set_xlabel("time [s]")
     trace.set_ylabel("error e [N m]")
@@ -144,20 +115,15 @@ def _matching(job: Job, plant: Series, estimates: Mapping[str, Series], rows: Ro
     return figure
 
 
-def _sweep(axes: Axes, rows: Rows, sweep: str, name: str, style: Style, label: str) -> None:
+def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, label: str) -> None:
     """The mean over runs against the level, and the span of the runs behind it."""
-    levels: dict[float, list[float]] = {}
-    for row in rows:
-        if row["sweep"] == sweep and row["observer"] == name:
-            score = 100 * float(row["relative_rms_error"])
-            levels.setdefault(float(row["level"]), []).append(score)
-    level = sorted(levels)
-    mean = [float(np.mean(levels[x])) for x in level]
-    axes.loglog(level, mean, **style.points(), label=label)
+    runs = study.where(sweep=sweep, observer=name).by_level("level", "relative_rms_error")
+    scores = [100 * one for one in runs.values()]
+    axes.loglog(list(runs), [np.mean(one) for one in scores], **style.points(), label=label)
     decades(axes.xaxis)
     decades(axes.yaxis)
-    least, most = ([end(levels[x]) for x in level] for end in (min, max))
-    axes.fill_between(level, least, most, color=style.color, alpha=0.2, linewidth=0)
+    least, most = ([end(one) for one in scores] for end in (np.min, np.max))
+    axes.fill_between(list(runs), least, most, color=style.color, alpha=0.2, linewidth=0)
 
 
 def _note(job: Job) -> str:
@@ -183,3 +149,6 @@ def _note(job: Job) -> str:
 
 def _short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else "matrix, see the ledger"
+
+
+LAYOUTS = {"estimation": estimation, "matching": matching}

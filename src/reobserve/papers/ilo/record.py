@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+"""What a record of the plant and estimates hold: the channels and their units."""
 
 from __future__ import annotations
 
@@ -6,11 +6,6 @@ from reobserve.ledger.types import Job
 from reobserve.timeseries.series import Shape
 
 EVENTS = ("onsets",)
-
-
-def axis(job: Job) -> tuple[float, float]:
-    """Horizon and step of a record [s]."""
-    return job.plant.horizon, job.plant.step
 
 
 def plant(_: Job) -> dict[str, Shape]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.scoring.responses import root_mean_square_of_steps, window
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
@@ -29,14 +30,21 @@ class Errors:
 
     def window(self, first: float, last: float = np.inf) -> Errors:
         """The steps that start at ``first`` or later and before ``last``."""
-        keep = (self.time > first - 1e-9) & (self.time < last - 1e-9)
-        return Errors(
-            self.time[keep],
-            self.start[keep],
-            self.end[keep],
-            self.fault_start[keep],
-            self.fault_end[keep],
-        )
+        return self.of_steps(window(self.time, first, last))
+
+    def of_steps(self, chosen: NDArray[np.bool_]) -> Errors:
+        """Some of the steps."""
+        return Errors(*(getattr(self, part.name)[chosen] for part in fields(self)))
+
+    @property
+    def root_mean_square(self) -> float:
+        """Of e [N m]."""
+        return root_mean_square_of_steps(self.start, self.end)
+
+    @property
+    def relative_root_mean_square(self) -> float:
+        """The same over that of u_f."""
+        return self.root_mean_square / root_mean_square_of_steps(self.fault_start, self.fault_end)
 
     @classmethod
     def of(cls, plant: Series, estimate: Series, axis: int) -> Errors:
@@ -58,10 +66,4 @@ def scored(errors: Errors, onsets: Sequence[float], skip: float) -> Errors:
     keep = errors.time > (onsets[0] if onsets else 0.0) - 1e-9
     for onset in onsets or (0.0,):
         keep &= (errors.time < onset - 1e-9) | (errors.time > onset + skip - 1e-9)
-    return Errors(
-        errors.time[keep],
-        errors.start[keep],
-        errors.end[keep],
-        errors.fault_start[keep],
-        errors.fault_end[keep],
-    )
+    return errors.of_steps(keep)

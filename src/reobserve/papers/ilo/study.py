@@ -27,7 +27,6 @@ from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.papers.ilo.setup import build_observer, held_noise, known_body
 from reobserve.plain_data.files import NAME, NUMBER, SCORE, WHOLE
-from reobserve.scoring.metrics import root_mean_square
 from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
@@ -116,6 +115,4 @@ def _score(
     estimated = observe(built, Job(job.plant, observer=observer), record)
     axis, skip = job.metrics.axis - 1, job.metrics.settling_skip
     errors = scored(Errors.of(plant, estimated, axis), plant.events["onsets"], skip)
-    return root_mean_square(errors.start, errors.end) / root_mean_square(
-        errors.fault_start, errors.fault_end
-    )
+    return errors.relative_root_mean_square

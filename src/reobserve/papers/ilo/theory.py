@@ -92,7 +92,7 @@ def _assumption(theory: keys.Theory, start: list[float], body: RigidBody) -> Ite
     for size in theory.rate_errors:
         difference = gyroscopic(rate) - gyroscopic(rate - size * directions)
         ratio = float(np.max(np.linalg.norm(difference, axis=1))) / size
-        yield Metric("assumption_2", f"torque_ratio_at_{size:g}", ratio, "N m s/rad")
+        yield Metric.at("assumption_2", ("torque_ratio", ratio, "N m s/rad"), size=size)
     eta = gyroscopic_eta(inertia, float(np.linalg.norm(rate)))
     yield Metric("assumption_2", "one_sided_constant", eta, "N m s/rad")
 

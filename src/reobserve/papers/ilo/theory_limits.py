@@ -50,7 +50,7 @@ def measure(job: Job) -> Iterator[Metric]:
     for K1 in theory.excessive_learning_gains:
         rate = continuous_stability(_law(body, replace(learning, K1=K1))).growth_rate
         found = float("nan") if rate is None else rate
-        yield Metric("continuous", f"growth_rate_at_K1_{K1:g}", found, "1/s")
+        yield Metric.at("continuous", ("growth_rate", found, "1/s"), K1=K1)
     yield from _accuracy(_law(body, learning), theory, axis)
     yield from _resemblance(_law(body, learning), theory.frequency, axis)
     rate = _decay_rate(body, named(observers, "adaptive", keys.Adaptive))
@@ -68,9 +68,9 @@ def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metr
     for multiple in multiples:
         slower = replace(law, update_interval=multiple * law.update_interval)
         margin = sampled_limit_gain(slower)
-        yield Metric("sampled", f"gain_margin_at_multiple_{multiple:g}", margin, "1")
+        yield Metric.at("sampled", ("gain_margin", margin, "1"), multiple=multiple)
         gain = _noise_gain(slower, axis) if margin > 1 else float("nan")
-        yield Metric("sampled", f"noise_gain_at_multiple_{multiple:g}", gain, "N m s/rad")
+        yield Metric.at("sampled", ("noise_gain", gain, "N m s/rad"), multiple=multiple)
 
 
 def _noise_gain(law: LearningLaw, axis: int) -> float:
@@ -101,12 +101,12 @@ def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metr
     intervals, omega = theory.intervals, theory.frequency
     errors = [error(omega, interval) for interval in intervals]
     for interval, value in zip(intervals, errors, strict=True):
-        yield Metric("continuous", f"sine_error_at_interval_{interval:g}", value, "1")
+        yield Metric.at("continuous", ("sine_error", value, "1"), interval=interval)
     slope = float(np.polyfit(np.log(intervals), np.log(errors), 1)[0])
     yield Metric("continuous", "sine_error_slope", slope, "1")
     for frequency in theory.frequencies:
         longest = _largest_interval(error, frequency, theory.accuracy)
-        yield Metric("continuous", f"largest_interval_at_{frequency:g}", longest, "s")
+        yield Metric.at("continuous", ("largest_interval", longest, "s"), frequency=frequency)
 
 
 def _largest_interval(

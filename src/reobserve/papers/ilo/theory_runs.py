@@ -19,7 +19,8 @@ from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.setup import build_observer, known_body, stride
-from reobserve.scoring.metrics import Metric, peak, root_mean_square
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import peak, root_mean_square_of_steps
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_theorem import bound18, certify
 from reobserve.timeseries.series import Series
@@ -63,7 +64,8 @@ class _Bench:
     def late(self, errors: Errors) -> float:
         """Relative error in the last window of the run."""
         window = self.job.metrics.late_window
-        return _relative(errors.window(float(self.stuck.time[-1]) - window))
+        late = errors.window(float(self.stuck.time[-1]) - window)
+        return late.relative_root_mean_square
 
     @property
     def eta(self) -> float:
@@ -90,7 +92,7 @@ def measure(job: Job) -> Iterator[Metric]:
     yield Metric("adaptive", "late_relative_error_under_a_constant", constant, "1")
     for factor in theory.slowdowns:
         found = _slowed(bench, factor)
-        yield Metric("sampled", f"relative_error_slowed_by_{factor:g}", found, "1")
+        yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
     yield from _lyapunov(bench)
     yield from _bound(bench)
     fault = _jumps(theory, job.plant.horizon, job.metrics.axis)
@@ -101,11 +103,6 @@ def measure(job: Job) -> Iterator[Metric]:
 
 def _record(plant: keys.Plant, fault: Terms) -> Series:
     return simulate(Job(plant, scenario=keys.Scenario(fault)))
-
-
-def _relative(errors: Errors) -> float:
-    fault = root_mean_square(errors.fault_start, errors.fault_end)
-    return root_mean_square(errors.start, errors.end) / fault
 
 
 def _jumps(theory: keys.Theory, horizon: float, axis: int) -> Terms:
@@ -124,7 +121,7 @@ def _under_jumps(bench: _Bench, jumping: Series, name: str) -> Iterator[Metric]:
     """Errors of fault and rate once the first jump is past, later jumps included."""
     first = jumping.events["onsets"][0] + bench.job.metrics.settling_skip
     estimate = bench.estimate(name, jumping)
-    found = _relative(bench.errors(estimate, jumping).window(first))
+    found = bench.errors(estimate, jumping).window(first).relative_root_mean_square
     yield Metric(name, "relative_error_under_jumps", found, "1")
     kept = estimate.time > first - 1e-9
     rates, _ = _rate_and_error(jumping, estimate)
@@ -171,7 +168,7 @@ def _slowed(bench: _Bench, factor: float) -> float:
         return float("nan")
     truth = fault[change::2, axis]
     error = truth[:-1] - run["fault"][:-1, axis], truth[1:] - run.before["fault"][1:, axis]
-    return root_mean_square(*error) / root_mean_square(truth[:-1], truth[1:])
+    return root_mean_square_of_steps(*error) / root_mean_square_of_steps(truth[:-1], truth[1:])
 
 
 def _lyapunov(bench: _Bench) -> Iterator[Metric]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from reobserve.errors import InputError
+from reobserve.ledger import types
 from reobserve.ledger.conditions import (
     Levels,
     Names,
@@ -129,25 +130,20 @@ class Search:
     title: str = ""
 
 
-@dataclass(frozen=True)
-class Neighbourhood:
+@dataclass(frozen=True, kw_only=True)
+class Neighbourhood(types.Study):
     """How far each tuned number may move before a quoted value leaves its band."""
 
     method: Literal["neighbourhood"]
-    scenario: str
-    observers: Names
     kept: str
     factors: Changed
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class Changes:
+@dataclass(frozen=True, kw_only=True)
+class Changes(types.Study):
     """The calibrated banks with one thing changed."""
 
     method: Literal["changes"]
-    scenario: str
-    observers: Names
     prbs: Voltage
     square: Voltage
     sweep: Voltage
@@ -155,16 +151,13 @@ class Changes:
     shares: Changed
     layer_factors: Changed
     noise: Motion
-    title: str = ""
 
 
-@dataclass(frozen=True)
-class Closeness:
+@dataclass(frozen=True, kw_only=True)
+class Closeness(types.Study):
     """Correct diagnoses against how far apart the models are."""
 
     method: Literal["closeness"]
-    scenario: str
-    observers: Names
     input: Voltage
     horizon: Positive
     onset: Positive
@@ -173,7 +166,6 @@ class Closeness:
     shares: Levels
     noise_levels: Levels
     runs: Annotated[int, within(1, 100_000)]
-    title: str = ""
 
 
 Study = Neighbourhood | Changes | Closeness
@@ -203,27 +195,18 @@ class Theory:
     spread: Positive
 
 
-@dataclass(frozen=True)
-class Probabilities:
-    """A figure of the probability of one mode."""
+@dataclass(frozen=True, kw_only=True)
+class Probabilities(types.Figure):
+    """The probability of one mode."""
 
     layout: Literal["normal", "leakage"]
-    scenario: str
-    observers: Names
-    title: str = ""
-    source: str = ""
 
 
-@dataclass(frozen=True)
-class StudyFigure:
-    """The figure of a study, which the layout names."""
+@dataclass(frozen=True, kw_only=True)
+class OfStudy(types.StudyFigure):
+    """A study."""
 
     layout: Literal["neighbourhood", "changes", "closeness"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -237,4 +220,4 @@ class Ledger:
     studies: Mapping[str, Study]
     theory: Theory
     metrics: Metrics
-    figures: Mapping[str, Probabilities | StudyFigure]
+    figures: Mapping[str, Probabilities | OfStudy]

@@ -1,11 +1,10 @@
-"""Build everything the ledger states, once, and run nothing: errors show before a long build."""
+"""What of the ledger takes building to see: errors show before a long build."""
 
 from __future__ import annotations
 
-from reobserve.errors import located
-from reobserve.ledger.check import building, check_figures, check_scenarios
+from reobserve.ledger.check import Checks
 from reobserve.ledger.types import Job
-from reobserve.papers.imm import keys, observe, plant, search, theory
+from reobserve.papers.imm import observe, plant, search, theory
 from reobserve.papers.imm.scoring import check_rules
 from reobserve.papers.imm.setup import start
 from reobserve.papers.imm.study import check_study
@@ -13,20 +12,17 @@ from reobserve.papers.imm.study import check_study
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
 
 
-def check(ledger: keys.Ledger) -> None:
-    """Raise the `InputError` that a stage would raise, with the config key of the ledger."""
-    check_scenarios(ledger, plant.build)
-    for name, observer in ledger.observers.items():
-        with building(f"observers.{name}"):
-            start(observe.build(Job(ledger.plant, observer=observer), PERIOD), observer)
-    check_rules(ledger.metrics, ledger.plant.horizon)
-    for name, study in ledger.studies.items():
-        with building(f"studies.{name}"):
-            scenario = ledger.scenarios[study.scenario]
-            check_study(Job(ledger.plant, scenario=scenario, study=study))
-    for name, body in ledger.searches.items():
-        with located(f"searches.{name}"):
-            search.check(body)
-    check_figures(ledger, keys.StudyFigure, {})
-    with located("theory"):
-        theory.check(ledger.theory, ledger.observers)
+def _start(job: Job) -> object:
+    return start(observe.build(job, PERIOD), job.observer)
+
+
+CHECKS = Checks(
+    build={
+        "scenario": plant.build,
+        "observer": _start,
+        "metrics": lambda job: check_rules(job.metrics, job.plant.horizon),
+        "study": check_study,
+        "search": lambda job: search.check(job.search),
+        "theory": lambda job, _: theory.check(job.theory, job.observers),
+    }
+)

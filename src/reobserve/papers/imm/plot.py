@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.layouts import by_layout
 from reobserve.papers.imm import (
-    keys,
     plot_changes,
     plot_closeness,
     plot_neighbourhood,
@@ -18,5 +16,3 @@ LAYOUTS = {
     "changes": plot_changes.draw,
     "closeness": plot_closeness.draw,
 }
-
-draw = by_layout(keys.Ledger, LAYOUTS, ("neighbourhood", "changes", "closeness"))

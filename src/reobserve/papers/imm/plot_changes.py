@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, WIDTH, add_note
-from reobserve.ledger.types import Job
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.ledger.figure_data import FigureData
 
 _NAMES = {
     "as_stated": "as calibrated",
@@ -26,28 +21,18 @@ _NAMES = {
 }
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """Normal and leakage mode, one row a change."""
-    values = {
-        (row["observer"], row["sweep"], float(row["level"]), row["quantity"]): float(row["value"])
-        for row in study
-    }
-    changes = list(dict.fromkeys((sweep, level) for _, sweep, level, _ in values))
+    study, observers = data.study, data.job.observers
+    changes = [change for change, _ in study.groups("sweep", "level")]
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(changes)))
     panels = figure.subplots(1, 2, sharey=True)
-    observers = job.observers
     for axes, (mode, place) in zip(panels, (("normal", 0), ("leakage", 1)), strict=True):
         for order, (style, name) in enumerate(zip(STYLES, observers, strict=False)):
-            found = [values.get((name, *change, f"{mode}_after")) for change in changes]
-            rows = [row + 0.2 * (order - 1) for row in range(len(changes))]
+            mine = study.where(observer=name, quantity=f"{mode}_after")
+            told = [change for change, _ in mine.groups("sweep", "level")]
             axes.plot(
-                [value if value is not None else float("nan") for value in found], rows,
+                mine["value"], [changes.index(change) + 0.2 * (order - 1) for change in told],
                 linestyle="", marker=style.marker, color=style.color, markersize=4.5,
                 label=observers[name].label,
             )  # fmt: skip

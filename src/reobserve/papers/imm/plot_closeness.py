@@ -2,70 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, add_note, new_figure
-from reobserve.ledger.types import Job
-from reobserve.papers.imm.metrics import diagnoses
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.imm.metrics import diagnoses, noise_of
 
 Array = NDArray[np.float64]
 
 NORMAL_QUANTILE = 1.959963984540054  # of 0.975
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """One panel a level of noise; bands are Wilson's intervals of 95 %."""
-    found = diagnoses(study)
-    levels = list(dict.fromkeys(noise for _, noise in found))
-    figure, panels = new_figure((1.75,) * len(levels), share_time=True)
+    job, study = data.job, data.study
+    sweeps = study.levels("sweep")
+    figure, panels = new_figure((1.75,) * len(sweeps), share_time=True)
     wanted = job.study.enough
     labels = {name: body.label for name, body in job.observers.items()}
-    names = list(dict.fromkeys(name for name, _ in found if name != "models"))
-    for axes, noise, letter in zip(panels, levels, "abcdefgh", strict=False):
-        gaps = found["models", noise]
+    names = study.where(quantity="probability").levels("observer")
+    for axes, sweep, letter in zip(panels, sweeps, "abcdefgh", strict=False):
         for style, name in zip(STYLES, names, strict=False):
-            shares = found[name, noise]
-            x = [gaps[share][0] for share in shares]
-            right = np.array([np.count_nonzero(np.array(v) > 0.5) for v in shares.values()])
-            runs = np.array([len(v) for v in shares.values()])
-            low, high = wilson(right, runs)
-            axes.plot(
-                x,
-                right / runs,
-                **style.points(),
-                label=labels.get(name, f"{labels[names[0]]}, no mixing"),
+            gaps, right, runs = diagnoses(study, name, sweep)
+            label = labels.get(name, f"{labels[names[0]]}, no mixing")
+            axes.plot(gaps, right / runs, **style.points(), label=label)
+            axes.fill_between(
+                gaps, *wilson(right, runs), color=style.color, alpha=0.18, linewidth=0
             )
-            axes.fill_between(x, low, high, color=style.color, alpha=0.18, linewidth=0)
         axes.axhline(wanted, color="0.4", linewidth=0.8, linestyle=":")
         axes.set_xscale("log")
         axes.set_ylim(-0.04, 1.04)
         axes.set_ylabel("correct share")
-        size = float(noise.removeprefix("noise_"))
-        axes.set_title(f"({letter}) noise of {size:.0%} of each output")
+        axes.set_title(f"({letter}) noise of {noise_of(sweep):.0%} of each output")
     panels[0].legend(loc="lower right")
     panels[-1].set_xlabel("ν-gap between the normal and the faulty model")
-    panels[-1].xaxis.set_major_formatter("{x:g}")
-    panels[-1].set_xticks((0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
-    panels[-1].xaxis.set_minor_formatter("")
-    study_settings = job.study
+    few_ticks(panels[-1], (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
     add_note(
         figure,
-        f"Pseudo-random input, {study_settings.runs:g} runs a point, bands of 95 % (Wilson). "
+        f"Pseudo-random input, {job.study.runs:g} runs a point, bands of 95 % (Wilson). "
         "Banks of two models: normal, and its blend with the leakage model\nthat the plant changes "
-        f"to. Correct: over the last {study_settings.judged:g} s the faulty model is the more "
+        f"to. Correct: over the last {job.study.judged:g} s the faulty model is the more "
         f"probable. Dotted: {wanted:.0%}.",
     )
     return figure

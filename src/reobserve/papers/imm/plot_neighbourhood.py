@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
+import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, add_note, new_figure
-from reobserve.ledger.types import Job
+from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.tuning import TUNED
-from reobserve.scoring.metrics import Metric, lookup
-from reobserve.timeseries.series import Series
 
 _NAMES = {
     "process_noise_1": "Q, position",
@@ -26,16 +22,10 @@ _NAMES = {
 }
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    metrics: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """A bar a number, and below the mean probabilities while one number moves."""
     figure, (bars, curves) = new_figure((2.5, 2.3), share_time=True)
-    numbers = lookup(metrics)
+    job, numbers = data.job, data.metrics
     most = max(job.study.factors)
     for row, parameter in enumerate(TUNED):
         low = numbers[parameter, "least_factor"]
@@ -58,15 +48,14 @@ def draw(
     for style, name in zip(STYLES, job.observers, strict=False):
         label = job.observers[name].label
         for quantity, width in (("normal_after", 1.2), ("leakage_after", 2.4)):
-            points = sorted(
-                (float(row["level"]), float(row["value"]))
-                for row in study
-                if row["observer"] == name
-                and row["quantity"] == quantity
-                and row["sweep"] in (narrow, "stated")
+            mine = data.study.where(observer=name, quantity=quantity)
+            rows = [mine.where(sweep=sweep) for sweep in (narrow, "stated")]
+            level, value = (
+                np.concatenate([one[part] for one in rows]) for part in ("level", "value")
             )
+            order = np.argsort(level)
             curves.plot(
-                *zip(*points, strict=True), color=style.color, linestyle=style.linestyle,
+                level[order], value[order], color=style.color, linestyle=style.linestyle,
                 linewidth=width,
                 label=f"{label}, {quantity.removesuffix('_after')}",
             )  # fmt: skip
@@ -76,9 +65,7 @@ def draw(
     curves.set_title(f"(b) the number with the least room: {_NAMES[narrow]}")
     curves.legend(loc="upper left", ncols=2)
     curves.set_xlabel("factor to the tuned number")
-    curves.xaxis.set_major_formatter("{x:g}")
-    curves.xaxis.set_minor_formatter("")
-    curves.set_xticks((0.1, 0.2, 0.5, 1, 2, 5, 10))
+    few_ticks(curves, (0.1, 0.2, 0.5, 1, 2, 5, 10))
     curves.set_xlim(0.93 / most, most / 0.93)
     add_note(
         figure,

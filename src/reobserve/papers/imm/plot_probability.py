@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, add_note, new_figure, thin
+from reobserve.drawing.figures import STYLES, add_note, headroom, new_figure, thin, time_axis
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.imm.setup import MODES
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 
-_PANELS = {
-    "normal": ("normal", "friction"),
-    "leakage": ("leakage", "friction"),
-}
 
-
-def draw(
-    job: Job,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    _: Sequence[Mapping[str, Any]],
-    __: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """The mode's probability with the values that the paper quotes, friction, and the velocity."""
+    job, plant, estimates = data.job, data.plant, data.estimates
     figure, (wanted, friction, motion) = new_figure((2.5, 1.2, 1.2))
     layout = job.figure.layout
-    for axes, mode, letter in zip((wanted, friction), _PANELS[layout], "ab", strict=True):
+    for axes, mode, letter in zip((wanted, friction), (layout, "friction"), "ab", strict=True):
         index = MODES.index(mode)
         for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
             time, low, mean, high = binned(estimate.time, estimate["probability"][:, index])
@@ -59,13 +45,11 @@ def draw(
     motion.set_ylabel("velocity, input")
     motion.set_title("(c) the plant")
     motion.legend(loc="upper left", ncols=2)
-    low_end, high_end = motion.get_ylim()
-    motion.set_ylim(low_end, high_end + 0.45 * (high_end - low_end))
+    headroom(motion, 0.45)
     onset = next(iter(estimates.values())).events["fault"][0]
     for axes in (wanted, friction, motion):
         axes.axvline(onset, color="0.4", linewidth=0.8, linestyle=":")
-    motion.set_xlabel("time [s]")
-    motion.set_xlim(plant.time[0], plant.time[-1])
+    time_axis(motion, plant.time)
     add_note(figure, _note(job))
     return figure
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import MODES
+from reobserve.scoring.metrics import Score
+from reobserve.scoring.responses import window
 
 Array = NDArray[np.float64]
-Score = tuple[str, float, str]
 
 
 def check_rules(rules: keys.Metrics, horizon: float) -> None:
@@ -27,12 +28,6 @@ def check_rules(rules: keys.Metrics, horizon: float) -> None:
                 )
 
 
-def window(time: Array, bounds: Any) -> NDArray[np.bool_]:
-    """The samples after the first bound up to the second [s]."""
-    chosen: NDArray[np.bool_] = (time > bounds[0] + 1e-9) & (time < bounds[1] + 1e-9)
-    return chosen
-
-
 def probabilities(
     rules: keys.Metrics, time: Array, probability: Array, onset: float, fault: int
 ) -> Iterator[Score]:
@@ -41,13 +36,13 @@ def probabilities(
     ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
     for when in ("before", "after"):
-        chosen = probability[window(time, getattr(rules, when))]
+        chosen = probability[window(time, *getattr(rules, when), closed="right")]
         for mode, mean in zip(MODES, np.mean(chosen, axis=0), strict=True):
             yield f"{mode}_{when}", float(mean), "1"
-    late = probability[window(time, rules.after)]
+    late = probability[window(time, *rules.after, closed="right")]
     for mode, spread in zip(MODES, np.std(late, axis=0), strict=True):
         yield f"{mode}_spread", float(spread), "1"
-    early = probability[window(time, rules.overshoot)]
+    early = probability[window(time, *rules.overshoot, closed="right")]
     yield "overshoot", float(np.max(early[:, 0]) - np.mean(late[:, 0])), "1"
     faulty = time > onset + 1e-9
     healthy = ~faulty & (time > rules.before[0])
@@ -56,7 +51,7 @@ def probabilities(
     yield "alarm_samples", round(alarm / (time[1] - time[0]), 6), "1"
     right = np.argmax(probability, axis=1) == fault
     yield "diagnosis_delay", _since(time, faulty & right, onset), "s"
-    yield "diagnosed_share", float(np.mean(right[window(time, rules.after)])), "1"
+    yield "diagnosed_share", float(np.mean(right[window(time, *rules.after, closed="right")])), "1"
     false = probability[healthy, 0] < rules.alarm
     yield "false_alarm_share", float(np.mean(false)), "1"
 
@@ -70,10 +65,11 @@ def quoted_distance(
     ``high`` that of the normal mode before it is compared with one, too. Over time and not of the
     means, so that a probability that jumps between 0 and 1 does not pass for one in between.
     """
-    late = probability[window(time, rules.after)]
+    late = probability[window(time, *rules.after, closed="right")]
     squares = [np.mean((late[:, mode] - quoted[place]) ** 2) for place, mode in enumerate((0, 2))]
     if high:
-        squares.append(np.mean((probability[window(time, rules.before)][:, 0] - 1.0) ** 2))
+        early = probability[window(time, *rules.before, closed="right")]
+        squares.append(np.mean((early[:, 0] - 1.0) ** 2))
     return float(np.sqrt(np.mean(squares)))
 
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError
 from reobserve.numerics.matrices import as_vector
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.scoring import quoted_distance, window
+from reobserve.papers.imm.scoring import quoted_distance
 from reobserve.papers.imm.setup import bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import ActuatorModel
+from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
@@ -91,8 +92,8 @@ class Calibration:
             if probability is None:
                 return Trial({}, float("nan"))
             time, rules = self.record.time[1:], self.rules
-            late = np.mean(probability[window(time, rules.after)], axis=0)
-            early = np.mean(probability[window(time, rules.before)], axis=0)
+            late = np.mean(probability[window(time, *rules.after, closed="right")], axis=0)
+            early = np.mean(probability[window(time, *rules.before, closed="right")], axis=0)
             means[name] = (float(late[0]), float(late[2]), float(early[0]))
             high = bool(body.quoted_high)
             squares.append(quoted_distance(rules, time, probability, body.quoted, high) ** 2)

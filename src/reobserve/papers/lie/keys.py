@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from reobserve.errors import InputError, shown
+from reobserve.ledger import types
 from reobserve.ledger.conditions import (
     Count,
     Names,
@@ -213,28 +214,19 @@ class Theory:
     choices: Count
 
 
-@dataclass(frozen=True)
-class Responses:
-    """A figure of errors over time."""
+@dataclass(frozen=True, kw_only=True)
+class Responses(types.Figure):
+    """Errors over time."""
 
     layout: Literal["errors", "forms"]
-    scenario: str
-    observers: Names
     study: str
-    title: str = ""
-    source: str = ""
 
 
-@dataclass(frozen=True)
-class StudyFigure:
-    """The figure of a study, which the layout names."""
+@dataclass(frozen=True, kw_only=True)
+class OfStudy(types.StudyFigure):
+    """A study."""
 
     layout: Literal["orders", "ensemble", "domain"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -249,4 +241,4 @@ class Ledger:
     tables: Mapping[str, Table]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Responses | StudyFigure]
+    figures: Mapping[str, Responses | OfStudy]

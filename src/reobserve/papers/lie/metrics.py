@@ -1,52 +1,83 @@
-"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief."""
+"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief.
+
+e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
+at an order or a degree summarise the study behind it, where the observer column holds the reading
+of the gain, the series or `cycle`, the limit cycle. From `eigenvalue_<part>` on they
+are those of the theory, where it holds the injection, the kind of systems or the formula that is
+judged. `nan` means that it never happens.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.papers.lie import keys
+from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.papers.lie.study_rows import table
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.scoring.metrics import Metric, Score, scores_of
+from reobserve.scoring.responses import error_of
 
-Rows = Sequence[Mapping[str, Any]]
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "ise": "integral of |e|^2 over time",
+    "ise_<component>": "the same of one component",
+    "peak_error": "largest |e|",
+    "peak_error_<component>": "the same of one component",
+    "final_error": "|e| at the end",
+    "settling_time": "until |e| stays below two per cent of its first value",
+    "decay_rate": "mean slope of log |e| over a turn of the limit cycle",
+    "floquet_exponent": "largest one of a small error on the limit cycle",
+    "period": "of the limit cycle",
+    "mean_square_output": "mean of y^2 over the limit cycle",
+    "ise order=<order>": "`ise` of an order; `nan` where the run diverges",
+    "settling_time order=<order>": "`settling_time` of an order",
+    "diverged_at order=<order>": "last time at which the estimate is finite",
+    "floquet_exponent order=<order>": "`floquet_exponent` of an order",
+    "share_better order=<order>": (
+        "of initial states, with an `ise` below that of the constant gain"
+    ),
+    "share_settled order=<order>": "of initial states, from which e settles within the run",
+    "share_diverged order=<order>": "of initial states, from which the estimate leaves all bounds",
+    "median_ise_ratio order=<order>": "median of `ise` over that of the constant gain",
+    "least_ise_ratio order=<order>": "the same from the initial state where it is least",
+    "distance": "of the limit cycle from the origin",
+    "outside_share": "of points at the edge of the domain of convergence of S, or outside",
+    "radius degree=<degree>": "estimated radius of convergence of S from its parts up to a degree",
+    "largest_error degree=<degree>": "of S(x) or T(z), cut off at a degree, on the limit cycle",
+    "eigenvalue_<part>": "real and largest imaginary part of the eigenvalues of A",
+    "largest_real_part": "of the eigenvalues of a small error's dynamics",
+    "coefficients_printed": "how many coefficients of T(z) the paper prints",
+    "coefficients_agreeing": "how many exact ones round to them",
+    "imaginary_part": "largest left over of a real part of S or T, relative to its size",
+    "largest_difference": "of S, T or L between Lie transform and direct roads, over fractions",
+    "largest_residual": "largest coefficient left in the equation for S, over fractions",
+    "deviation": "of z - S(x) from e^(A t) times its first value, relative to that",
+    "form_difference": "largest distance between estimates in z and in identity form",
+    "inverse_radius": "of the ball where S converges; 0 where the series ends",
+    "ise_ratio": "`ise` of the nonlinear injection over that of order 4",
+    "first_wrong_degree": "of T by (22), on the example",
+    "first_wrong_degree_random": "the same on a random system with terms of all degrees",
+    "spectrum_difference": "largest from an eigenvalue of ad_A to those of Lemma 4.17",
+    "off_diagonal": "largest entry of ad_A beside its diagonal for a diagonal A",
+    "lowest_degree_<series>": "of the terms beyond x, for a system with quadratic terms",
+    "share_unobservable": "of random systems, with a mode that the output does not show",
+    "smallest_eigenvalue": "of ad_A in absolute value",
+    "solvable": "1 where the equation for S has one solution, else 0",
+    "share": "of blind choices of poles, with divisors above a hundredth of their terms",
+}
 
 
-def measure(
-    settings: Settings,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    study: Rows | None = None,
-) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
-
-    Raises
-    ------
-    InputError
-        If a setting of the metrics cannot be used.
-    """
-    job = read_job(keys.Ledger, settings)
-    rules = job.metrics
-    found = [
-        Metric(name, *numbers)
-        for name, estimate in estimates.items()
-        for numbers in _judge(rules, plant, estimate)
-    ]
-    if study is not None:
-        found += _FROM_STUDY[job.study.method](job, study)
-    return found
+def measure(data: FigureData) -> Iterator[Metric]:
+    """The numbers of a figure; see `MEANINGS`."""
+    for name in data.estimates:
+        yield from scores_of(name, _scores(data, name))
+    yield from _FROM_STUDY[data.job.study.method](data)
 
 
-def _judge(
-    rules: keys.Metrics, plant: Series, estimate: Series
-) -> Iterator[tuple[str, float, str]]:
-    step = estimate.step
-    error = estimate["state"] - plant["state"][:: round(step / plant.step)]
+def _scores(data: FigureData, name: str) -> Iterator[Score]:
+    rules, estimate = data.job.metrics, data.estimates[name]
+    step, error = estimate.step, error_of(data.plant, estimate, "state")
     squares = integral_of_squares(error, step)
     size = np.linalg.norm(error, axis=1)
     for i, value in enumerate(squares):
@@ -60,54 +91,51 @@ def _judge(
     yield "decay_rate", decay_rate(error, step, *rules.decay_window), "1/s"
 
 
-def _orders(job: Job, study: Rows) -> Iterator[Metric]:
+def _orders(data: FigureData) -> Iterator[Metric]:
     """All of the study where a figure draws it; else the exponents of the figure's observers."""
-    values = table(study)
+    study, job = data.study, data.job
     for quantity, unit in (("period", "s"), ("mean_square_output", "1")):
-        yield Metric("cycle", quantity, values["cycle", quantity][0][0], unit)
+        yield Metric("cycle", quantity, study.value(form="cycle", quantity=quantity), unit)
     if job.figure.layout == "orders":
-        for row in study:
-            if row["form"] != "cycle":
-                name = f"{row['quantity']}_order_{int(row['order'])}"
-                yield Metric(row["form"], name, float(row["value"]), row["unit"])
+        for (form, order, quantity, unit), rows in study.groups(
+            "form", "order", "quantity", "unit"
+        ):
+            if form != "cycle":
+                yield Metric.at(form, (quantity, rows.value(), unit), order=order)
         return
     for name, observer in job.observers.items():
-        form = name if (name, "ise") in values else getattr(observer, "gain", "")
-        exponents = values.get((form, "floquet_exponent"), {})
-        if observer.order in exponents:
-            yield Metric(name, "floquet_exponent", exponents[observer.order][0], "1/s")
+        own = name in study["form"]
+        form = name if own else getattr(observer, "gain", "")
+        found = study.where(form=form, quantity="floquet_exponent", order=observer.order)
+        for value in found["value"]:
+            yield Metric(name, "floquet_exponent", float(value), "1/s")
 
 
-def _domain(_: Job, study: Rows) -> Iterator[Metric]:
-    """The summaries of the study, those of a series named after its degree."""
-    for row in study:
-        if row["x1"] == "":
-            degree = f"_degree_{row['order']}" if row["form"] in ("S", "T") else ""
-            yield Metric(
-                row["form"], f"{row['quantity']}{degree}", float(row["value"]), row["unit"]
-            )
+def _domain(data: FigureData) -> Iterator[Metric]:
+    """The summaries of the study, those of a series at their degree."""
+    study = data.study
+    for (form, order, quantity, unit), rows in study.groups("form", "order", "quantity", "unit"):
+        if np.isnan(rows["x1"]).all():
+            degree = {"degree": order} if form in ("S", "T") else {}
+            yield Metric.at(form, (quantity, rows.value(), unit), **degree)
 
 
-def _ensemble(_: Job, study: Rows) -> Iterator[Metric]:
+def _ensemble(data: FigureData) -> Iterator[Metric]:
     """Over all initial states: which share is better than the constant gain, settles, diverges."""
-    values = table(study)
-    reference = np.array(values["constant", "ise"][0])
-    for form, quantity in values:
-        if quantity != "ise":
-            continue
-        for order, squares in values[form, "ise"].items():
-            ise = np.array(squares)
-            settled = float(np.mean(values[form, "settled"][order]))
-            diverged = float(np.mean(values[form, "diverged"][order]))
-            with np.errstate(invalid="ignore"):
-                better = float(np.mean(ise < reference))
-            ratios = np.where(np.isnan(ise), np.inf, ise) / reference
-            yield Metric(form, f"share_better_{order}", better, "1")
-            yield Metric(form, f"share_settled_{order}", settled, "1")
-            yield Metric(form, f"share_diverged_{order}", diverged, "1")
-            for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
-                value = float(ratio) if np.isfinite(ratio) else float("nan")
-                yield Metric(form, f"{name}_ise_ratio_{order}", value, "1")
+    study = data.study
+    reference = study.where(form="constant", quantity="ise")["value"]
+    for (form, order), rows in study.groups("form", "order"):
+        ise, settled, diverged = (
+            rows.where(quantity=quantity)["value"] for quantity in ("ise", "settled", "diverged")
+        )
+        with np.errstate(invalid="ignore"):
+            better = ise < reference
+        for what, states in (("better", better), ("settled", settled), ("diverged", diverged)):
+            yield Metric.at(form, (f"share_{what}", float(np.mean(states)), "1"), order=order)
+        ratios = np.where(np.isnan(ise), np.inf, ise) / reference
+        for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
+            value = float(ratio) if np.isfinite(ratio) else float("nan")
+            yield Metric.at(form, (f"{name}_ise_ratio", value, "1"), order=order)
 
 
 _FROM_STUDY = {"orders": _orders, "ensemble": _ensemble, "domain": _domain}

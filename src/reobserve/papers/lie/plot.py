@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.layouts import by_layout
-from reobserve.papers.lie import keys, plot_domain, plot_ensemble, plot_errors, plot_orders
+from reobserve.papers.lie import plot_domain, plot_ensemble, plot_errors, plot_orders
 
 LAYOUTS = {
     "errors": plot_errors.responses,
@@ -12,5 +11,3 @@ LAYOUTS = {
     "ensemble": plot_ensemble.draw,
     "domain": plot_domain.draw,
 }
-
-draw = by_layout(keys.Ledger, LAYOUTS, ("orders", "ensemble", "domain"))

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, TRUTH, WIDTH, add_note, decades
-from reobserve.ledger.types import Job
-from reobserve.papers.lie.study_rows import table
-from reobserve.scoring.metrics import Metric, lookup
-from reobserve.timeseries.series import Series
+from reobserve.ledger.figure_data import FigureData
+from reobserve.scoring.study_table import StudyTable
 
 
-def draw(
-    job: Job,
-    plant: Series,
-    _: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    metrics: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
-    numbers, values = lookup(metrics), table(study)
-    degree = int(job.study.degree)
+    plant, study = data.plant, data.study
     figure = Figure(figsize=(WIDTH, 4.7))
     axes = figure.subplot_mosaic([["plane", "errors"], ["plane", "radii"]], width_ratios=(1.1, 1.0))
     plane, errors, radii = axes["plane"], axes["errors"], axes["radii"]
@@ -45,18 +35,14 @@ def draw(
     for style, (name, label) in zip(
         STYLES, (("S", "S(x), cut off"), ("T", "T(z), cut off")), strict=False
     ):
-        by_degree = values[name, "largest_error"]
-        degrees = sorted(by_degree)
-        errors.semilogy(degrees, [by_degree[d][0] for d in degrees], **style.points(), label=label)
+        errors.semilogy(*_by_degree(study, name, "largest_error"), **style.points(), label=label)
     decades(errors.yaxis)
     errors.set_xlabel("degree")
     errors.set_ylabel("largest error")
     errors.set_title("(b) error of the series on the cycle")
     errors.legend(loc="upper right")
-    by_degree = values["S", "radius"]
-    degrees = sorted(by_degree)
-    radii.plot(degrees, [by_degree[d][0] for d in degrees], **STYLES[0].points())
-    distance = numbers["cycle", "distance"]
+    radii.plot(*_by_degree(study, "S", "radius"), **STYLES[0].points())
+    distance = data.metrics["cycle", "distance"]
     radii.axhline(distance, color="0.4", linewidth=0.8, linestyle=":")
     radii.annotate(
         "distance of the cycle from the origin", (0.98, distance), (0, 3), ha="right", fontsize=7,
@@ -67,14 +53,22 @@ def draw(
     radii.set_title("(c) estimated radius of convergence of S")
     add_note(
         figure,
-        f"Series of S up to degree {degree}; radius and boundary from its parts in the upper half "
-        "of the degrees.\nThe true S on the cycle is the periodic solution of ż = A z − L₀ x₁(t).",
+        f"Series of S up to degree {data.job.study.degree}; radius and boundary from its parts in "
+        "the upper half of the degrees.\nThe true S on the cycle is the periodic solution of "
+        "ż = A z − L₀ x₁(t).",
     )
     return figure
 
 
-def _points(study: Sequence[Mapping[str, Any]], quantity: str) -> Any:
-    return np.array([(float(r["x1"]), float(r["x2"])) for r in study if r["quantity"] == quantity])
+def _by_degree(study: StudyTable, series: str, quantity: str) -> tuple[Any, Any]:
+    """The degrees, and a quantity at each."""
+    found = study.where(form=series, quantity=quantity).by_level("order")
+    return list(found), [value for (value,) in found.values()]
+
+
+def _points(study: StudyTable, quantity: str) -> Any:
+    rows = study.where(quantity=quantity)
+    return np.stack([rows["x1"], rows["x2"]], axis=1)
 
 
 def _closed(points: Any) -> Any:

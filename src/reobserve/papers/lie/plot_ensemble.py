@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, WIDTH, add_note
-from reobserve.ledger.types import Job
-from reobserve.scoring.metrics import Metric, lookup
-from reobserve.timeseries.series import Series
+from reobserve.ledger.figure_data import FigureData
+from reobserve.scoring.study_table import StudyTable
 
 MAPPED = 4  # the order of the paper's Fig. 1
 
@@ -22,16 +20,10 @@ _SHARES = (
 )
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    metrics: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """Shares by order, the median of the ISE ratio, and where order 4 is better."""
-    numbers = lookup(metrics)
-    orders = [int(order) for order in job.study.orders]
+    job, numbers = data.job, data.metrics
+    orders = job.study.orders
     figure = Figure(figsize=(WIDTH, 4.9))
     axes = figure.subplot_mosaic(
         [["shares", "plane"], ["ratio", "plane"]],
@@ -40,7 +32,7 @@ def draw(
     )
     shares, ratio, plane = axes["shares"], axes["ratio"], axes["plane"]
     for style, (name, label) in zip(STYLES, _SHARES, strict=False):
-        values = [100 * numbers["series", f"{name}_{order}"] for order in orders]
+        values = [100 * numbers.at("series", name, order=order) for order in orders]
         shares.plot(orders, values, **style.points(), label=label)
     shares.set_xticks(orders)
     shares.set_ylabel("share of initial states [%]")
@@ -48,7 +40,7 @@ def draw(
     shares.set_yticks([0, 25, 50, 75, 100])
     shares.set_title("(a) identity form by order")
     shares.legend(loc="upper right")
-    medians = [numbers["series", f"median_ise_ratio_{order}"] for order in orders]
+    medians = [numbers.at("series", "median_ise_ratio", order=order) for order in orders]
     ratio.plot(orders, medians, **STYLES[0].points())
     ratio.axhline(1.0, color="0.4", linewidth=0.8)
     ratio.set_ylabel("median ratio of the ISE")
@@ -56,7 +48,7 @@ def draw(
     ratio.set_xticks(orders)
     ratio.set_title("(b) ratio to the constant gain")
 
-    states, better = _compare(study, MAPPED)
+    states, better = _compare(data.study, MAPPED)
     for chosen, color, marker, label in (
         (better, STYLES[0].color, "o", "order 4 is better"),
         (~better, STYLES[1].color, "x", "the constant gain is better"),
@@ -79,16 +71,9 @@ def draw(
     return figure
 
 
-def _compare(study: Sequence[Mapping[str, Any]], order: int) -> tuple[Any, Any]:
+def _compare(study: StudyTable, order: int) -> tuple[Any, Any]:
     """The initial states, and whether the order has the smaller ISE there."""
-    found: dict[tuple[float, float], dict[str, float]] = {}
-    for row in study:
-        wanted = row["form"] == "constant" or (
-            row["form"] == "series" and int(row["order"]) == order
-        )
-        if row["quantity"] == "ise" and wanted:
-            place = (float(row["x1"]), float(row["x2"]))
-            found.setdefault(place, {})[row["form"]] = float(row["value"])
-    states = np.array(list(found))
-    better = np.array([values["series"] < values["constant"] for values in found.values()])
-    return states, better
+    ise = study.where(quantity="ise")
+    mapped, constant = ise.where(form="series", order=order), ise.where(form="constant")
+    states = np.stack([mapped["x1"], mapped["x2"]], axis=1)
+    return states, mapped["value"] < constant["value"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,28 +9,31 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, new_figure, thin
+from reobserve.drawing.figures import (
+    STYLES,
+    TRUTH,
+    add_note,
+    decades,
+    headroom,
+    new_figure,
+    thin,
+    time_axis,
+)
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.scoring.responses import error_of
 
 Array = NDArray[np.float64]
 
-Rows = Sequence[Mapping[str, Any]]
+LOWEST = 1e-12  # of the errors shown
 
 
-def responses(
-    job: Job,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    _: Rows,
-    __: Sequence[Metric],
-) -> Figure:
+def responses(data: FigureData) -> Figure:
     """Both error components and the size of the error, for every observer of the figure."""
     figure, (first, second, size) = new_figure((1.8, 1.8, 1.8))
-    for index, (name, estimate) in enumerate(estimates.items()):
-        line = {**STYLES[index].line(), "label": job.observers[name].label}
-        error = _error(plant, estimate)
+    for index, (name, estimate) in enumerate(data.estimates.items()):
+        line = {**STYLES[index].line(), "label": data.job.observers[name].label}
+        error = error_of(data.plant, estimate, "state")
         for component, axes in enumerate((first, second)):
             axes.plot(*thin(estimate.time, error[:, component]), **line)
         _size(size, estimate.time, error, line)
@@ -41,53 +43,39 @@ def responses(
     second.set_ylabel("error of x₂")
     second.set_title("(b) error of the other state, x̂₂ − x₂")
     size.set_title("(c) size of the error")
-    _finish(job, figure, size, plant, 1e-12)
+    _finish(data, figure, size)
     return figure
 
 
-def forms(
-    job: Job,
-    plant: Series,
-    estimates: Mapping[str, Series],
-    _: Rows,
-    __: Sequence[Metric],
-) -> Figure:
+def forms(data: FigureData) -> Figure:
     """The size of the error of every observer, and the second state as they see it."""
     figure, (state, size) = new_figure((2.2, 2.2))
-    true = thin(plant.time, plant["state"][:, 1])
+    true = thin(data.plant.time, data.plant["state"][:, 1])
     state.plot(*true, **TRUTH.line(), label="Van der Pol's oscillator")
-    for index, (name, estimate) in enumerate(estimates.items()):
-        line = {**STYLES[index].line(), "label": job.observers[name].label}
+    for index, (name, estimate) in enumerate(data.estimates.items()):
+        line = {**STYLES[index].line(), "label": data.job.observers[name].label}
         state.plot(*thin(estimate.time, estimate["state"][:, 1]), **line)
-        _size(size, estimate.time, _error(plant, estimate), line)
+        _size(size, estimate.time, error_of(data.plant, estimate, "state"), line)
     state.set_ylabel("x₂ and its estimates")
     state.set_title("(a) the state that is not measured")
     state.legend(loc="upper right", ncols=2)
-    low, high = state.get_ylim()
-    state.set_ylim(low, high + 0.3 * (high - low))
+    headroom(state, 0.3)
     size.set_title("(b) size of the error")
-    _finish(job, figure, size, plant, 1e-12)
+    _finish(data, figure, size)
     return figure
-
-
-def _error(plant: Series, estimate: Series) -> Array:
-    every = round(estimate.step / plant.step)
-    error: Array = estimate["state"] - plant["state"][::every]
-    return error
 
 
 def _size(axes: Axes, time: Array, error: Array, line: dict[str, Any]) -> None:
     axes.semilogy(*thin(time, np.linalg.norm(error, axis=1), 600), **line)
 
 
-def _finish(job: Job, figure: Figure, axes: Axes, plant: Series, lowest: float) -> None:
+def _finish(data: FigureData, figure: Figure, axes: Axes) -> None:
     axes.set_ylabel("|x̂ − x|")
     low, high = axes.get_ylim()
-    axes.set_ylim(max(low, lowest), high)
+    axes.set_ylim(max(low, LOWEST), high)
     decades(axes.yaxis)
-    axes.set_xlabel("time [s]")
-    axes.set_xlim(plant.time[0], plant.time[-1])
-    add_note(figure, _note(job))
+    time_axis(axes, data.plant.time)
+    add_note(figure, _note(data.job))
 
 
 def _note(job: Job) -> str:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, add_note, new_figure
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
-from reobserve.papers.lie.study_rows import table
-from reobserve.scoring.metrics import Metric
-from reobserve.timeseries.series import Series
+from reobserve.scoring.study_table import StudyTable
 
 LABELS = {
     "series": "gain: series of L",
@@ -22,32 +18,26 @@ LABELS = {
 }
 
 
-def draw(
-    job: Job,
-    _: Series,
-    __: Mapping[str, Series],
-    study: Sequence[Mapping[str, Any]],
-    ___: Sequence[Metric],
-) -> Figure:
+def draw(data: FigureData) -> Figure:
     """ISE, settling time and largest Floquet exponent of the identity form over the order."""
-    values = table(study)
+    job, study = data.job, data.study
     figure, (ise, settling, floquet) = new_figure((2.0, 1.6, 2.0))
-    _curves(ise, values, "ise")
-    _mark_divergence(ise, values)
+    _curves(ise, study, "ise")
+    _mark_divergence(ise, study)
     ise.set_yscale("log")
     ise.yaxis.set_major_formatter("{x:g}")
     ise.set_ylabel("ISE [s]")
     ise.set_title("(a) integral of the squared error; crosses: the estimate leaves all bounds")
     ise.set_ylim(1.5, 4e3)
     ise.legend(loc="center left", bbox_to_anchor=(0.0, 0.36), ncols=3)
-    _curves(settling, values, "settling_time")
+    _curves(settling, study, "settling_time")
     settling.set_ylabel("settling time [s]")
     settling.set_title("(b) time to 2 % of the first error; a gap: not within the run")
-    _curves(floquet, values, "floquet_exponent", named=False)
+    _curves(floquet, study, "floquet_exponent", named=False)
     floquet.axhline(0.0, color="0.4", linewidth=0.8)
-    aim = values["injection", "floquet_exponent"]
     floquet.axhline(
-        next(iter(aim.values()))[0], color="0.4", linewidth=0.8, linestyle=":",
+        study.value(form="injection", quantity="floquet_exponent"),
+        color="0.4", linewidth=0.8, linestyle=":",
         label="nonlinear injection, and what the normal form aims at",
     )  # fmt: skip
     floquet.legend(loc="lower right")
@@ -58,7 +48,7 @@ def draw(
     )
     floquet.set_xlabel("order of the gain")
     floquet.set_xticks(job.study.orders)
-    period = values["cycle", "period"][0][0]
+    period = study.value(form="cycle", quantity="period")
     add_note(
         figure,
         f"Identity form from x(0) = ({_pair(job)}), estimate at the origin. Order 0 is the "
@@ -72,25 +62,18 @@ def _pair(job: Job) -> str:
     return ", ".join(f"{value:g}" for value in job.scenario.initial_state)
 
 
-def _curves(
-    axes: Axes, values: Mapping[tuple[str, str], Any], quantity: str, *, named: bool = True
-) -> None:
+def _curves(axes: Axes, study: StudyTable, quantity: str, *, named: bool = True) -> None:
     for style, (form, label) in zip(STYLES, LABELS.items(), strict=False):
-        by_order = values[form, quantity]
-        orders = sorted(by_order)
-        axes.plot(
-            orders,
-            [by_order[k][0] for k in orders],
-            **style.points(),
-            label=label if named else None,
-        )
+        found = study.where(form=form, quantity=quantity).by_level("order")
+        values = [value for (value,) in found.values()]
+        axes.plot(list(found), values, **style.points(), label=label if named else None)
 
 
-def _mark_divergence(axes: Axes, values: Mapping[tuple[str, str], Any]) -> None:
+def _mark_divergence(axes: Axes, study: StudyTable) -> None:
     """Crosses at the top, one row a gain, where a run diverges."""
     for place, (style, form) in enumerate(zip(STYLES, LABELS, strict=False)):
-        by_order = values[form, "diverged_at"]
-        lost = [order for order in by_order if np.isfinite(by_order[order][0])]
+        runs = study.where(form=form, quantity="diverged_at")
+        lost = runs["order"][np.isfinite(runs["value"])]
         axes.plot(
             lost, [0.95 - 0.09 * place] * len(lost), linestyle="", marker="x", markersize=5,
             color=style.color, transform=axes.get_xaxis_transform(),

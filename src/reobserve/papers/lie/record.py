@@ -1,16 +1,9 @@
-"""What a record of the plant and estimates hold: the time axis, and units of the channels."""
+"""What a record of the plant and estimates hold: the channels and their units."""
 
 from __future__ import annotations
 
 from reobserve.ledger.types import Job
 from reobserve.timeseries.series import Shape
-
-EVENTS: tuple[str, ...] = ()
-
-
-def axis(job: Job) -> tuple[float, float]:
-    """Horizon and step of a record [s]."""
-    return job.plant.horizon, job.plant.step
 
 
 def plant(job: Job) -> dict[str, Shape]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.scoring import responses
+
 Array = NDArray[np.float64]
 
 
@@ -18,9 +20,9 @@ def integral_of_squares(error: Array, step: float) -> Array:
 def settling_time(error: Array, step: float, band: float) -> float:
     """When |e| comes within ``band`` times its first value for good [s]; nan if it does not."""
     size = np.linalg.norm(error, axis=1)
-    outside = np.flatnonzero(size > band * size[0])
-    last = int(outside[-1]) if outside.size else -1
-    return (last + 1) * step if last + 1 < len(size) else float("nan")
+    # Each sample stands for the step that begins with it.
+    time = np.arange(len(size) + 1, dtype=np.float64) * step
+    return responses.settling_time(time, size, size, float(band * size[0]))
 
 
 def decay_rate(error: Array, step: float, start: float, end: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from reobserve.errors import located
@@ -34,15 +34,6 @@ KINDS = {
 def summary(form: str, order: int, quantity: str, value: float, unit: str) -> Row:
     """A number that belongs to no single state."""
     return Row(form, order, "", "", quantity, float(value), unit)
-
-
-def table(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], dict[int, list[float]]]:
-    """The values of the rows by (form, quantity) and order, in the order of the rows."""
-    found: dict[tuple[str, str], dict[int, list[float]]] = {}
-    for row in rows:
-        by_order = found.setdefault((row["form"], row["quantity"]), {})
-        by_order.setdefault(int(row["order"]), []).append(float(row["value"]))
-    return found
 
 
 def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:

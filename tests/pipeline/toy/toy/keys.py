@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from reobserve.ledger.conditions import Levels, Names, Positive, vector
+from reobserve.ledger import types
+from reobserve.ledger.conditions import Levels, Positive, vector
 
 Pair = Annotated[list[float], vector(2)]
 
@@ -40,13 +41,10 @@ class Observer:
     label: str = ""
 
 
-@dataclass(frozen=True)
-class Study:
-    scenario: str
-    observers: Names
+@dataclass(frozen=True, kw_only=True)
+class Study(types.Study):
     design: str
     factors: Levels
-    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,14 +65,9 @@ class Table:
     source: str = ""
 
 
-@dataclass(frozen=True)
-class Figure:
+@dataclass(frozen=True, kw_only=True)
+class Figure(types.StudyFigure):
     layout: Literal["lines"]
-    scenario: str
-    observers: Names
-    study: str
-    title: str = ""
-    source: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,21 @@
-"""Check what the types of the ledger's keys cannot: where gains come from, and that there are."""
+"""What the types of the ledger's keys cannot see: where gains come from, and that there are."""
 
 from math import isfinite
 
-from reobserve.papers.toy import design, keys
+from reobserve.papers.toy import design
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.check import Checks
 
 
-def check(ledger: keys.Ledger) -> None:
-    for name, observer in ledger.observers.items():
-        if (observer.gains is None) == (observer.design == ""):
-            raise InputError(f"observers.{name}", "must have gains or a design, and not both")
-    for name, stated in ledger.designs.items():
-        gains = design.compute(Job(ledger.plant, design=stated))["gains"]
-        if not all(map(isfinite, gains)):
-            raise InputError(f"designs.{name}", "gives a number that is not finite")
+def gains(job):
+    if not all(map(isfinite, design.compute(job)["gains"])):
+        raise InputError("pole", "gives a number that is not finite")
+
+
+def source(job, *_):
+    if (job.observer.gains is None) == (job.observer.design == ""):
+        raise InputError("gains", "or a design must be given, and not both")
+
+
+CHECKS = Checks(build={"design": gains, "observer": source})

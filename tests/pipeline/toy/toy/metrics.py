@@ -1,22 +1,21 @@
 """Stage metrics: what is left of the error at the end."""
 
-import numpy as np
-from reobserve.papers.toy import keys
-
-from reobserve.ledger.types import read_job
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.responses import root_mean_square
+
+MEANINGS = {
+    "late_rms_error": "root mean square error of d in the last second",
+    "late_rms_error factor=<factor>": "the same with the gains of the design times a factor",
+}
 
 
 def late_error(job, plant, estimate):
     late = plant.time > plant.time[-1] - job.metrics.late_window
-    return float(np.sqrt(np.mean((plant["d"] - estimate["d"])[late] ** 2)))
+    return float(root_mean_square((plant["d"] - estimate["d"])[late]))
 
 
-def measure(settings, plant, estimates, study):
-    job = read_job(keys.Ledger, settings)
-    found = [
-        Metric(name, "late_rms_error", late_error(job, plant, estimate), "1/s")
-        for name, estimate in estimates.items()
-    ]
-    best = min(float(row["late_rms_error"]) for row in study)
-    return [*found, Metric("placed", "best_late_rms_error", best, "1/s")]
+def measure(data):
+    for name, estimate in data.estimates.items():
+        yield Metric(name, "late_rms_error", late_error(data.job, data.plant, estimate), "1/s")
+    for factor, error in zip(data.study["factor"], data.study["late_rms_error"], strict=True):
+        yield Metric.at("placed", ("late_rms_error", float(error), "1/s"), factor=factor)
