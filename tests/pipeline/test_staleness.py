@@ -43,17 +43,18 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
 EDITS = {
     "plants/satellite.py": ALL,
     "papers/ilo/plant.py": ALL,
-    "rigid_body.py": ALL,  # imported by plant and observers, indirectly
+    "models/rigid_body.py": ALL,  # imported by plant and observers, indirectly
     "papers/ilo/observe.py": FROM_OBSERVE,
     "stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
     "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
     "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
     "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
     "papers/ilo/plot.py": {"plot": 6},
-    "figures.py": {"plot": 6},
-    "captions.py": {"plot": 6},
-    "golden/comparison.py": {},
-    "overview.py": {},
+    "drawing/figures.py": {"plot": 6},
+    "drawing/captions.py": {"plot": 6},
+    "evidence/golden/comparison.py": {},
+    "ledger/overview.py": {},
+    "pipeline/jobs.py": {},
     "stages/ledger.py": {},
 }
 

@@ -247,7 +247,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
         ("papers/toy/table.py", {"table": 1, **TOLD}),
         ("stages/table.py", {"table": 1, **TOLD}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
-        ("stages/common.py", ALL),
+        ("pipeline/common.py", ALL),
     ],
 )
 def test_an_edit_makes_stale_what_reads_the_design(

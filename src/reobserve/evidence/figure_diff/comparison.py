@@ -68,7 +68,6 @@ class _Paper:
         self.golden = folder(project, paper)
         self.reference = reference / paper
         self.results = results / paper
-        self.logs = results.parent / "logs" / paper
         self.ledger: Ledger | None = None
         self.no_ledger = ""
         try:
@@ -131,7 +130,7 @@ class _Paper:
         if self.ledger is None:
             return self.no_ledger
         try:
-            return why_missing(self.ledger, item.name, item.kind, self.results, self.logs)
+            return why_missing(self.ledger, item.name, item.kind, self.results.parent)
         except InputError as error:
             return str(error)
 
@@ -142,7 +141,7 @@ class _Paper:
     def _compare_series(self, item: Item) -> None:
         if self.ledger is None:
             raise ReobserveError(self.no_ledger)
-        found = kept_rows(built_series(self.ledger, item.name, self.results))
+        found = kept_rows(built_series(self.ledger, item.name, self.results.parent))
         columns = read_series(self.golden, item.name)
         for moved in series_differences(found, self.paper, item.name, self.golden):
             if not moved.exceeds:
