@@ -305,6 +305,7 @@ def _add_figure_diff(commands: Any) -> None:
         "build, and accept figures and golden numbers; refuses in CI and on a dirty tree",
     )  # fmt: skip
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
+    accept.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (diff, accept):
         command.add_argument(
             "--cores", type=_whole(1), default=2, help="to build with (default: 2)"

@@ -233,6 +233,34 @@ def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> N
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
 
 
+TOLD = """| paper | claims |
+|---|---|
+| `a` | 3 |
+| `b` | 4 |
+
+`a`
+
+| a's picture |
+
+`b`
+
+| b's picture |
+"""
+
+
+def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
+    readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
+    readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
+    verdicts.write_text(
+        "| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n\n`b`\n\nnew\n\n`c`\n\nits own\n"
+    )
+    put_into(readme, verdicts, ["a", "b", "c"])
+    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n").replace("| b's picture |", "new")
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n`c`\n\nits own\n\n<!-- end -->\n"
+    put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
+
+
 @pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
 def test_a_place_beyond_the_units_has_none(place: int, unit: str) -> None:
     flip = Flip(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
