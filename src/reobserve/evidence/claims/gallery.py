@@ -75,8 +75,8 @@ def _by_paper(told: str) -> tuple[str, dict[str, str], dict[str, str]]:
     galleries = {
         one: f"`{one}`{text.rstrip()}\n" for one, text in zip(parts[::2], parts[1::2], strict=True)
     }
-    first = next(iter(rows.values()), "")
-    return told.partition(first)[0], rows, galleries
+    head = told.partition(next(iter(rows.values())))[0] if rows else told
+    return head, rows, galleries
 
 
 def _of_paper(rows: Rows, ledger: Ledger) -> str:
