@@ -108,6 +108,12 @@ def _add_overview(commands: Any) -> None:
     )
     _project(params)
 
+    readme = _command(
+        commands, "readme", "evidence.meanings:write_lists",
+        "write what metrics mean into results/README.md",
+    )  # fmt: skip
+    _project(readme)
+
     check = _command(
         commands, "check", "stages.check:run", "check ledgers whole, without writing any"
     )

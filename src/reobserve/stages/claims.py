@@ -8,7 +8,7 @@ from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.evidence.claims.checks import THEORY
-from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.registry import amiss, read_registry
 from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.claims.table import HEADER, broken_row, row
 from reobserve.ledger.config import known_papers
@@ -52,4 +52,6 @@ def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
     }
     (drawn,) = graph.job("robustness", paper=paper).outputs
     robustness = read_robustness(moved(drawn, results), paper)
-    return [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+    rows = [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+    problem = "; ".join(amiss(claims))
+    return [*rows, *([broken_row(paper, problem)] if problem else [])]

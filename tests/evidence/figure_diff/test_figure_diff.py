@@ -426,6 +426,7 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setattr(commands, "build", stand_in)
     monkeypatch.setattr(commands, "known_papers", lambda project: ["made"])
+    monkeypatch.setattr(commands, "write_lists", lambda project: None)
     monkeypatch.setattr(commands.Ledger, "load", lambda *arguments, **options: LEDGER)
     monkeypatch.setattr(commands, "renew", lambda project, papers, cores: ["made fig1, x: moved"])
     return project

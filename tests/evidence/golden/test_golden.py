@@ -163,12 +163,13 @@ def in_steps(paper: str, key: str, path: Path_) -> bool:
 
 @pytest.mark.parametrize(("paper", "key", "path"), CONSTANTS)
 def test_one_per_cent_of_any_constant_is_noticed(paper: str, key: str, path: Path_) -> None:
-    """More or less: a window that ends with the run cannot end later."""
+    """A per cent less where more is refused or changes nothing, as of a window's end that is the
+    run's.
+    """
     said = deviates(perturbed(paper, key, path))
-    assert said
-    if said.startswith("refused: "):
+    if not said or said.startswith("refused: "):
         said = deviates(perturbed(paper, key, path, 0.99))
-        assert said
+    assert said
     assert in_steps(paper, key, path) or not said.startswith("refused: "), said
 
 

@@ -20,6 +20,7 @@ from reobserve.evidence.golden.commands import named_papers, renew
 from reobserve.evidence.golden.files import folder
 from reobserve.evidence.golden.guard import check_may_renew, keep_reason
 from reobserve.evidence.golden.kept import part_names, record_names
+from reobserve.evidence.meanings import write_lists
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import write_text
@@ -61,6 +62,7 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
         moved = renew(project, chosen, cores)
         moved += golden_claims.renew(project, copy / "results", paper)
         put_into(project / "README.md", copy / "results" / "verdicts.md", known if paper else ())
+        write_lists(project)
         redrawn = _renew_references(reference, copy / "results", chosen)
         _drop_golden_of_no_figure(project, chosen)
     write_origin(reference, origin_here(project))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError
+from reobserve.evidence.meanings import Meanings, meanings
 from reobserve.evidence.report.assumptions import entries
 from reobserve.evidence.report.drawings import drawing
 from reobserve.evidence.report.environment import environment, package_versions
@@ -27,8 +28,6 @@ from reobserve.evidence.report.model import (
 )
 from reobserve.evidence.report.numbers import (
     MOST_ROWS,
-    Meanings,
-    meanings,
     metrics_table,
     plain_table,
 )
@@ -66,9 +65,7 @@ def gather(
         ledger, gaps = _ledger(project, name, config.get("seed", 0))
         claims, undrawn = paper_claims(project, name, rows)
         known = () if isinstance(claims, Gap) else claims
-        parts = _Parts(
-            project, ledger, formats or config["formats"], known, meanings(project, name)
-        )
+        parts = _Parts(project, ledger, formats or config["formats"], known, meanings(name))
         paper = parts.paper(claims, undrawn, gaps)
         told.append(paper)
         measured += _timings(project, paper)

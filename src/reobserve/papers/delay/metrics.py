@@ -1,4 +1,14 @@
-"""Stage metrics: how well state and delay are estimated, at rest and while the delay moves."""
+"""Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
+
+Errors are estimates minus the truth. They count from five seconds on (the ledger's
+`metrics.start`), or `_from_start`; a number at the end of a state's error is its component, at the
+end of a delay's the segment before which jump of the delay. `nan` means that it never happens.
+
+In the theory the observer column holds what is judged: the pendulum, the delay, an input, the order
+of the expansion, the differentiator with L in its last line (`levant`) and without, random starts
+(`projection`), the average delay as an estimate, noise as the paper puts it; and errors of runs are
+without noise but in that case.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +32,65 @@ from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "turned_over_at": "when the pendulum first leaves half a turn",
+    "largest_angle": "of the pendulum, turns counted",
+    "rms_error_<component>": "root mean square error of a state",
+    "rms_error_<component>_from_start": "the same from t = 0 on",
+    "rms_delay_error": "root mean square error of the delay",
+    "rms_delay_error_from_start": "the same from t = 0 on",
+    "late_delay_error_<jump>": "largest error in the last five seconds before a jump",
+    "varying_rms_delay_error": "root mean square error from 80 to 105 s, where the delay varies",
+    "varying_peak_delay_error": "largest error there",
+    "ripple_<jump>": "of the estimate in the last two seconds before a jump, its slope taken out",
+    "least_delay": "least estimate of the run",
+    "greatest_delay": "greatest estimate of the run",
+    "off_share": "share of the run in which the gain is switched off",
+    "<quantity>_at_<sweep>_<level>": (
+        "mean over the runs of a study at one level; of the theory's runs one, without noise"
+    ),
+    "lipschitz_constant": "of the pendulum's f",
+    "drift_over_lipschitz": "largest difference of f over that of the state, over that constant",
+    "least_input_gain": "least |G|",
+    "greatest_input_gain": "greatest |G|",
+    "determinant_error": (
+        "of the observability Jacobian from -G u'(t - tau), over its greatest value"
+    ),
+    "difference_under_constant_input": "largest one of the state between two delays",
+    "jumps": "how often the delay jumps",
+    "largest_jump": "of the delay",
+    "breaks": "instants at which the input or a derivative up to the third is discontinuous",
+    "largest_derivative_<order>": "of the input",
+    "least_rate": "least |u'|, zero where it changes its sign",
+    "singular_instants": "how often u' changes its sign",
+    "singular_share": "share of the time with u' = 0",
+    "least_rate_at_printed_instants": (
+        "least |u'| where the paper says it is zero, over its greatest"
+    ),
+    "remainder_order_<order>": "largest remainder of the expansion (6)",
+    "remainder_over_bound_order_<order>": "the same over its bound (7), at the worst delay",
+    "xi_zeros": "how often xi with the true delay passes zero after the last jump",
+    "slow_pole": "of the linear error system, hanging pendulum",
+    "slow_pole_upright": "the same, upright",
+    "rho_over_proved": "rho over the least one with which the proof of Theorem 2 goes through",
+    "relative_rms_error_<order>": (
+        "root mean square error of a derivative by the differentiator, over its own"
+    ),
+    "bound_share": "third derivative of the input over L",
+    "noise_exponent_<order>": "power of the noise with which the error of a derivative grows",
+    "rms_bias": (
+        "of the delay with which the expansion gives u(t - tau), away from singular instants"
+    ),
+    "relative_rms_bias": "the same over the delay",
+    "relative_rms_bias_faster": "the same with a faster input and a shorter delay",
+    "share_at_bounds": "share of runs from random starts that meet a bound of the delay",
+    "singular_peak_delay_error": "mean over singular instants of the largest error near them",
+    "other_peak_delay_error": "largest error away from them",
+    "<which>_peak_delay_error_hardly_off": "the same with a small threshold",
+    "output_noise": "five per cent of the largest angle",
+}
+
 
 def measure(
     settings: Settings,
@@ -29,7 +98,7 @@ def measure(
     estimates: Mapping[str, Series],
     study: Rows | None = None,
 ) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
+    """The numbers of a figure; see `MEANINGS`.
 
     Raises
     ------

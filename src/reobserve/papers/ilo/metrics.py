@@ -1,4 +1,10 @@
-"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts."""
+"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts.
+
+e is the fault torque minus its estimate on the faulty axis. Scores start one second (the ledger's
+`metrics.settling_skip`) after every onset; `nan` means that it never happens, or that there is
+none. The lower part is the theory's, in `theory.metrics.csv`: there the observer column may hold
+what is judged, the stuck fault is that of Fig. 1, and an interval is tau.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +19,71 @@ from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.scoring.metrics import Metric, first_crossing, peak, root_mean_square, settling_time
 from reobserve.timeseries.series import Series
 
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "rms_error": "root mean square of e over time",
+    "relative_rms_error": "the same over that of the fault",
+    "peak_error": "largest |e|, both limits counted where the estimate jumps",
+    "late_rms_error": "root mean square of e in the last second",
+    "final_error": "|e| at the end",
+    "residual_before_fault": "largest estimate on any axis before the first onset",
+    "detection_delay": "from the first onset until the estimate exceeds the threshold",
+    "settling_time": "from the last onset until |e| stays below the threshold",
+    "leakage": "largest estimate on the other two axes after the first onset",
+    "predicted_rms_error": "what linear theory says of `rms_error` in steady state",
+    "relative_rms_error_at_<sweep>_<level>": "mean over the runs of a study at one level",
+    "violations": "random cases in which (5) of Lemma 1 fails",
+    "violations_without_mismatch": "the same of (12)",
+    "closest_ratio": "least right side of (5) over the left in these cases",
+    "torque_ratio_at_<size>": (
+        "largest difference of gyroscopic torques per rate error of this size [rad/s]"
+    ),
+    "one_sided_constant": "eta that the proof needs at the initial rate",
+    "required_damping_at_identity": "least Lambda with which Theorem 1 certifies K1 = I",
+    "least_constant_error": (
+        "least share of a constant fault that certified designs leave unestimated"
+    ),
+    "least_promised_error": "least error that (18) promises, over the largest fault with that k_d",
+    "unstable_share": "of random certified designs",
+    "bound_18_ratio": (
+        "right side of (18) over the left, of a certified design under the stuck fault"
+    ),
+    "certified": "one if the conditions of Theorem 1 have a solution for an observer",
+    "required_damping": "least Lambda with which they have one",
+    "gain_margin_at_multiple_<multiple>": (
+        "factor to the largest stable K2, v updated at a multiple of the interval"
+    ),
+    "noise_gain_at_multiple_<multiple>": (
+        "standard deviation of the estimate over that of a noise drawn at each update"
+    ),
+    "unstable_roots": "characteristic roots in the right half-plane",
+    "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",
+    "growth_rate_at_K1_<gain>": "of errors with this K1",
+    "sine_error_at_interval_<interval>": "amplitude of e over that of sin 10 t, linear theory",
+    "sine_error_slope": "of its logarithm over that of the interval",
+    "largest_interval_at_<frequency>": (
+        "longest interval that keeps it below 5 %, half a period at most"
+    ),
+    "distance_from_integrator": (
+        "of the transfer to e from that with the integrator K2 / tau, over its size"
+    ),
+    "decay_rate_at_rest": "slowest of the adaptive observer's errors, without torques",
+    "residual_after_other_start": (
+        "largest estimate in the second before the fault, if the observer starts from zero rate"
+    ),
+    "late_relative_error_after_other_start": (
+        "root mean square of e over the fault in the last second of that run"
+    ),
+    "late_relative_error_under_a_constant": (
+        "the same of the adaptive observer under the stuck fault"
+    ),
+    "relative_error_slowed_by_<factor>": "the same from when updates become rarer by a factor",
+    "rising_share": "of the times at which V exceeds what it was an interval before, once d = 0",
+    "largest_rise": "largest relative change of V over an interval",
+    "relative_error_under_jumps": "root mean square of e over a fault that takes random values",
+    "relative_rate_error_under_jumps": "the same of the rate, all axes",
+}
+
 
 def measure(
     settings: Settings,
@@ -20,7 +91,7 @@ def measure(
     estimates: Mapping[str, Series],
     study: Sequence[Mapping[str, str]] | None = None,
 ) -> list[Metric]:
-    """The numbers of a figure, observer by observer; see ``results/README.md`` for their names.
+    """The numbers of a figure, observer by observer; see `MEANINGS`.
 
     Raises
     ------

@@ -1,4 +1,12 @@
-"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates."""
+"""Stage metrics: how probable each mode is before and after the fault, and errors of estimates.
+
+Means over the last two seconds before the fault (`_before`) and over the last three of the run
+(`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give. A
+number behind `_with_` belongs to a study of changes, named after what is changed and to which
+level, and one behind `_at_` to the study of closeness. For the neighbourhood the observer column
+holds the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank,
+`svsf_law` for the SVSF's gain, or a printed equation. `nan` means that it never happens.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +27,48 @@ from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "<mode>_before": "mean probability of a mode before the fault",
+    "<mode>_after": "mean probability of a mode after it",
+    "<mode>_spread": "its standard deviation over time, after the fault",
+    "overshoot": "how far the normal mode exceeds its mean from 5.5 to 6.5 s",
+    "alarm_delay": "from the fault until the normal mode falls below 0.9",
+    "alarm_samples": "the same in samples",
+    "diagnosis_delay": "from the fault until the right mode is the most probable",
+    "diagnosed_share": "share of the last three seconds in which it is",
+    "false_alarm_share": "share of the time before the fault with the normal mode below 0.9",
+    "quoted_distance": "root mean square over time from the values that the paper quotes",
+    "rms_position_error": "of the combined estimate after the fault",
+    "rms_velocity_error": "of the combined estimate after the fault",
+    "outside_share": "of the innovations after the fault that lie outside the boundary layer",
+    "trials": "of the search, each of three banks",
+    "tuned": "how many numbers the search moved",
+    "targets": "how many quoted values it sought",
+    "distance": "root mean square over time and values that it left",
+    "as_found": "one if the ledger still has the numbers that the search found",
+    "<quantity>_stated": "with the numbers of the ledger",
+    "least_factor": "to a tuned number that keeps all quoted values within the band",
+    "greatest_factor": "the greatest such factor",
+    "<quantity>_with_<change>": "the same as without `_with_`, after one change",
+    "nu_gap_at_share_<share>": "between the normal model and its blend with the leakage model",
+    "correct_share_at_<noise>_share_<share>": "of runs with a correct diagnosis",
+    "mean_probability_at_<noise>_share_<share>": (
+        "of the faulty model in the last second, over the runs"
+    ),
+    "least_gap_at_<noise>": "gap from which on 95 % of the diagnoses are correct",
+    "corrected_radius_<outputs>": (
+        "largest radius of (I - H^+ H) A: what full correction of all outputs leaves"
+    ),
+    "single_velocity_error": "RMS after a leak, of the normal model's filter alone",
+    "bank_velocity_error": "the same of the bank",
+    "least_variance_rise": (
+        "by which the variance is larger at least with gains near Kalman's, as a part of it"
+    ),
+    "largest_weight_excess": "by which mixing weights do not sum to one, by (8) as it is printed",
+    "states_without_gain": "of the four, by (15) as it is printed",
+}
+
 
 def measure(
     settings: Settings,
@@ -26,7 +76,7 @@ def measure(
     estimates: Mapping[str, Series],
     study: Rows | None = None,
 ) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
+    """The numbers of a figure; see `MEANINGS`.
 
     Raises
     ------

@@ -1,4 +1,11 @@
-"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief."""
+"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief.
+
+e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
+with an order or a degree at the end summarise the study behind it, where the observer column holds
+the reading of the gain, the series or `cycle`, the limit cycle. From `eigenvalue_<part>` on they
+are those of the theory, where it holds the injection, the kind of systems or the formula that is
+judged. `nan` means that it never happens.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +23,53 @@ from reobserve.timeseries.series import Series
 
 Rows = Sequence[Mapping[str, Any]]
 
+# What each number is, those of the theory included; `<word>` stands for what differs.
+MEANINGS = {
+    "ise": "integral of |e|^2 over time",
+    "ise_<component>": "the same of one component",
+    "peak_error": "largest |e|",
+    "peak_error_<component>": "the same of one component",
+    "final_error": "|e| at the end",
+    "settling_time": "until |e| stays below two per cent of its first value",
+    "decay_rate": "mean slope of log |e| over a turn of the limit cycle",
+    "floquet_exponent": "largest one of a small error on the limit cycle",
+    "period": "of the limit cycle",
+    "mean_square_output": "mean of y^2 over the limit cycle",
+    "ise_order_<order>": "`ise` of an order; `nan` where the run diverges",
+    "settling_time_order_<order>": "`settling_time` of an order",
+    "diverged_at_order_<order>": "last time at which the estimate is finite",
+    "floquet_exponent_order_<order>": "`floquet_exponent` of an order",
+    "share_better_<order>": "of initial states, with an `ise` below that of the constant gain",
+    "share_settled_<order>": "of initial states, from which e settles within the run",
+    "share_diverged_<order>": "of initial states, from which the estimate leaves all bounds",
+    "median_ise_ratio_<order>": "median of `ise` over that of the constant gain",
+    "least_ise_ratio_<order>": "the same from the initial state where it is least",
+    "distance": "of the limit cycle from the origin",
+    "outside_share": "of points at the edge of the domain of convergence of S, or outside",
+    "radius_degree_<degree>": "estimated radius of convergence of S from its parts up to a degree",
+    "largest_error_degree_<degree>": "of S(x) or T(z), cut off at a degree, on the limit cycle",
+    "eigenvalue_<part>": "real and largest imaginary part of the eigenvalues of A",
+    "largest_real_part": "of the eigenvalues of a small error's dynamics",
+    "coefficients_printed": "how many coefficients of T(z) the paper prints",
+    "coefficients_agreeing": "how many exact ones round to them",
+    "imaginary_part": "largest left over of a real part of S or T, relative to its size",
+    "largest_difference": "of S, T or L between Lie transform and direct roads, over fractions",
+    "largest_residual": "largest coefficient left in the equation for S, over fractions",
+    "deviation": "of z - S(x) from e^(A t) times its first value, relative to that",
+    "form_difference": "largest distance between estimates in z and in identity form",
+    "inverse_radius": "of the ball where S converges; 0 where the series ends",
+    "ise_ratio": "`ise` of the nonlinear injection over that of order 4",
+    "first_wrong_degree": "of T by (22), on the example",
+    "first_wrong_degree_random": "the same on a random system with terms of all degrees",
+    "spectrum_difference": "largest from an eigenvalue of ad_A to those of Lemma 4.17",
+    "off_diagonal": "largest entry of ad_A beside its diagonal for a diagonal A",
+    "lowest_degree_<series>": "of the terms beyond x, for a system with quadratic terms",
+    "share_unobservable": "of random systems, with a mode that the output does not show",
+    "smallest_eigenvalue": "of ad_A in absolute value",
+    "solvable": "1 where the equation for S has one solution, else 0",
+    "share": "of blind choices of poles, with divisors above a hundredth of their terms",
+}
+
 
 def measure(
     settings: Settings,
@@ -23,7 +77,7 @@ def measure(
     estimates: Mapping[str, Series],
     study: Rows | None = None,
 ) -> list[Metric]:
-    """The numbers of a figure; see ``results/README.md`` for their names.
+    """The numbers of a figure; see `MEANINGS`.
 
     Raises
     ------
