@@ -36,6 +36,7 @@ def load_ledgers():
         papers = known_papers(PROJECT)
         take_truths(config)
         check_config(PROJECT, config, papers)
+        config.setdefault("papers", papers)
         ledgers = {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])
             for paper in papers

@@ -63,7 +63,7 @@ def _merged(old: str, new: str, papers: Sequence[str]) -> str:
     """What is told of ``papers``: in ``new``, or else in ``old``."""
     head, rows, galleries = _by_paper(new)
     _, old_rows, old_galleries = _by_paper(old)
-    order = [one for one in dict.fromkeys([*old_rows, *rows]) if one in papers]
+    order = [one for one in papers if one in (old_rows | rows)]
     table = "".join((old_rows | rows)[one] for one in order)
     return f"{head}{table}\n" + "\n".join((old_galleries | galleries)[one] for one in order)
 

@@ -99,5 +99,5 @@ def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
 
 
 def _built(project: Path) -> list[str]:
-    papers: list[str] = read_yaml(project / "config" / "config.yaml")["papers"]
-    return papers
+    stated: list[str] = read_yaml(project / "config" / "config.yaml").get("papers", [])
+    return stated or known_papers(project)

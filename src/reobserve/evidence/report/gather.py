@@ -34,6 +34,7 @@ from reobserve.evidence.report.numbers import (
 from reobserve.evidence.report.reading import Project, need
 from reobserve.evidence.report.timings import timings
 from reobserve.evidence.report.verdicts import paper_claims, read_claims
+from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.jobs import Graph
 
@@ -58,10 +59,10 @@ def gather(
     """
     project = Project(folder, page)
     path = "config/config.yaml"
-    config = need(path, project.yaml(path), "papers", "formats")
+    config = need(path, project.yaml(path), "formats")
     rows = read_claims(project)
     told, measured = [], []
-    for name in papers or config["papers"]:
+    for name in papers or config.get("papers") or known_papers(folder):
         ledger, gaps = _ledger(project, name, config.get("seed", 0))
         claims, undrawn = paper_claims(project, name, rows)
         known = () if isinstance(claims, Gap) else claims
