@@ -13,6 +13,8 @@ of the others fresh:
                                                       (see `reobserve.plain_data.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(settings, plant, estimates, study) -> list of Metric
+    metrics.MEANINGS: what each number is, those of the theory included
+                                                      (see `reobserve.evidence.meanings`)
     plot.draw(settings, plant, estimates, study, metrics) -> matplotlib Figure
                                                       (by `reobserve.drawing.layouts.by_layout`)
     search.run(settings, plant, progress) -> dict     (only papers that have searches)
