@@ -43,8 +43,8 @@ bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 figdiff: $(STAMP)  ## build all from nothing elsewhere, compare with the accepted figures, write figdiff/
 	reobserve figdiff --build --cores $(CORES)
 
-accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved"
-	reobserve accept --reason "$(REASON)" --cores $(CORES)
+accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
+	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
 	python -m tests.mutations --jobs $(CORES)

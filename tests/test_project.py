@@ -12,13 +12,15 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reobserve.evidence.meanings import LISTS, meanings, write_lists
+from reobserve.ledger.config import known_papers
 from reobserve.pipeline.provenance import import_closure
 
+from . import FIVE
 from .test_readme import golden_metrics
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "reobserve"
-PAPERS = yaml.safe_load((ROOT / "config/config.yaml").read_text())["papers"]
 
 
 def imports(path: Path) -> set[str]:
@@ -156,7 +158,7 @@ def test_metadata_agrees() -> None:
     assert f'version = "{citation["version"]}"' in project
     assert f'license = "{citation["license"]}"' in project
     references = {ref["title"]: ref for ref in citation["references"]}
-    for paper in PAPERS:
+    for paper in FIVE:
         about = yaml.safe_load((ROOT / f"config/papers/{paper}.yaml").read_text())["about"]
         reference = references[about["title"]]
         for key in ("doi", "year"):
@@ -170,17 +172,25 @@ def test_metadata_agrees() -> None:
     assert "make test" in (ROOT / ".ci/run").read_text()
 
 
-@pytest.mark.parametrize("paper", PAPERS)
-def test_the_metrics_of_the_table_are_those_that_are_explained(paper: str) -> None:
-    """All of them, and no others; in the table ``<word>`` stands for what differs."""
-    (told,) = re.findall(
-        rf"^## Metrics of `{paper}`\n(.*?)(?=^## |\Z)",
-        (ROOT / "results/README.md").read_text(), re.DOTALL | re.MULTILINE,
-    )  # fmt: skip
-    rows = re.findall(r"^\| `(.+?)` \|", told, re.MULTILINE)
-    patterns = {row: re.sub(r"<\w+>", ".+", row) for row in rows}
+@pytest.mark.parametrize("paper", known_papers(ROOT))
+def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
+    """All that are kept, and no others."""
+    told = [pattern for pattern, _ in meanings(paper)]
     kept = (ROOT / "tests/golden" / paper).glob("*.metrics.csv")
     figures = [path.name.removesuffix(".metrics.csv") for path in kept]
     metrics = {metric for figure in figures for _, metric in golden_metrics(paper, figure)}
-    assert {m for m in metrics if not any(re.fullmatch(p, m) for p in patterns.values())} == set()
-    assert {r for r, p in patterns.items() if not any(re.fullmatch(p, m) for m in metrics)} == set()
+    assert {one for one in metrics if not any(p.fullmatch(one) for p in told)} == set()
+    assert {p.pattern for p in told if not any(map(p.fullmatch, metrics))} == set()
+
+
+def test_the_lists_of_metrics_are_those_of_the_papers(tmp_path: Path) -> None:
+    """As `reobserve readme` writes them."""
+    for folder in ("config/papers", "results"):
+        (tmp_path / folder).mkdir(parents=True)
+    for paper in known_papers(ROOT):
+        (tmp_path / f"config/papers/{paper}.yaml").touch()
+    text = (ROOT / LISTS).read_text()
+    (tmp_path / LISTS).write_text(text)
+    write_lists(tmp_path)
+    assert (tmp_path / LISTS).read_text() == text
+    assert text.count("## Metrics of `") == len(known_papers(ROOT))

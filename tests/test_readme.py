@@ -14,9 +14,10 @@ import yaml
 
 from reobserve.ledger.ledger import Ledger
 
+from . import FIVE
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
-PAPERS = yaml.safe_load((ROOT / "config/config.yaml").read_text())["papers"]
 
 
 def test_the_python_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +152,7 @@ def of_verdicts() -> Iterator[str]:
         "reproduced", "reproduced only by calibration", "depends on unstated choices",
         "contradicted", "not testable",
     )  # fmt: skip
-    for paper in PAPERS:
+    for paper in dict.fromkeys(name for name, _ in found):
         verdicts = [verdict for name, verdict in found if name == paper]
         counts = " | ".join(str(verdicts.count(word)) for word in words)
         yield f"| {len(verdicts)} | {counts} |"
@@ -162,7 +163,7 @@ def of_the_project() -> Iterator[str]:
     assert project["requires-python"] == ">=3.11"
     assert "3.15" in (ROOT / "Makefile").read_text().replace("(3, 15)", "3.15")
     yield "Python 3.11 or newer (up to 3.14, as long as cvxpy has no wheels for 3.15)"
-    for paper in PAPERS:
+    for paper in FIVE:
         year = Ledger.load(ROOT, paper).tree["about"].get("year")
         if year:
             yield f"({year}):"

@@ -108,6 +108,12 @@ def _add_overview(commands: Any) -> None:
     )
     _project(params)
 
+    readme = _command(
+        commands, "readme", "evidence.meanings:write_lists",
+        "write what metrics mean into results/README.md",
+    )  # fmt: skip
+    _project(readme)
+
     check = _command(
         commands, "check", "stages.check:run", "check ledgers whole, without writing any"
     )
@@ -305,6 +311,7 @@ def _add_figure_diff(commands: Any) -> None:
         "build, and accept figures and golden numbers; refuses in CI and on a dirty tree",
     )  # fmt: skip
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
+    accept.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (diff, accept):
         command.add_argument(
             "--cores", type=_whole(1), default=2, help="to build with (default: 2)"

@@ -16,11 +16,12 @@ from typing import Any
 
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
+from tests import FIVE
 
 from .case import command
 
 ROOT = Path(__file__).parents[2]
-PAPERS = ("ilo", "lie", "delay", "imm", "eso")
+PAPERS = FIVE
 
 # An observer of each paper, the scenario that it looks at and the design that it needs.
 OBSERVERS = {

@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 
 from reobserve.evidence.figure_diff import project_copy
-from reobserve.ledger.config import read_yaml
+from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 
-# What a plain build makes: the papers of the config, their figures and tables.
+# What a plain build makes: all papers, their figures and tables.
 CONFIG = read_yaml(ROOT / "config" / "config.yaml")
-PAPERS = CONFIG["papers"]
+PAPERS = known_papers(ROOT)
 LEDGERS = {paper: Ledger.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
 FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree["figures"]]
 TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]

@@ -36,7 +36,7 @@ def write_ledgers():
         check_ledgers(changed)
         write_text(stamp, json.dumps(found))
     for paper, ledger in LEDGERS.items():
-        path = PROJECT / ledger_path(paper)
+        path = PROJECT / AGELESS["ledger"].format(paper=paper)
         if not path.is_file() or path.read_text(encoding="utf-8") != ledger.text():
             write_text(path, ledger.text())
 

@@ -1,4 +1,4 @@
-# What the rules need to know: the checked ledgers, and what each job depends on.
+# What the rules need to know: the checked ledgers, the graph of their jobs, and what these hang on.
 
 import re
 import shlex
@@ -10,7 +10,9 @@ from reobserve.errors import InputError, ReobserveError, shown
 from reobserve.ledger.config import check_config, known_papers, read_yaml, take_truths
 from reobserve.evidence.claims.registry import claims_file, decisive
 from reobserve.ledger.ledger import Ledger, digest
+from reobserve.ledger.stages import AGELESS, STAGES
 from reobserve.ledger.types import read_ledger
+from reobserve.pipeline.jobs import Graph
 from reobserve.pipeline.provenance import code_digest, closure_digest, versions
 from reobserve.timeseries.signals import sample_files
 
@@ -34,6 +36,7 @@ def load_ledgers():
         papers = known_papers(PROJECT)
         take_truths(config)
         check_config(PROJECT, config, papers)
+        config.setdefault("papers", papers)
         ledgers = {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])
             for paper in papers
@@ -62,42 +65,13 @@ def check_files(ledger):
 
 LEDGERS = load_ledgers()
 
-# The report shows one format of each drawing: vectors where there are any.
-REPORTED = next(kind for kind in ("svg", "png", "pdf") if kind in config["formats"])
+GRAPH = Graph(
+    LEDGERS, config["papers"], config["formats"], config["draws"], config["flips"]
+)
 
-
-# Papers that are built and have a registry of claims; one of the user's own need not.
-CLAIMED = [paper for paper in config["papers"] if claims_file(PROJECT, paper).exists()]
-
-
-def products():
-    """The figures with their numbers, and the tables."""
-    figures = [
-        f"results/{paper}/{figure}.{suffix}"
-        for paper in config["papers"]
-        for figure in LEDGERS[paper].tree["figures"]
-        for suffix in (*config["formats"], "metrics.csv")
-    ]
-    tables = [
-        f"results/{paper}/{table}.csv"
-        for paper in config["papers"]
-        for table in LEDGERS[paper].tree.get("tables", {})
-    ]
-    return figures + tables
-
-
-def numbers():
-    """The numbers that claims may name: those of all figures and of the theory."""
-    figures = [
-        f"results/{paper}/{figure}.metrics.csv"
-        for paper in CLAIMED
-        for figure in LEDGERS[paper].tree["figures"]
-    ]
-    return figures + [
-        f"results/{paper}/theory.metrics.csv"
-        for paper in CLAIMED
-        if "theory" in LEDGERS[paper].tree
-    ]
+# What a job runs and what it leaves in its log: its one command first, then what it says.
+RUN = "(set -x; reobserve {params.command}) > {log:q} 2>&1"
+RUN_AND_TELL = "(set -x; reobserve {params.command}) 2>&1 | tee {log:q} >&2"
 
 
 @cache
@@ -122,7 +96,9 @@ def drawn_from(paper):
 
 def told_of_claims():
     """What the table of claims depends on besides numbers."""
-    return [[claims_of(paper), dict(LEDGERS[paper].entries())] for paper in CLAIMED]
+    return [
+        [claims_of(paper), dict(LEDGERS[paper].entries())] for paper in GRAPH.claimed
+    ]
 
 
 def told_in_report():
@@ -133,19 +109,6 @@ def told_in_report():
         [path.as_posix(), path.read_text(encoding="utf-8")]
         for path in files
         if path.is_file()
-    ]
-
-
-def report_options():
-    """What this call builds, where it may differ from the config."""
-    return ["--papers", *config["papers"], "--formats", *config["formats"]]
-
-
-def all_designs(paper):
-    """All designs of a paper, in the order of its ledger."""
-    return [
-        f"results/{paper}/{design}.design.json"
-        for design in LEDGERS[paper].tree.get("designs", {})
     ]
 
 
@@ -162,16 +125,39 @@ def any_of(names):
     return "|".join(map(re.escape, sorted(names)))
 
 
-def settings(stage, name, observer=None):
-    """A params function: the digest of all that a job of this stage takes from the ledger."""
+def job(stage, wildcards):
+    """The job of a stage that these wildcards stand for."""
+    return GRAPH.job(stage, **dict(wildcards.items()))
 
-    def inner(wildcards):
-        tree = LEDGERS[wildcards.paper].settings(
-            stage, wildcards[name], wildcards[observer] if observer else ""
-        )
-        return digest(tree)
 
-    return inner
+def built(*jobs):
+    """The files that these jobs write."""
+    return [path for one in jobs for path in one.outputs]
+
+
+def inputs(stage):
+    """An input function: all files that a job reads and whose age counts, by role."""
+    return lambda wildcards: job(stage, wildcards).inputs
+
+
+def outputs(stage):
+    """The paths that jobs of a stage write, with wildcards; of a figure that first that is shown."""
+    return GRAPH.makes(stage)
+
+
+def log_of(stage, suffix=".log"):
+    """The log of a stage's jobs, with wildcards; what they take stands beside it."""
+    return STAGES[stage].log.removesuffix(".log") + suffix
+
+
+def command(stage):
+    """A params function: what a job asks of `reobserve`."""
+    return lambda wildcards: job(stage, wildcards).command
+
+
+def settings(stage):
+    """A params function: the digest of all that a job takes from the ledger."""
+    return lambda wildcards: digest(job(stage, wildcards).settings)
 
 
 def code(stage):
@@ -189,89 +175,6 @@ def packages(wildcards):
     return digest(versions())
 
 
-def ledger_file(wildcards):
-    """The ledger as this build resolves it; `write_ledgers` puts it there."""
-    return ledger_path(wildcards.paper)
-
-
-def ledger_path(paper):
-    return f"results/{paper}/ledger.json"
-
-
-def signal_files(wildcards):
-    """The user's files that the signals of a scenario read."""
-    ledger = LEDGERS[wildcards.paper]
-    values = {
-        **ledger.section("plant"),
-        **ledger.section("scenarios", wildcards.scenario),
-    }
-    return [file for value in values.values() for file in sample_files(value)]
-
-
-def record_of(section, wildcard):
-    """An input function: the plant record that a study, a search or a figure runs on."""
-
-    def inner(wildcards):
-        body = LEDGERS[wildcards.paper].tree[section][wildcards[wildcard]]
-        return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
-
-    return inner
-
-
-def study_files(wildcards):
-    """The files that entries of a study name, such as what a search has found."""
-    body = LEDGERS[wildcards.paper].tree["studies"][wildcards.study]
-    entries = [entry for entry in body.values() if isinstance(entry, dict)]
-    return [entry["value"] for entry in entries if entry["unit"] == "file"]
-
-
-def named_design(section, wildcard):
-    """An input function: the design that an observer, a study or a table names, if it does."""
-
-    def inner(wildcards):
-        body = LEDGERS[wildcards.paper].section(section, wildcards[wildcard])
-        if "design" not in body:
-            return []
-        return f"results/{wildcards.paper}/{body['design']}.design.json"
-
-    return inner
-
-
-def design_option(wildcards, input):
-    return ["--design-file", input.design] if input.design else []
-
-
-def figure_estimates(wildcards):
-    """The estimates behind a figure, in the order in which it names its observers."""
-    body = LEDGERS[wildcards.paper].tree["figures"][wildcards.figure]
-    folder = f"results/{wildcards.paper}/{body['scenario']}"
-    return [f"{folder}/{observer}.parquet" for observer in body["observers"]]
-
-
-def figure_study(wildcards):
-    """The study behind a figure, if it has one."""
-    study = LEDGERS[wildcards.paper].tree["figures"][wildcards.figure].get("study")
-    return [f"results/{wildcards.paper}/{study}.study.csv"] if study else []
-
-
-def study_option(wildcards, input):
-    return ["--study-file", *input.study] if input.study else []
-
-
-def caption_template(wildcards):
-    """The figure's own caption, or the general one for a figure that a user added."""
-    own = PROJECT / "workflow" / "report" / wildcards.paper / f"{wildcards.figure}.rst"
-    name = f"{wildcards.paper}/{wildcards.figure}" if own.exists() else "figure"
-    return f"workflow/report/{name}.rst"
-
-
 def table_caption(wildcards):
     """The table's own caption in the report, or the general one."""
-    own = f"workflow/report/{wildcards.paper}/{wildcards.table}.rst"
-    return own if (PROJECT / own).exists() else "workflow/report/table.rst"
-
-
-def caption_partials(wildcards):
-    """What the captions of a paper share."""
-    folder = PROJECT / "workflow" / "report" / wildcards.paper
-    return sorted(str(path) for path in folder.glob("_*.rst"))
+    return GRAPH.caption(wildcards.paper, wildcards.table, "table")

@@ -4,130 +4,126 @@
 
 rule theory:
     input:
-        designs=lambda wildcards: all_designs(wildcards.paper),
+        unpack(inputs("theory")),
     output:
         report(
-            "results/{paper}/theory.metrics.csv",
+            outputs("theory"),
             caption="../report/theory.rst",
             category="{paper}",
             subcategory="numbers",
             labels={"figure": "theory", "what": "metrics"},
         ),
     log:
-        "logs/{paper}/theory.log",
+        log_of("theory"),
     benchmark:
-        "logs/{paper}/theory.tsv"
+        log_of("theory", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=lambda wildcards: digest(LEDGERS[wildcards.paper].settings("theory")),
+        command=command("theory"),
+        settings=settings("theory"),
         code=code("theory"),
         packages=packages,
     message:
         "{wildcards.paper}: compute the numbers of the theory"
     shell:
-        "(set -x; reobserve theory {params.ledger:q} --design-files {input.designs:q}"
-        " --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule robustness:
+    input:
+        unpack(inputs("robustness")),
     output:
-        "results/{paper}/robustness.json",
+        outputs("robustness"),
     log:
-        "logs/{paper}/robustness.log",
+        log_of("robustness"),
     benchmark:
-        "logs/{paper}/robustness.tsv"
+        log_of("robustness", ".tsv")
     # It waits for nothing and takes longest.
     priority: 2
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        draws=config["draws"],
-        flips="" if config["flips"] else "--no-flips",
+        command=command("robustness"),
         settings=lambda wildcards: digest(drawn_from(wildcards.paper)),
         code=code("robustness"),
         packages=packages,
     message:
-        "{wildcards.paper}: decide the claims over {params.draws} draws of what is left open"
+        "{wildcards.paper}: decide the claims over draws of what is left open"
     shell:
-        "(set -x; reobserve robustness {params.ledger:q} --draws {params.draws:q}"
-        " {params.flips} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule claims:
     input:
-        metrics=numbers(),
-        robustness=[f"results/{paper}/robustness.json" for paper in CLAIMED],
+        unpack(inputs("claims")),
     output:
         report(
-            "results/claims.csv",
+            outputs("claims"),
             caption="../report/claims.rst",
             category="evidence",
             labels={"figure": "all", "what": "claims"},
         ),
     log:
-        "logs/claims.log",
+        log_of("claims"),
     benchmark:
-        "logs/claims.tsv"
+        log_of("claims", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        papers=CLAIMED,
+        command=command("claims"),
         settings=lambda wildcards: digest(told_of_claims()),
         code=digest_of("reobserve.stages.claims"),
     message:
         "decide all claims"
     shell:
-        "(set -x; reobserve claims {params.papers:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule report:
     input:
-        products(),
-        "results/claims.csv",
+        unpack(inputs("report")),
     output:
         report(
-            "results/report.html",
+            outputs("report"),
             caption="../report/replication.rst",
             category="evidence",
             labels={"figure": "all", "what": "replication report"},
         ),
     log:
-        "logs/report.log",
+        log_of("report"),
     benchmark:
-        "logs/report.tsv"
+        log_of("report", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        built=report_options(),
+        command=command("report"),
         settings=lambda wildcards: digest(told_in_report()),
         code=digest_of("reobserve.evidence.report"),
         packages=packages,
     message:
         "write the replication report"
     shell:
-        "(set -x; reobserve report {params.built:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 # After the report, which shows what is broken: this is what fails then.
 rule verdicts:
     input:
-        claims="results/claims.csv",
-        report="results/report.html",
+        unpack(inputs("verdicts")),
     output:
-        "results/verdicts.md",
+        outputs("verdicts"),
     log:
-        "logs/verdicts.log",
+        log_of("verdicts"),
     conda:
         "../envs/reobserve.yaml"
     params:
+        command=command("verdicts"),
         settings=lambda wildcards: digest(
-            [LEDGERS[paper].section("figures") for paper in CLAIMED]
+            [LEDGERS[paper].section("figures") for paper in GRAPH.claimed]
         ),
         code=digest_of("reobserve.stages.verdicts"),
     message:
         "count the verdicts"
     shell:
-        "(set -x; reobserve verdicts {input.claims:q} --output {output:q}) 2>&1 | tee {log:q} >&2"
+        RUN_AND_TELL

@@ -17,224 +17,199 @@ wildcard_constraints:
 
 rule plant:
     input:
-        signal_files,
+        unpack(inputs("plant")),
     output:
-        "results/{paper}/{scenario}/plant.parquet",
+        outputs("plant"),
     log:
-        "logs/{paper}/{scenario}/plant.log",
+        log_of("plant"),
     benchmark:
-        "logs/{paper}/{scenario}/plant.tsv"
+        log_of("plant", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("plant", "scenario"),
+        command=command("plant"),
+        settings=settings("plant"),
         code=code("plant"),
         packages=packages,
     message:
         "{wildcards.paper}: simulate the plant, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve plant {params.ledger:q} {wildcards.scenario:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule design:
+    input:
+        unpack(inputs("design")),
     output:
-        "results/{paper}/{design}.design.json",
+        outputs("design"),
     log:
-        "logs/{paper}/{design}.design.log",
+        log_of("design"),
     benchmark:
-        "logs/{paper}/{design}.design.tsv"
+        log_of("design", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("design", "design"),
+        command=command("design"),
+        settings=settings("design"),
         code=code("design"),
         packages=packages,
     message:
         "{wildcards.paper}: compute the design {wildcards.design}"
     shell:
-        "(set -x; reobserve design {params.ledger:q} {wildcards.design:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule observe:
     input:
-        plant="results/{paper}/{scenario}/plant.parquet",
-        design=named_design("observers", "observer"),
+        unpack(inputs("observe")),
     output:
-        "results/{paper}/{scenario}/{observer}.parquet",
+        outputs("observe"),
     log:
-        "logs/{paper}/{scenario}/{observer}.log",
+        log_of("observe"),
     benchmark:
-        "logs/{paper}/{scenario}/{observer}.tsv"
+        log_of("observe", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("observe", "scenario", "observer"),
-        design=design_option,
+        command=command("observe"),
+        settings=settings("observe"),
         code=code("observe"),
         packages=packages,
     message:
         "{wildcards.paper}: run the observer {wildcards.observer}, scenario {wildcards.scenario}"
     shell:
-        "(set -x; reobserve observe {params.ledger:q} {input.plant:q} {wildcards.observer:q}"
-        " {params.design:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule study:
     input:
-        plant=record_of("studies", "study"),
-        files=study_files,
-        design=named_design("studies", "study"),
+        unpack(inputs("study")),
     output:
-        "results/{paper}/{study}.study.csv",
+        outputs("study"),
     log:
-        "logs/{paper}/{study}.study.log",
+        log_of("study"),
     benchmark:
-        "logs/{paper}/{study}.study.tsv"
+        log_of("study", ".tsv")
     # The longest job: begun as soon as it can be, it does not hold up the end of a build.
     priority: 1
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("study", "study"),
-        design=design_option,
+        command=command("study"),
+        settings=settings("study"),
         code=code("study"),
         packages=packages,
     message:
         "{wildcards.paper}: run the study {wildcards.study}"
     shell:
-        "(set -x; reobserve study {params.ledger:q} {input.plant:q} {wildcards.study:q}"
-        " {params.design:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 # No figure asks for this one: what it found is kept under config/searches, where studies read it.
 rule search:
     input:
-        plant=record_of("searches", "search"),
+        unpack(inputs("search")),
     output:
-        "results/{paper}/{search}.search.json",
+        outputs("search"),
     log:
-        "logs/{paper}/{search}.search.log",
+        log_of("search"),
     benchmark:
-        "logs/{paper}/{search}.search.tsv"
+        log_of("search", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("search", "search"),
+        command=command("search"),
+        settings=settings("search"),
         code=code("search"),
         packages=packages,
     message:
         "{wildcards.paper}: search {wildcards.search}, some minutes"
     shell:
-        "(set -x; reobserve search {params.ledger:q} {input.plant:q} {wildcards.search:q}"
-        " --output {output:q}) 2>&1 | tee {log:q} >&2"
+        RUN_AND_TELL
 
 
 rule table:
     input:
-        design=named_design("tables", "table"),
+        unpack(inputs("table")),
     output:
         report(
-            "results/{paper}/{table}.csv",
+            outputs("table"),
             caption="../report/table_caption.rst",
             category="{paper}",
             subcategory="tables",
             labels={"figure": "{table}", "what": "table"},
         ),
     log:
-        "logs/{paper}/{table}.table.log",
+        log_of("table"),
     benchmark:
-        "logs/{paper}/{table}.table.tsv"
+        log_of("table", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("table", "table"),
+        command=command("table"),
         caption=table_caption,
+        settings=settings("table"),
         code=code("table"),
         packages=packages,
     message:
         "{wildcards.paper}: fill {wildcards.table}"
     shell:
-        "(set -x; reobserve table {params.ledger:q} {wildcards.table:q} --design-file {input.design:q}"
-        " --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule metrics:
     input:
-        plant=record_of("figures", "figure"),
-        estimates=figure_estimates,
-        study=figure_study,
+        unpack(inputs("metrics")),
     output:
         report(
-            "results/{paper}/{figure}.metrics.csv",
+            outputs("metrics"),
             caption="../report/metrics.rst",
             category="{paper}",
             subcategory="numbers",
             labels={"figure": "{figure}", "what": "metrics"},
         ),
     log:
-        "logs/{paper}/{figure}.metrics.log",
+        log_of("metrics"),
     benchmark:
-        "logs/{paper}/{figure}.metrics.tsv"
+        log_of("metrics", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("metrics", "figure"),
-        study=study_option,
+        command=command("metrics"),
+        settings=settings("metrics"),
         code=code("metrics"),
         packages=packages,
     message:
         "{wildcards.paper}: judge the estimates of {wildcards.figure}"
     shell:
-        "(set -x; reobserve metrics {params.ledger:q} {wildcards.figure:q} --plant-file {input.plant:q}"
-        " --estimate-files {input.estimates:q} {params.study:q} --output {output:q}) > {log:q} 2>&1"
+        RUN
 
 
 rule plot:
     input:
-        plant=record_of("figures", "figure"),
-        estimates=figure_estimates,
-        study=figure_study,
-        metrics="results/{paper}/{figure}.metrics.csv",
-        template=caption_template,
-        partials=caption_partials,
+        unpack(inputs("plot")),
     output:
         report(
-            f"results/{{paper}}/{{figure}}.{REPORTED}",
+            outputs("plot")[0],
             caption="../report/caption.rst",
             category="{paper}",
             subcategory="figures",
             labels={"figure": "{figure}", "what": "drawing"},
         ),
-        [
-            f"results/{{paper}}/{{figure}}.{suffix}"
-            for suffix in config["formats"]
-            if suffix != REPORTED
-        ],
-        caption="results/{paper}/{figure}.caption.rst",
+        outputs("plot")[1:-1],
+        caption=outputs("plot")[-1],
     log:
-        "logs/{paper}/{figure}.plot.log",
+        log_of("plot"),
     benchmark:
-        "logs/{paper}/{figure}.plot.tsv"
+        log_of("plot", ".tsv")
     conda:
         "../envs/reobserve.yaml"
     params:
-        ledger=ledger_file,
-        settings=settings("plot", "figure"),
-        study=study_option,
-        drawings=lambda wildcards, output: output[:-1],
+        command=command("plot"),
+        settings=settings("plot"),
         code=code("plot"),
         packages=packages,
     message:
         "{wildcards.paper}: draw {wildcards.figure}"
     shell:
-        "(set -x; reobserve plot {params.ledger:q} {wildcards.figure:q} --plant-file {input.plant:q}"
-        " --estimate-files {input.estimates:q} {params.study:q} --metrics-file {input.metrics:q}"
-        " --template {input.template:q} --caption {output.caption:q}"
-        " --outputs {params.drawings:q}) > {log:q} 2>&1"
+        RUN

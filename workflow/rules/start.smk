@@ -9,6 +9,4 @@ onstart:
 
 onerror:
     if not set(workflow.dag_settings.targets) - {"all"}:
-        shell(
-            f"reobserve report {shlex.join(report_options())} --output results/report.html >&2"
-        )
+        shell(f"reobserve {GRAPH.job('report').command} >&2")

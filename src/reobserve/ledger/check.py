@@ -16,7 +16,8 @@ from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import ONE_OF, Job, StudyFigure, named, read_ledger
+from reobserve.ledger.stages import SECTIONS
+from reobserve.ledger.types import Job, StudyFigure, named, read_ledger
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
 
@@ -66,9 +67,9 @@ def check_stated(stated: Any, checks: Checks) -> None:
     built: dict[str, object] = {}  # the designs
     checks.made("plant", whole)
     for one in _SECTIONS:
-        for name, branch in getattr(stated, ONE_OF[one], {}).items():
+        for name, branch in getattr(stated, SECTIONS[one], {}).items():
             job = _job(stated, whole, one, branch)
-            with _place(one, f"{ONE_OF[one]}.{name}"):
+            with _place(one, f"{SECTIONS[one]}.{name}"):
                 if isinstance(branch, StudyFigure):
                     _check_method(job.study, branch)
                 _check_observers(checks, job.observers, branch)

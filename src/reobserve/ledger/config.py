@@ -88,7 +88,7 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
         if key not in known:
             raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
     check_schema(project, "config", config, "config")
-    for paper in config["papers"]:
+    for paper in config.get("papers", ()):
         if paper not in papers:
             problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
             raise InputError("config.papers", problem)

@@ -18,6 +18,7 @@ from typing import Any
 from reobserve.errors import InputError, nearest, shown
 from reobserve.ledger.config import Tree, check_name, check_schema, known_papers, read_yaml
 from reobserve.ledger.overrides import OVERRIDDEN, is_entry, lay_over
+from reobserve.ledger.stages import seen
 from reobserve.ledger.stored import read_stored
 from reobserve.plain_data.json_data import check_plain
 
@@ -36,8 +37,6 @@ _NAMING = {
     "figures": ("scenario", "observers", "study"),
 }
 NAMED_SECTIONS = (*_NAMED.values(), "searches", "tables", "figures")
-# Where the body of a job stands that depends on a scenario and on observers.
-_SECTIONS = {"study": "studies", "search": "searches", "figure": "figures"}
 
 
 @dataclass(frozen=True)
@@ -127,61 +126,11 @@ class Ledger:
         InputError
             If the ledger has nothing of that name, or no such observer.
         """
-        settings = self._branches(stage, name, observer)
+        settings = seen(self, stage, observer or name)
         if stage == "plot":
             return settings
         decisive: Tree = _without_wording(settings)
         return decisive
-
-    def _branches(self, stage: str, name: str, observer: str) -> Tree:
-        plant = self.section("plant")
-        if stage == "plant":
-            return {
-                "plant": plant,
-                "scenario": self.section("scenarios", name),
-                "seed": self.seed,
-            }
-        if stage == "design":
-            return {"plant": plant, "design": self.section("designs", name)}
-        if stage == "observe":
-            body = self.section("observers", observer)
-            return {"plant": plant, "observer": body, **self._design(body)}
-        if stage == "theory":
-            sections = ("observers", "designs", "metrics", "theory")
-            return {"plant": plant} | {
-                name: self.section(name) if name in self.tree else {} for name in sections
-            }
-        if stage == "table":
-            body = self.section("tables", name)
-            return {"plant": plant, "table": body, **self._design(body)}
-        kind = stage if stage in ("study", "search") else "figure"
-        body = self.section(_SECTIONS[kind], name)
-        branches: Tree = {
-            "plant": plant,
-            "scenario": self.section("scenarios", body["scenario"]),
-            "observers": {key: self.section("observers", key) for key in body["observers"]},
-            "metrics": self.section("metrics"),
-            kind: body,
-        }
-        if kind != "figure":
-            branches["seed"] = self.seed
-        elif "study" in body:
-            branches["study"] = self.section("studies", body["study"])
-        designs = self._designs(branches)
-        if designs:
-            branches["designs"] = designs
-        return branches
-
-    def _design(self, body: Tree) -> Tree:
-        return {"design": self.section("designs", body["design"])} if "design" in body else {}
-
-    def _designs(self, branches: Tree) -> Tree:
-        """The designs behind a study or a figure: of its observers, its study and the study's."""
-        study = branches.get("study", {})
-        users = [*branches["observers"].values(), study]
-        users += [self.section("observers", name) for name in study.get("observers", ())]
-        names = dict.fromkeys(user["design"] for user in users if "design" in user)
-        return {name: self.section("designs", name) for name in names}
 
     def refined(self) -> Ledger:
         """The same ledger with every numerical step [s] halved."""

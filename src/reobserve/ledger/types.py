@@ -14,18 +14,9 @@ from typing import Any, get_args, get_type_hints
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.conditions import Names
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import SECTIONS
 from reobserve.plain_data.typed_tree import parse
 
-# What a job calls the one branch that it sees of a section.
-ONE_OF = {
-    "scenario": "scenarios",
-    "design": "designs",
-    "observer": "observers",
-    "study": "studies",
-    "search": "searches",
-    "table": "tables",
-    "figure": "figures",
-}
 # The branch that a job is about: its keys are named in errors without the job's name for it.
 _SUBJECTS = ("theory", "observer", "table", "design")
 
@@ -102,8 +93,8 @@ def read_job(keys: type, settings: Settings) -> Job:
             branches[name] = branch
             continue
         # A theory is shown all sections, those that the paper does not have as empty ones.
-        kind = kinds.get(ONE_OF.get(name, name), dict[str, str])
-        if name in ONE_OF:
+        kind = kinds.get(SECTIONS.get(name, name), dict[str, str])
+        if name in SECTIONS:
             kind = get_args(kind)[1]
         branches[name] = parse(kind, branch, "" if name == subject else name)
     return Job(**branches)

@@ -14,7 +14,7 @@ of the others fresh:
                                                       (see `reobserve.plain_data.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(data) -> Metrics                  (see `reobserve.ledger.figure_data`)
-    metrics.MEANINGS: what each metric is, in words
+    metrics.MEANINGS: what each metric is, in words   (see `reobserve.evidence.meanings`)
     plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(settings, plant, progress) -> dict     (only papers that have searches)
     keys.Ledger                                       (the keys of the ledger, as dataclasses)

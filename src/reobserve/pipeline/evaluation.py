@@ -6,14 +6,16 @@ functions of the paper with the same settings as the pipeline's stages.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger, digest
 from reobserve.pipeline.common import compute_design, paper_module
 from reobserve.pipeline.figures import figure_data, measure
+from reobserve.pipeline.jobs import Graph, Job
 from reobserve.scoring.metrics import Metric
 from reobserve.timeseries.series import Series
 
@@ -39,6 +41,7 @@ class Evaluator:
     ledger: Ledger
     _done: dict[str, Any] = field(default_factory=dict)
     made: dict[str, Any] = field(default_factory=dict, init=False)
+    _keys: dict[Job, str] = field(default_factory=dict, init=False, repr=False)
 
     def figure(self, figure: str) -> Evaluation:
         """Everything behind one figure.
@@ -51,15 +54,15 @@ class Evaluator:
             If the plant or an observer diverges.
         """
         settings = self.ledger.settings("metrics", figure)
-        scenario = settings["figure"]["scenario"]
-        plant = self._plant(scenario)
-        estimates = {
-            name: self._estimate(scenario, name) for name in settings["figure"]["observers"]
-        }
-        study = self._study(settings["figure"]["study"]) if "study" in settings else None
+        job = self._job("metrics", figure=figure)
+        (plant,) = self._read(job, "plant")
+        estimates = dict(
+            zip(settings["figure"]["observers"], self._read(job, "estimates"), strict=True)
+        )
+        study = next(iter(self._read(job, "study")), None)
         data = figure_data(self.ledger.paper, settings, plant, estimates, study)
         metrics = measure(self.ledger.paper, data)
-        self.made[f"metrics {figure}"] = metrics
+        self.made[job.name] = metrics
         return Evaluation(plant, estimates, study, metrics)
 
     def theory(self) -> list[Metric]:
@@ -72,14 +75,7 @@ class Evaluator:
         """
         if "theory" not in self.ledger.tree:
             return []
-        settings = self.ledger.settings("theory")
-
-        def compute() -> Any:
-            designs = {name: self._design({"design": name})[0] for name in settings["designs"]}
-            with located(f"{self.ledger.paper}.theory"):
-                return paper_module(self.ledger.paper, "theory").measure(settings, designs)
-
-        found: list[Metric] = self._once("theory", settings, compute)
+        found: list[Metric] = self._once(self._job("theory"))
         return found
 
     def table(self, table: str) -> list[dict[str, Any]]:
@@ -91,12 +87,13 @@ class Evaluator:
             If the ledger has no such table or a value in it cannot be used.
         """
         settings = self.ledger.settings("table", table)
-        design = self._design(settings["table"])
+        job = self._job("table", table=table)
+        design = self._read(job, "design")
         with located(f"{self.ledger.paper}.tables.{table}"):
             rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "table").rows(
                 settings, *design
             )
-        self.made[f"table {table}"] = rows
+        self.made[job.name] = rows
         return rows
 
     def refined(self) -> Evaluator:
@@ -110,56 +107,62 @@ class Evaluator:
         """
         return Evaluator(ledger, dict(self._done))
 
-    def _once(self, name: str, settings: Any, compute: Callable[[], Any]) -> Any:
-        """What a stage gives: its name, all that it sees, and how it is computed if it is not."""
-        key = digest([name.split(maxsplit=1)[0], settings])
+    @cached_property
+    def _graph(self) -> Graph:
+        return Graph({self.ledger.paper: self.ledger})
+
+    def _job(self, stage: str, **names: str) -> Job:
+        return self._graph.job(stage, paper=self.ledger.paper, **names)
+
+    def _read(self, job: Job, role: str) -> list[Any]:
+        """What the jobs give that a job reads in a role."""
+        return [self._once(need) for need in job.reads[role] if isinstance(need, Job)]
+
+    def _once(self, job: Job) -> Any:
+        """What a job gives, computed if nothing that it hangs on gave it before."""
+        key = self._key(job)
         if key not in self._done:
-            self._done[key] = compute()
-        self.made[name] = self._done[key]
+            self._done[key] = getattr(self, f"_{job.stage}")(job)
+        self.made[job.name] = self._done[key]
         return self._done[key]
 
-    def _design(self, body: dict[str, Any]) -> list[dict[str, Any]]:
-        """The design that an observer, a study or a table names; empty without one."""
-        if "design" not in body:
-            return []
-        name = body["design"]
-        settings = [name, self.ledger.settings("design", name)]
-        return [self._once(f"design {name}", settings, lambda: compute_design(self.ledger, name))]
+    def _key(self, job: Job) -> str:
+        """A digest of all that a job sees, and of all that those see that it reads from."""
+        if job not in self._keys:
+            self._keys[job] = digest([job.stage, job.settings, *map(self._key, job.needs)])
+        return self._keys[job]
 
-    def _plant(self, scenario: str) -> Series:
-        settings = self.ledger.settings("plant", scenario)
+    def _design(self, job: Job) -> dict[str, Any]:
+        return compute_design(self.ledger, *job.about)
 
-        def simulate() -> Any:
-            with located(self.ledger.paper):
-                return paper_module(self.ledger.paper, "plant").simulate(settings)
-
-        series: Series = self._once(f"plant {scenario}", settings, simulate)
+    def _plant(self, job: Job) -> Series:
+        with located(self.ledger.paper):
+            series: Series = paper_module(self.ledger.paper, "plant").simulate(job.settings)
         return series
 
-    def _estimate(self, scenario: str, observer: str) -> Series:
-        settings = self.ledger.settings("observe", scenario, observer)
-
-        def estimate() -> Any:
-            design = self._design(settings["observer"])
-            plant = self._plant(scenario)
-            with located(f"{self.ledger.paper}.observers.{observer}"):
-                return paper_module(self.ledger.paper, "observe").estimate(settings, plant, *design)
-
-        inputs = [settings, self.ledger.settings("plant", scenario)]
-        series: Series = self._once(f"observe {scenario} {observer}", inputs, estimate)
+    def _observe(self, job: Job) -> Series:
+        design, (plant,) = self._read(job, "design"), self._read(job, "plant")
+        with located(f"{self.ledger.paper}.observers.{job.names['observer']}"):
+            series: Series = paper_module(self.ledger.paper, "observe").estimate(
+                job.settings, plant, *design
+            )
         return series
 
-    def _study(self, study: str) -> list[dict[str, Any]]:
-        settings = self.ledger.settings("study", study)
-
-        def run() -> Any:
-            design = self._design(settings["study"])
-            plant = self._plant(settings["study"]["scenario"])
-            with located(self.ledger.paper):
-                return paper_module(self.ledger.paper, "study").run(settings, plant, *design)
-
-        rows: list[dict[str, Any]] = self._once(f"study {study}", settings, run)
+    def _study(self, job: Job) -> list[dict[str, Any]]:
+        design, (plant,) = self._read(job, "design"), self._read(job, "plant")
+        with located(self.ledger.paper):
+            rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "study").run(
+                job.settings, plant, *design
+            )
         return rows
+
+    def _theory(self, job: Job) -> list[Metric]:
+        designs = dict(zip(job.settings["designs"], self._read(job, "designs"), strict=True))
+        with located(f"{self.ledger.paper}.theory"):
+            found: list[Metric] = paper_module(self.ledger.paper, "theory").measure(
+                job.settings, designs
+            )
+        return found
 
 
 def evaluate(ledger: Ledger, figure: str) -> Evaluation:

@@ -8,11 +8,13 @@ from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.evidence.claims.checks import THEORY
-from reobserve.evidence.claims.registry import read_registry
+from reobserve.evidence.claims.registry import amiss, read_registry
 from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.claims.table import HEADER, broken_row, row
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import AGELESS
+from reobserve.pipeline.jobs import Graph, moved
 from reobserve.plain_data.files import write_table
 from reobserve.scoring.metrics import lookup, read_metrics
 
@@ -33,16 +35,23 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
         if name not in known:
             raise InputError("paper", f"there is no {shown(name)}{nearest(name, known)}")
         try:
-            rows += _rows(project, results / name)
+            rows += _rows(project, results, name)
         except InputError as error:
             rows.append(broken_row(name, str(error)))
     write_table(output, rows, HEADER)
 
 
-def _rows(project: Path, folder: Path) -> list[dict[str, Any]]:
-    ledger = Ledger.read(folder / "ledger.json")
+def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
+    ledger = Ledger.read(moved(AGELESS["ledger"].format(paper=paper), results))
+    graph = Graph({paper: ledger}, project=project)
     claims = read_registry(project, ledger).claims
-    figures = [*ledger.tree["figures"], *([THEORY] if "theory" in ledger.tree else [])]
-    numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in figures}
-    robustness = read_robustness(folder / "robustness.json", ledger.paper)
-    return [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+    numbers = {
+        " ".join(job.about) or THEORY: lookup(read_metrics(moved(path, results)))
+        for job in graph.numbers(paper)
+        for path in job.outputs
+    }
+    (drawn,) = graph.job("robustness", paper=paper).outputs
+    robustness = read_robustness(moved(drawn, results), paper)
+    rows = [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+    problem = "; ".join(amiss(claims))
+    return [*rows, *([broken_row(paper, problem)] if problem else [])]

@@ -20,7 +20,6 @@ from reobserve.evidence.claims.robustness import Flip, Robustness, holds
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
 from reobserve.evidence.claims.table import row, tell_flip
 from reobserve.evidence.claims.verdicts import count, replicated, verdict
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import read_table, write_table
 from reobserve.stages.claims import HEADER
@@ -145,7 +144,7 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
 # Every claim of the papers, fed with results.
 
 Numbers = dict[str, dict[tuple[str, str], float]]
-PAPERS = read_yaml(ROOT / "config" / "config.yaml")["papers"]
+PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
 LEDGERS = {paper: Ledger.load(ROOT, paper) for paper in PAPERS}
 CLAIMS = [
     pytest.param(claim, id=f"{paper}-{claim.name}")
@@ -231,6 +230,34 @@ def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> N
     with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
         put_into(readme, verdicts)
     assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
+
+
+TOLD = """| paper | claims |
+|---|---|
+| `a` | 3 |
+| `b` | 4 |
+
+`a`
+
+| a's picture |
+
+`b`
+
+| b's picture |
+"""
+
+
+def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
+    readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
+    readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
+    verdicts.write_text(
+        "| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n\n`b`\n\nnew\n\n`c`\n\nits own\n"
+    )
+    put_into(readme, verdicts, ["a", "b", "c"])
+    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n").replace("| b's picture |", "new")
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n`c`\n\nits own\n\n<!-- end -->\n"
+    put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
 
 
 @pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -259,12 +259,12 @@ KEPT, BUILT = "tests/golden/made", "results/made"
         (
             move_series,
             {"fig1": "moved", "fig2": "moved"},
-            "watch.x at 1.5 s: golden 0.0707372017, found 0.0707382017, off by 1e-06",
+            "slow/watch, x at 1.5 s: golden 0.0707372017, found 0.0707382017, off by 1e-06",
         ),
         (
             shorten_series,
             {"fig1": "moved", "fig2": "moved"},
-            "rows of watch.x: golden 21, found 11",
+            "slow/watch, rows of x: golden 21, found 11",
         ),
         (relabel, {"fig1": "moved"}, "made fig1: moved"),
         (change_table, {"table1": "moved"}, "value in row 1: golden 2.5, found 2.6"),
@@ -290,9 +290,17 @@ KEPT, BUILT = "tests/golden/made", "results/made"
         (resize, {"fig1": "gap"}, "fig1: has 1056 x 248 pixels, the reference figure has 1056 x"),
         (corrupt("tests/reference/made/fig1.png", "no"), {"fig1": "gap"}, "fig1.png: is no pict"),
         (corrupt(f"{BUILT}/fig1.png", "no"), {"fig1": "gap"}, "fig1.png: is no picture"),
-        (corrupt(f"{KEPT}/fig1.series.csv", "no"), {"fig1": "gap"}, "has the columns ['no']"),
+        (
+            corrupt(f"{KEPT}/slow/watch.series.csv", "no"),
+            {"fig1": "gap", "fig2": "gap"},
+            "has the columns ['no']",
+        ),
         (corrupt(f"{KEPT}/fig1.metrics.csv", ""), {"fig1": "gap"}, "has the columns []"),
-        (remove(f"{KEPT}/fig1.tolerances.csv"), {"fig1": "gap"}, "cannot be read (No such file"),
+        (
+            remove(f"{KEPT}/slow/plant.tolerances.csv"),
+            {"fig1": "gap", "fig2": "gap"},
+            "cannot be read (No such file",
+        ),
         (corrupt(f"{KEPT}/table1.csv", "a,b\n"), {"table1": "gap"}, "has the columns ['a', 'b']"),
         (corrupt(f"{KEPT}/theory.metrics.csv", "x"), {"theory": "gap"}, "has the columns ['x']"),
         (
@@ -411,13 +419,14 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     git(project, "add", "--all")
     git(project, "commit", "--quiet", "--message", "all")
 
-    def stand_in(folder: Path, cores: int, log: Path) -> bool:
+    def stand_in(folder: Path, cores: int, log: Path, papers: Sequence[str]) -> bool:
         assert not (folder / "results").exists()
         shutil.copytree(project / "results", folder / "results")
         return (folder / "results/made/fig1.png").exists()
 
     monkeypatch.setattr(commands, "build", stand_in)
     monkeypatch.setattr(commands, "known_papers", lambda project: ["made"])
+    monkeypatch.setattr(commands, "write_lists", lambda project: None)
     monkeypatch.setattr(commands.Ledger, "load", lambda *arguments, **options: LEDGER)
     monkeypatch.setattr(commands, "renew", lambda project, papers, cores: ["made fig1, x: moved"])
     return project
@@ -471,7 +480,7 @@ def test_accepting_renews_and_keeps_the_reason(
     kept = checkout / "tests/reference/versions.json"
     kept.write_text("{}")
     (checkout / "results/made/fig2.png").unlink()
-    (checkout / "tests/golden/made/gone.series.csv").touch()
+    (checkout / "tests/golden/made/slow/gone.series.csv").touch()
     git(checkout, "add", "--all")
     git(checkout, "commit", "--quiet", "--message", "gone")
     assert main(["accept", "--reason", "the axis has another name"]) == 0
@@ -483,13 +492,48 @@ def test_accepting_renews_and_keeps_the_reason(
     assert [path.name for path in reference.iterdir()] == ["fig1.png"]
     built = checkout / "results/made/fig1.png"
     assert (reference / "fig1.png").read_bytes() == built.read_bytes()
-    assert not (checkout / "tests/golden/made/gone.series.csv").exists()
-    assert (checkout / "tests/golden/made/fig1.series.csv").exists()
+    assert not (checkout / "tests/golden/made/slow/gone.series.csv").exists()
+    assert (checkout / "tests/golden/made/slow/watch.series.csv").exists()
     log = (checkout / "tests/golden/REASONS.md").read_text()
     assert log.endswith("the axis has another name (1 numbers and 2 figures moved)\n")
     assert Origin(json.loads(kept.read_text())) == origin_here(checkout)
     readme = (checkout / "README.md").read_text()
     assert readme == "# Made\n<!-- verdicts -->\n\n| made | [Re] |\n\n<!-- end -->\nmore\n"
+
+
+def test_one_paper_is_accepted_and_the_others_left(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another one has figures, golden numbers and verdicts, and nothing built."""
+    monkeypatch.setattr(commands, "known_papers", lambda project: ["made", "other"])
+    relabel(checkout)
+    told = "| paper |\n|---|\n| `made` | [Re] |\n\n`made`\n\na picture\n"
+    (checkout / "results/verdicts.md").write_text(told)
+    others = [checkout / f"tests/{kind}/other/fig1.{kind}" for kind in ("reference", "golden")]
+    for path in others:
+        path.parent.mkdir()
+        path.touch()
+    verdicts = checkout / "tests/golden/claims.csv"
+    verdicts.write_text(verdicts.read_text() + "other,a_claim,contradicted,no\n")
+    git(checkout, "add", "--all")
+    git(checkout, "commit", "--quiet", "--message", "another paper")
+    before = verdicts.read_text()
+    assert main(["accept", "nobody", "--reason", "there is no such paper"]) == 1
+    assert "paper: there is no 'nobody'" in capsys.readouterr().err
+    assert main(["accept", "made", "--reason", "the axis has another name"]) == 0
+    said = capsys.readouterr().out
+    assert "building made from nothing" in said
+    assert "made fig1: RMS " in said
+    assert "other" not in said
+    assert all(path.exists() for path in others)
+    assert verdicts.read_text() == before
+    (checkout / "tests/reference/versions.json").write_text('{"numpy": "1.2"}')
+    git(checkout, "add", "--all")
+    git(checkout, "commit", "--quiet", "--message", "another origin")
+    assert main(["accept", "made", "--reason", "the axis has another name"]) == 1
+    said = capsys.readouterr().err
+    assert "the reference figures were made under numpy 1.2, not " in said
+    assert "accept all papers together" in said
 
 
 def rewrite(path: Path, old: str, new: str) -> None:

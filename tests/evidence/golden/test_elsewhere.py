@@ -17,10 +17,11 @@ from reobserve.evidence.golden.digests import FILE
 from reobserve.evidence.golden.elsewhere import compare_elsewhere, gate_parts
 from reobserve.evidence.golden.files import folder, read_metrics
 from reobserve.evidence.golden.job import MovedByOneUlp
-from reobserve.evidence.golden.kept import kept_part, part_names
+from reobserve.evidence.golden.kept import kept_parts, part_names
 from reobserve.evidence.golden.processors import ONE_ULP, PINNED, REFINED, Condition
 from reobserve.evidence.golden.runs import run_all
 from reobserve.numerics.code_paths import ENABLED, KERNEL, unpinned
+from reobserve.pipeline.evaluation import Evaluator
 from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, copy_project
 
 
@@ -70,7 +71,8 @@ def test_every_processor_has_its_own_code_paths(monkeypatch: pytest.MonkeyPatch)
 
 def test_one_unit_in_the_last_place_is_what_it_says() -> None:
     evaluator = MovedByOneUlp(LEDGERS["ilo"])
-    moved, plant = evaluator._plant("constant"), super(MovedByOneUlp, evaluator)._plant("constant")
+    job = evaluator._job("plant", scenario="constant")
+    moved, plant = evaluator._plant(job), super(MovedByOneUlp, evaluator)._plant(job)
     for name, values in plant.flat().items():
         off = np.abs(moved.flat()[name] - values)
         whole = values == np.round(values)
@@ -83,13 +85,15 @@ def test_one_unit_in_the_last_place_is_what_it_says() -> None:
 def test_processes_give_what_this_one_gives() -> None:
     order = {"ilo": ["fig1"]}
     pinned, refined = run_all(ROOT, order, [PINNED, REFINED], cores=2)
-    here = kept_part(MovedByOneUlp.__base__(LEDGERS["ilo"]), "fig1")  # type: ignore[misc]
-    there = pinned.papers["ilo"].parts["fig1"]
-    assert list(there.series) == list(here.series)
-    for name, number in here.series.items():
-        np.testing.assert_allclose(there.series[name].values, number.values, atol=1e-9)
+    here = kept_parts(Evaluator(LEDGERS["ilo"]), "fig1")
+    there = pinned.papers["ilo"].parts
+    assert list(there) == list(here)
+    for part, kept in here.items():
+        assert list(there[part].series) == list(kept.series)
+        for name, number in kept.series.items():
+            np.testing.assert_allclose(there[part].series[name].values, number.values, atol=1e-9)
     halved = refined.papers["ilo"].parts["fig1"].metrics["continuous:rms_error"]
-    assert halved.values != there.metrics["continuous:rms_error"].values
+    assert halved.values != there["fig1"].metrics["continuous:rms_error"].values
     assert next(iter(pinned.papers["ilo"].digests)) == "plant constant"
 
 

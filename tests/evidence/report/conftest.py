@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from playwright.sync_api import Browser
 
+from reobserve.evidence import meanings
 from reobserve.evidence.report import report_command
 from tests.browser import browser
 from tests.pipeline.conftest import Project, as_built, built
 
-from .project import BROKEN, CLAIMS, make_project, write_claims
+from .project import BROKEN, CLAIMS, MEANINGS, make_project, write_claims
 
 __all__ = ["as_built", "browser", "built"]
+
+
+@pytest.fixture(autouse=True)
+def toy_says_what_its_metrics_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package of `toy` is in no path here."""
+    module = SimpleNamespace(MEANINGS=MEANINGS)
+    monkeypatch.setattr(meanings, "paper_module", lambda paper, stage: module)
 
 
 @pytest.fixture

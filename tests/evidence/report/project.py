@@ -79,6 +79,12 @@ BROKEN = {
 }  # fmt: skip
 
 
+MEANINGS = {
+    "late_<score>": "a score of the last second",
+    "late_rms_error": "of the last second, |e|",
+}
+
+
 def write_claims(folder: Path, rows: list[dict[str, object]]) -> None:
     """The table of claims as the build writes it."""
     full = [{**dict.fromkeys(HEADER, ""), "paper": "toy", **row} for row in rows]
@@ -112,12 +118,6 @@ def make_project(folder: Path) -> Path:
     write_metrics(built / "fig1.metrics.csv", numbers)
     write_metrics(built / "theory.metrics.csv", [Metric("gains", "discriminant", -0.0, "1/s^2")])
     (built / "table1.csv").write_text("gain,computed,printed\nl1,7.5,7.5\nl2,16.0,15.9\n")
-    (folder / "results/README.md").write_text(
-        "## Metrics of `toy`\n\n| metric | unit | what it is |\n|---|---|---|\n"
-        "| `late_<score>` | 1/s | a score of the last second |\n"
-        "| `late_rms_error` | 1/s | of the last second, \\|e\\| |\n\n"
-        "## Metrics of `other`\n\n| `lag` | s | of another paper |\n"
-    )
     write_claims(folder, CLAIMS)
     drawn = {
         "draws": 40, "held": 30, "diverged": 2, "refused": 1, "share": 0.75,

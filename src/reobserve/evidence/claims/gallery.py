@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -38,8 +39,11 @@ def gallery(rows: Rows, ledgers: Sequence[Ledger]) -> str:
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
-def put_into(readme: Path, verdicts: Path) -> None:
+def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
     """Put what `reobserve verdicts` wrote in its place in the README.
+
+    With ``papers``, all that there are, what the README tells of those that the verdicts are not
+    about stays.
 
     Raises
     ------
@@ -48,10 +52,31 @@ def put_into(readme: Path, verdicts: Path) -> None:
     """
     text, told = read_text(readme), read_text(verdicts)
     before, begin, rest = text.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
+    old, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
+    told = _merged(old, told, papers) if papers else told
     write_text(readme, f"{before}{begin}\n{told}\n{end}{after}")
+
+
+def _merged(old: str, new: str, papers: Sequence[str]) -> str:
+    """What is told of ``papers``: in ``new``, or else in ``old``."""
+    head, rows, galleries = _by_paper(new)
+    _, old_rows, old_galleries = _by_paper(old)
+    order = [one for one in papers if one in (old_rows | rows)]
+    table = "".join((old_rows | rows)[one] for one in order)
+    return f"{head}{table}\n" + "\n".join((old_galleries | galleries)[one] for one in order)
+
+
+def _by_paper(told: str) -> tuple[str, dict[str, str], dict[str, str]]:
+    """The head of the table of `table`, its rows and the parts of `gallery` by paper."""
+    rows = {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\n", told, re.M)}
+    _, *parts = re.split(r"^`(\w+)`$", told, flags=re.M)
+    galleries = {
+        one: f"`{one}`{text.rstrip()}\n" for one, text in zip(parts[::2], parts[1::2], strict=True)
+    }
+    head = told.partition(next(iter(rows.values())))[0] if rows else told
+    return head, rows, galleries
 
 
 def _of_paper(rows: Rows, ledger: Ledger) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,9 @@ from reobserve.evidence.claims.checks import THEORY, Check
 from reobserve.evidence.claims.choices import Choice, find_choice
 from reobserve.ledger.config import Tree, check_schema, read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import AGELESS
+
+HEADLINES = (2, 4)  # so many claims of a paper may be its main ones
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Registry:
 
 def claims_file(project: Path, paper: str) -> Path:
     """Where the claims of a paper are."""
-    return project / "config" / "claims" / f"{paper}.yaml"
+    return project / AGELESS["registry"].format(paper=paper)
 
 
 def read_registry(project: Path, ledger: Ledger) -> Registry:
@@ -72,6 +75,22 @@ def read_registry(project: Path, ledger: Ledger) -> Registry:
     groups = tree.get("choices", {})
     claims = [_read(project, ledger, name, body, groups) for name, body in tree["claims"].items()]
     return Registry(" ".join(tree["in_the_way"].split()), claims)
+
+
+def amiss(claims: Sequence[Claim]) -> Iterator[str]:
+    """What is wrong with claims taken together, a sentence each."""
+    headlines, (least, most) = sum(claim.headline for claim in claims), HEADLINES
+    if claims and not least <= headlines <= most:
+        yield (
+            f"claims.{claims[0].paper}: {headlines} of them are headlines, must be {least} to "
+            f"{most}: with these the replication stands or falls"
+        )
+    said: dict[str, str] = {}
+    for claim in claims:
+        first = said.setdefault(claim.says, claim.name)
+        if first != claim.name:
+            place = f"claims.{claim.paper}.{claim.name}.says"
+            yield f"{place}: what {first} says, must be another claim"
 
 
 def decisive(tree: Tree) -> Tree:

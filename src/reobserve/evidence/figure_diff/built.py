@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.evaluation import Evaluation
+from reobserve.pipeline.jobs import Graph, Job, moved
 from reobserve.timeseries.series import Series
+
+# The stage that makes an item, by the item's kind.
+_STAGES = {"figure": "plot", "table": "table", "theory": "theory"}
 
 
 def built_series(ledger: Ledger, figure: str, results: Path) -> Evaluation:
@@ -18,48 +21,33 @@ def built_series(ledger: Ledger, figure: str, results: Path) -> Evaluation:
     InputError
         If the ledger has no such figure, or a file is missing or damaged.
     """
-    body = ledger.section("figures", figure)
-    folder = results / body["scenario"]
-    estimates = {name: Series.read(folder / f"{name}.parquet") for name in body["observers"]}
-    return Evaluation(Series.read(folder / "plant.parquet"), estimates, None, [])
+    observers = ledger.section("figures", figure)["observers"]
+    read = Graph({ledger.paper: ledger}).job("metrics", paper=ledger.paper, figure=figure).files
+    plant, *series = (
+        Series.read(moved(path, results)) for path in (*read["plant"], *read["estimates"])
+    )
+    return Evaluation(plant, dict(zip(observers, series, strict=True)), None, [])
 
 
-def why_missing(ledger: Ledger, name: str, kind: str, results: Path, logs: Path) -> str:
+def why_missing(ledger: Ledger, name: str, kind: str, results: Path) -> str:
     """The sentence with which the first job on the road to an item failed.
 
-    ``results`` and ``logs`` are the folders of the paper.
+    ``results`` is the folder of all papers, beside that of the logs.
     """
-    for product, log in _road(ledger, name, kind):
-        if not (results / product).exists():
-            said = _last_sentence(logs / log)
+    for job in _road(ledger, name, kind):
+        if not all(moved(path, results).exists() for path in job.outputs):
+            said = _last_sentence(results.parent / job.log)
             if said:
                 return said
     return "was not built, and no log says why"
 
 
-def _road(ledger: Ledger, name: str, kind: str) -> list[tuple[str, str]]:
-    """The files that an item needs, each with the log of its job, in the order they are made."""
-    if kind == "theory":
-        designs = ledger.tree.get("designs", {})
-        return [*map(_design, designs), ("theory.metrics.csv", "theory.log")]
-    if kind == "table":
-        body: dict[str, Any] = ledger.tree.get("tables", {}).get(name, {})
-        designs = [body["design"]] if "design" in body else []
-        return [*map(_design, designs), (f"{name}.csv", f"{name}.table.log")]
-    if name not in ledger.tree["figures"]:
-        return []
-    body = ledger.tree["figures"][name]
-    scenario, study = body["scenario"], body.get("study")
-    road = [(f"{scenario}/plant.parquet", f"{scenario}/plant.log")]
-    road += map(_design, ledger.settings("plot", name).get("designs", ()))
-    road += [(f"{scenario}/{one}.parquet", f"{scenario}/{one}.log") for one in body["observers"]]
-    road += [(f"{study}.study.csv", f"{study}.study.log")] if study else []
-    road += [(f"{name}.metrics.csv", f"{name}.metrics.log"), (f"{name}.png", f"{name}.plot.log")]
-    return road
-
-
-def _design(name: str) -> tuple[str, str]:
-    return f"{name}.design.json", f"{name}.design.log"
+def _road(ledger: Ledger, name: str, kind: str) -> list[Job]:
+    """The jobs that an item needs, in the order in which they run; none if nothing makes it."""
+    graph, stage = Graph({ledger.paper: ledger}, formats=["png"]), _STAGES[kind]
+    if stage == "theory":
+        return graph.behind(graph.job(stage, paper=ledger.paper))
+    return graph.behind(*(job for job in graph.all_of(stage, ledger.paper) if name in job.about))
 
 
 def _last_sentence(log: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,10 +16,11 @@ from reobserve.evidence.figure_diff.model import Diff, Origin
 from reobserve.evidence.figure_diff.origin import origin_here, read_origin, write_origin
 from reobserve.evidence.figure_diff.project_copy import build, copy_project
 from reobserve.evidence.golden import claims as golden_claims
-from reobserve.evidence.golden.commands import renew
+from reobserve.evidence.golden.commands import named_papers, renew
 from reobserve.evidence.golden.files import folder
 from reobserve.evidence.golden.guard import check_may_renew, keep_reason
-from reobserve.evidence.golden.kept import part_names
+from reobserve.evidence.golden.kept import part_names, record_names
+from reobserve.evidence.meanings import write_lists
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import write_text
@@ -42,35 +43,53 @@ def figdiff_command(
         _compare(project, reference, copy / "results", output, gaps)
 
 
-def accept_command(project: Path, reason: str, cores: int) -> None:
+def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
     """Renew reference figures, golden numbers and verdicts, and the gallery of the README.
 
-    Refuses without a reason, in CI and on a dirty tree. All is built first, so that a build that
-    fails leaves what was accepted as it was.
+    Of some papers, or of all. Refuses without a reason, in CI and on a dirty tree, and some papers
+    alone where the figures of the others were made under something else. All is built first, so
+    that a build that fails leaves what was accepted as it was.
     """
     check_may_renew(project, reason)
+    known = known_papers(project)
+    chosen = named_papers(known, paper)
     reference = project / "tests" / "reference"
-    with _built_copy(project, cores, project / "figdiff" / _BUILD_LOG) as (copy, gaps):
+    if paper:
+        _check_same_origin(project, reference)
+    with _built_copy(project, cores, project / "figdiff" / _BUILD_LOG, paper) as (copy, gaps):
         if gaps:
             raise ReobserveError(f"nothing is accepted: {gaps[0]}")
-        moved = renew(project, known_papers(project), cores)
-        moved += golden_claims.renew(project, copy / "results")
-        put_into(project / "README.md", copy / "results" / "verdicts.md")
-        redrawn = _renew_references(reference, copy / "results")
-        _drop_golden_of_no_figure(project)
+        moved = renew(project, chosen, cores)
+        moved += golden_claims.renew(project, copy / "results", paper)
+        put_into(project / "README.md", copy / "results" / "verdicts.md", known if paper else ())
+        write_lists(project)
+        redrawn = _renew_references(reference, copy / "results", chosen)
+        _drop_golden_of_no_figure(project, chosen)
     write_origin(reference, origin_here(project))
     print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
     keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
 
 
+def _check_same_origin(project: Path, reference: Path) -> None:
+    """Refuse where reference figures are of another origin: it is kept once for those of all."""
+    for name, here, there in read_origin(reference).differing(origin_here(project)):
+        raise ReobserveError(
+            f"the reference figures were made under {name} {here or 'unknown'}, not "
+            f"{there or 'unknown'}; accept all papers together"
+        )
+
+
 @contextmanager
-def _built_copy(project: Path, cores: int, log: Path) -> Iterator[tuple[Path, list[str]]]:
+def _built_copy(
+    project: Path, cores: int, log: Path, papers: Sequence[str] = ()
+) -> Iterator[tuple[Path, list[str]]]:
     """A copy of the project with everything built that can be; what failed, in a sentence."""
     with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
         copy = Path(folder)
         copy_project(project, copy)
-        print("building everything from nothing in a temporary folder, some minutes", flush=True)
-        whole = build(copy, cores, log)
+        what = ", ".join(papers) or "everything"
+        print(f"building {what} from nothing in a temporary folder, some minutes", flush=True)
+        whole = build(copy, cores, log, papers)
         yield copy, [] if whole else [f"the build failed in part; {log} has what it said"]
 
 
@@ -98,10 +117,11 @@ def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: 
         raise ReobserveError(f"{said}; see {output / 'index.html'}")
 
 
-def _renew_references(reference: Path, results: Path) -> list[str]:
+def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:
     """Put the drawings in place of the references; what is different about each, a line each."""
     said = []
-    built = {path.relative_to(results): path for path in sorted(results.glob("*/*.png"))}
+    drawn = [path for paper in papers for path in sorted((results / paper).glob("*.png"))]
+    built = {path.relative_to(results): path for path in drawn}
     for name, path in built.items():
         kept, title = reference / name, f"{name.parent} {name.stem}"
         try:
@@ -118,16 +138,17 @@ def _renew_references(reference: Path, results: Path) -> list[str]:
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, kept)
     for path in sorted(reference.glob("*/*.png")):
-        if path.relative_to(reference) not in built:
+        if path.relative_to(reference) not in built and path.parent.name in papers:
             path.unlink()
             said.append(f"{path.parent.name} {path.stem}: taken out, it is built no longer")
     return said
 
 
-def _drop_golden_of_no_figure(project: Path) -> None:
+def _drop_golden_of_no_figure(project: Path, papers: Sequence[str]) -> None:
     """Remove the golden numbers of what the ledgers have no longer."""
-    for paper in known_papers(project):
-        names = part_names(Ledger.load(project, paper).tree)
-        for path in folder(project, paper).glob("*.csv"):
-            if path.name.partition(".")[0] not in names:
+    for paper in papers:
+        tree, golden = Ledger.load(project, paper).tree, folder(project, paper)
+        names = {*part_names(tree), *record_names(tree)}
+        for path in golden.rglob("*.csv"):
+            if path.relative_to(golden).as_posix().partition(".")[0] not in names:
                 path.unlink()

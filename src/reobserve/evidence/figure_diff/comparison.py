@@ -13,12 +13,12 @@ from reobserve.evidence.figure_diff.model import Item, MovedSeries
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.evidence.golden.comparison import metric_differences, series_differences
 from reobserve.evidence.golden.files import folder, read_series
-from reobserve.evidence.golden.kept import THEORY, by_name, kept_rows
+from reobserve.evidence.golden.kept import THEORY, by_name, kept_records
 from reobserve.evidence.golden.tables import compare_rows, read_cells
 from reobserve.ledger.ledger import Ledger
 from reobserve.scoring.metrics import read_metrics
 
-_PARTS = (".metrics.csv", ".series.csv", ".tolerances.csv")
+_PARTS = (".metrics.csv", ".tolerances.csv")
 
 
 def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
@@ -68,7 +68,6 @@ class _Paper:
         self.golden = folder(project, paper)
         self.reference = reference / paper
         self.results = results / paper
-        self.logs = results.parent / "logs" / paper
         self.ledger: Ledger | None = None
         self.no_ledger = ""
         try:
@@ -131,7 +130,7 @@ class _Paper:
         if self.ledger is None:
             return self.no_ledger
         try:
-            return why_missing(self.ledger, item.name, item.kind, self.results, self.logs)
+            return why_missing(self.ledger, item.name, item.kind, self.results.parent)
         except InputError as error:
             return str(error)
 
@@ -142,15 +141,20 @@ class _Paper:
     def _compare_series(self, item: Item) -> None:
         if self.ledger is None:
             raise ReobserveError(self.no_ledger)
-        found = kept_rows(built_series(self.ledger, item.name, self.results))
-        columns = read_series(self.golden, item.name)
-        for moved in series_differences(found, self.paper, item.name, self.golden):
-            if not moved.exceeds:
-                continue
-            item.deviations.append(moved)
-            name, number = moved.column, found[moved.column]
-            golden, allowed = columns[name].values, columns[name].tolerance.allowed
-            item.series.append(MovedSeries(name, number.unit, golden, number.values, allowed))
+        scenario = self.ledger.section("figures", item.name)["scenario"]
+        evaluation = built_series(self.ledger, item.name, self.results.parent)
+        for part, kept in kept_records(evaluation, scenario).items():
+            for moved in series_differences(kept.series, self.paper, part, self.golden):
+                if not moved.exceeds:
+                    continue
+                item.deviations.append(moved)
+                new, golden = kept.series[moved.column], read_series(self.golden, part)
+                name = f"{part.rpartition('/')[2]}.{moved.column}"
+                values, allowed = (
+                    golden[moved.column].values,
+                    golden[moved.column].tolerance.allowed,
+                )
+                item.series.append(MovedSeries(name, new.unit, values, new.values, allowed))
 
     def _compare_metrics(self, item: Item, file: Path) -> None:
         found = by_name(read_metrics(file))

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
@@ -40,12 +41,13 @@ def copy_environment(folder: Path) -> dict[str, str]:
     }
 
 
-def build(folder: Path, cores: int, log: Path) -> bool:
-    """Build everything that can be in the copy ``folder``; whether nothing failed.
+def build(folder: Path, cores: int, log: Path, papers: Sequence[str] = ()) -> bool:
+    """Build everything that can be in the copy ``folder``, or of these papers; whether all was.
 
     What Snakemake prints goes to ``log``.
     """
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--keep-going"]
+    command += ["--config", f"papers=[{','.join(papers)}]"] if papers else []
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w", encoding="utf-8") as stream:
         done = subprocess.run(

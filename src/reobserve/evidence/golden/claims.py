@@ -51,8 +51,8 @@ def compare(
                 yield OtherCell(f"{paper} claims", f"{column} of {claim}", old, new)
 
 
-def renew(project: Path, results: Path) -> list[str]:
-    """Accept what a build left; what moved, a line each.
+def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
+    """Accept what a build left, of all or of some papers; what moved, a line each.
 
     Raises
     ------
@@ -63,14 +63,17 @@ def renew(project: Path, results: Path) -> list[str]:
     try:
         golden = read_golden(project)
     except InputError as error:
-        moved = [f"claims: written anew ({error})"]
+        golden, moved = {}, [f"claims: written anew ({error})"]
     else:
-        papers = dict.fromkeys([*golden, *found])
-        moved = [str(cell) for paper in papers for cell in compare(golden, found, paper)]
+        chosen = dict.fromkeys(papers or [*golden, *found])
+        moved = [str(cell) for paper in chosen for cell in compare(golden, found, paper)]
+    others = {paper: claims for paper, claims in golden.items() if papers and paper not in papers}
+    kept = found | others
+    order = filter(kept.__contains__, dict.fromkeys([*golden, *found]))
     rows = (
         {"paper": paper, "claim": claim, **row}
-        for paper, claims in found.items()
-        for claim, row in claims.items()
+        for paper in order
+        for claim, row in kept[paper].items()
     )
     write_table(golden_file(project), rows, _HEADER)
     return moved

@@ -45,7 +45,7 @@ def check_command(project: Path) -> None:
 
 def elsewhere_command(project: Path, papers: Sequence[str], part: str, cores: int) -> None:
     """Compare all numbers with the golden ones under emulated processors; fail on deviations."""
-    chosen = _known(project, papers) or _built(project)
+    chosen = named_papers(known_papers(project), papers) if papers else _built(project)
     compare_elsewhere(project, chosen, part == "gate", cores)
 
 
@@ -54,7 +54,7 @@ def update_command(
 ) -> None:
     """Renew golden numbers: refuses without a reason, in CI and on a dirty tree."""
     check_may_renew(project, reason)
-    chosen = _known(project, paper) or known_papers(project)
+    chosen = named_papers(known_papers(project), paper)
     moved = renew(project, chosen, cores, anew=anew)
     print("\n".join(moved) if moved else "nothing moved beyond its tolerance")
     keep_reason(project, reason, f"{len(moved)} moved")
@@ -90,15 +90,14 @@ def renew(project: Path, papers: Sequence[str], cores: int, *, anew: bool = Fals
     return [line for renewal in renewals for line in renewal.moved]
 
 
-def _known(project: Path, papers: Sequence[str]) -> list[str]:
-    """The papers that are named; `InputError` if there is no such one."""
-    known = known_papers(project)
+def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
+    """The papers that are named, or all that are known; `InputError` if there is no such one."""
     for paper in papers:
         if paper not in known:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
-    return list(dict.fromkeys(papers))
+    return list(dict.fromkeys(papers or known))
 
 
 def _built(project: Path) -> list[str]:
-    papers: list[str] = read_yaml(project / "config" / "config.yaml")["papers"]
-    return papers
+    stated: list[str] = read_yaml(project / "config" / "config.yaml").get("papers", [])
+    return stated or known_papers(project)

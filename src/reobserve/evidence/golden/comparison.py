@@ -23,7 +23,7 @@ from reobserve.timeseries.series import Channel
 
 
 def compare(kept: Kept, paper: str, part: str, golden: Path) -> Iterator[Deviation | OtherCell]:
-    """The numbers of a figure, a table or a theory that leave their tolerances.
+    """The numbers of a record, a figure, a table or a theory that leave their tolerances.
 
     Raises
     ------
@@ -40,24 +40,27 @@ def differences(kept: Kept, paper: str, part: str, golden: Path) -> Iterator[Dev
         return
     if kept.series:
         yield from series_differences(kept.series, paper, part, golden)
-    yield from metric_differences(kept.metrics, paper, part, golden)
+    if kept.metrics or not kept.series:
+        yield from metric_differences(kept.metrics, paper, part, golden)
 
 
 def series_differences(
-    found: Mapping[str, Channel], paper: str, figure: str, golden: Path
+    found: Mapping[str, Channel], paper: str, part: str, golden: Path
 ) -> Iterator[Deviation]:
-    """Of each series of a figure, as `kept_rows` gives them, its worst row; as `compare`."""
-    path = golden / f"{figure}.series.csv"
-    columns = read_series(golden, figure)
-    for name, column in _paired(path, columns, found, golden, figure):
+    """Of each series of a record, as `kept_records` gives them, its worst row; as `compare`."""
+    if found.keys() <= read_undetermined(golden).get(part, {}).keys():
+        return  # nothing of it is kept, not even a file
+    path = golden / f"{part}.series.csv"
+    columns = read_series(golden, part)
+    for name, column in _paired(path, columns, found, golden, part):
         values, kept = found[name].values, column.values
         if len(values) != len(kept):
             where = f"rows of {name}"
-            yield Deviation(f"{paper} {figure}", where, len(kept), len(values), 0.0, name)
+            yield Deviation(f"{paper} {part}", where, len(kept), len(values), 0.0, name)
             continue
         worst = int(np.argmax(off_by(values, kept)))
         yield Deviation(
-            f"{paper} {figure}",
+            f"{paper} {part}",
             f"{name} at {worst * PERIOD:g} s",
             float(kept[worst]),
             float(values[worst]),

@@ -30,7 +30,7 @@ _ALLOWED = dict.fromkeys(("rounding", "step"), NUMBER)
 
 @dataclass(frozen=True)
 class Golden:
-    """A column of a series or a table, or a metric (of one row), as its file holds it."""
+    """A column of a record or a table, or a metric (of one row), as its file holds it."""
 
     text: tuple[str, ...]
     unit: str
@@ -60,16 +60,16 @@ def as_number(text: str) -> float:
         return float("nan")
 
 
-def read_series(golden: Path, figure: str) -> dict[str, Golden]:
-    """The columns of a figure.
+def read_series(golden: Path, part: str) -> dict[str, Golden]:
+    """The columns of a record.
 
     Raises
     ------
     InputError
         If a file is missing or damaged.
     """
-    path = golden / f"{figure}.series.csv"
-    tolerances = read_tolerances(golden, figure)
+    path = golden / f"{part}.series.csv"
+    tolerances = read_tolerances(golden, part)
     header = ["time", *tolerances]
     table = read_table(path, header, dict.fromkeys(header, NUMBER), ["time"])
     if not table:
@@ -80,15 +80,19 @@ def read_series(golden: Path, figure: str) -> dict[str, Golden]:
     }
 
 
-def write_series(golden: Path, figure: str, columns: Mapping[str, Golden]) -> None:
-    """Write the columns of a figure, with their tolerances in a file beside."""
-    length = max((len(column.text) for column in columns.values()), default=0)
+def write_series(golden: Path, part: str, columns: Mapping[str, Golden]) -> None:
+    """Write the columns of a record, with their tolerances in a file beside; no files for none."""
+    if not columns:
+        for kind in ("series", "tolerances"):
+            (golden / f"{part}.{kind}.csv").unlink(missing_ok=True)
+        return
+    length = max(len(column.text) for column in columns.values())
     rows = (
         {"time": f"{i * PERIOD:.6g}"} | {name: column.text[i] for name, column in columns.items()}
         for i in range(length)
     )
-    write_table(golden / f"{figure}.series.csv", rows, ["time", *columns])
-    write_tolerances(golden, figure, columns)
+    write_table(golden / f"{part}.series.csv", rows, ["time", *columns])
+    write_tolerances(golden, part, columns)
 
 
 def read_metrics(golden: Path, part: str) -> dict[str, Golden]:
@@ -114,7 +118,7 @@ def write_metrics(golden: Path, part: str, metrics: Mapping[str, Golden]) -> Non
 
 
 def read_tolerances(golden: Path, part: str) -> dict[str, tuple[str, Tolerance]]:
-    """Unit and tolerance of each column of a figure or a table; raises as `read_series`."""
+    """Unit and tolerance of each column of a record or a table; raises as `read_series`."""
     path = golden / f"{part}.tolerances.csv"
     # A column of a table has no unit of its own.
     kinds = {"column": NAME, "unit": _UNIT_OR_NONE, **_ALLOWED}
@@ -123,7 +127,7 @@ def read_tolerances(golden: Path, part: str) -> dict[str, tuple[str, Tolerance]]
 
 
 def write_tolerances(golden: Path, part: str, columns: Mapping[str, Golden]) -> None:
-    """Write unit and tolerance of each column of a figure or a table."""
+    """Write unit and tolerance of each column of a record or a table."""
     rows = (
         {"column": name, "unit": column.unit, **_cells(column.tolerance)}
         for name, column in columns.items()
@@ -157,11 +161,11 @@ def write_undetermined(golden: Path, names: Undetermined) -> None:
 
 
 def check_names(path: Path, golden: Sequence[str], found: Sequence[str]) -> None:
-    """Raise `InputError` unless the names in a golden file are those of a figure."""
+    """Raise `InputError` unless the names in a golden file are those that are found."""
     missing, extra = sorted(set(golden) - set(found)), sorted(set(found) - set(golden))
     if missing or extra:
         raise InputError(
-            str(path), f"does not fit the figure; only there: {missing}, only here: {extra}"
+            str(path), f"does not fit what is found; only there: {missing}, only here: {extra}"
         )
 
 

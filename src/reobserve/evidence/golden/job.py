@@ -18,6 +18,7 @@ from reobserve.evidence.golden.kept import kept_paper
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.evaluation import Evaluator
+from reobserve.pipeline.jobs import Job
 from reobserve.plain_data.files import write_whole
 from reobserve.timeseries.series import Channel, Series
 
@@ -25,8 +26,8 @@ from reobserve.timeseries.series import Channel, Series
 class MovedByOneUlp(Evaluator):
     """An evaluator whose plants' records are off by one unit in the last place, up or down."""
 
-    def _plant(self, scenario: str) -> Series:
-        record = super()._plant(scenario)
+    def _plant(self, job: Job) -> Series:
+        record = super()._plant(job)
         random = np.random.default_rng(0)
 
         def moved(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:

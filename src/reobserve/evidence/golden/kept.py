@@ -1,4 +1,8 @@
-"""What golden numbers keep of an evaluation: rows of series, metrics, cells of tables."""
+"""What golden numbers keep of an evaluation: rows of series, metrics, cells of tables.
+
+They come in parts, each with files of its own: a figure, a table, the theory, and each record that
+figures show, ``SCENARIO/plant`` or ``SCENARIO/OBSERVER``.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,15 @@ from reobserve.timeseries.series import Channel, Series
 Array = NDArray[np.float64]
 
 THEORY = "theory"
+PLANT = "plant"
 PERIOD = 0.1  # [s] between the rows kept of each series
 
 
 @dataclass(frozen=True)
 class Kept:
-    """What is kept of a figure, of a table (``cells``), or of a theory (``metrics``)."""
+    """What is kept of a part: the series of a record, the metrics of a figure or a theory, or the
+    ``cells`` of a table.
+    """
 
     series: Mapping[str, Channel] = field(default_factory=dict)
     metrics: Mapping[str, Channel] = field(default_factory=dict)
@@ -40,13 +47,23 @@ class KeptPaper:
 
 
 def part_names(tree: Mapping[str, Any]) -> list[str]:
-    """The figures, the tables and the theory of a ledger."""
+    """What can be evaluated by itself: the figures, the tables and the theory of a ledger."""
     theory = [THEORY] if THEORY in tree else []
     return [*tree["figures"], *tree.get("tables", {}), *theory]
 
 
+def record_names(tree: Mapping[str, Any]) -> list[str]:
+    """The parts that hold series: what figures show of a scenario, once for each that shows it."""
+    named = [
+        f"{body['scenario']}/{owner}"
+        for body in tree["figures"].values()
+        for owner in (PLANT, *body["observers"])
+    ]
+    return list(dict.fromkeys(named))
+
+
 def kept_paper(evaluator: Evaluator, parts: Iterable[str] | None = None) -> KeptPaper:
-    """All that is kept of a paper, or of these parts.
+    """All that is kept of a paper, or of these of its `part_names` and the records behind them.
 
     Raises
     ------
@@ -54,31 +71,30 @@ def kept_paper(evaluator: Evaluator, parts: Iterable[str] | None = None) -> Kept
         If a value of the ledger cannot be used.
     """
     names = list(part_names(evaluator.ledger.tree) if parts is None else parts)
-    kept = {name: kept_part(evaluator, name) for name in names}
+    kept: dict[str, Kept] = {}
+    for name in names:
+        kept |= kept_parts(evaluator, name)
     return KeptPaper(kept, stage_digests(evaluator))
 
 
-def kept_part(evaluator: Evaluator, name: str) -> Kept:
-    """What is kept of a figure, a table or the theory; raises as `kept_paper`."""
+def kept_parts(evaluator: Evaluator, name: str) -> dict[str, Kept]:
+    """What is kept of a table or the theory, or of a figure and its records; as `kept_paper`."""
     tree = evaluator.ledger.tree
     if name in tree["figures"]:
-        return kept_figure(evaluator.figure(name))
+        evaluation = evaluator.figure(name)
+        records = kept_records(evaluation, tree["figures"][name]["scenario"])
+        return {**records, name: Kept(metrics=by_name(evaluation.metrics))}
     if name in tree.get("tables", {}):
-        return Kept(cells=table_cells(evaluator.ledger.paper, evaluator.table(name)))
-    return Kept(metrics=by_name(evaluator.theory()))
+        return {name: Kept(cells=table_cells(evaluator.ledger.paper, evaluator.table(name)))}
+    return {name: Kept(metrics=by_name(evaluator.theory()))}
 
 
-def kept_figure(evaluation: Evaluation) -> Kept:
-    """The rows of all series of a figure, and its metrics."""
-    return Kept(kept_rows(evaluation), by_name(evaluation.metrics))
-
-
-def kept_rows(evaluation: Evaluation) -> dict[str, Channel]:
-    """The rows of all series of a figure that golden numbers keep, by owner and column."""
-    series = dict(_columns("plant", evaluation.plant))
-    for observer, estimate in evaluation.estimates.items():
-        series.update(_columns(observer, estimate))
-    return series
+def kept_records(evaluation: Evaluation, scenario: str) -> dict[str, Kept]:
+    """The rows of the series behind a figure that golden numbers keep, by `record_names`."""
+    records = {PLANT: evaluation.plant, **evaluation.estimates}
+    return {
+        f"{scenario}/{owner}": Kept(dict(_columns(series))) for owner, series in records.items()
+    }
 
 
 def by_name(metrics: Iterable[Metric]) -> dict[str, Channel]:
@@ -95,10 +111,10 @@ def table_cells(paper: str, rows: Iterable[Mapping[str, Any]]) -> tuple[dict[str
     return tuple({column: cell(row.get(column)) for column in header} for row in rows)
 
 
-def _columns(owner: str, series: Series) -> Iterator[tuple[str, Channel]]:
+def _columns(series: Series) -> Iterator[tuple[str, Channel]]:
     every = round(PERIOD / series.step)
     units = {name: channel.unit for name, channel in series.channels.items()}
     for column, values in series.flat().items():
         name = column if column in units else column.rpartition("_")[0]
         if not name.endswith("_before"):
-            yield f"{owner}.{column}", Channel(values[::every].copy(), units[name])
+            yield column, Channel(values[::every].copy(), units[name])

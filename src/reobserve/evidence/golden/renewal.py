@@ -81,7 +81,7 @@ def _made_elsewhere(golden: Path) -> bool:
 
 
 class _Part:
-    """A figure, a table or a theory on its way to its files."""
+    """A part on its way to its files."""
 
     def __init__(
         self, paper: str, part: str, golden: Path, left_out: dict[str, float], anew: bool
@@ -97,11 +97,13 @@ class _Part:
         if kept.cells is not None:
             rows, columns = self._table(kept.cells, [other.cells or () for other in others])
             return [lambda: tables.write_rows(golden, self.paper, part, rows, columns)]
-        metrics = self._numbers(
-            self._before(files.read_metrics),
-            kept.metrics, [other.metrics for other in others], refined.metrics,
-        )  # fmt: skip
-        writes: list[Callable[[], None]] = [lambda: files.write_metrics(golden, part, metrics)]
+        writes: list[Callable[[], None]] = []
+        if kept.metrics or not kept.series:
+            metrics = self._numbers(
+                self._before(files.read_metrics),
+                kept.metrics, [other.metrics for other in others], refined.metrics,
+            )  # fmt: skip
+            writes.append(lambda: files.write_metrics(golden, part, metrics))
         if kept.series:
             series = self._numbers(
                 self._before(files.read_series),

@@ -8,34 +8,35 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError
+from reobserve.evidence.meanings import Meanings, meanings
 from reobserve.evidence.report.assumptions import entries
 from reobserve.evidence.report.drawings import drawing
 from reobserve.evidence.report.environment import environment, package_versions
 from reobserve.evidence.report.errata import read_errata, read_in_the_way
-from reobserve.evidence.report.jobs import Jobs, stage_code
+from reobserve.evidence.report.jobs import Runs, stage_code
 from reobserve.evidence.report.markup import first_sentence, to_html, without_title
 from reobserve.evidence.report.model import (
     Claim,
     Figure,
     Gap,
-    Job,
     Paper,
     PaperTable,
     Report,
+    Run,
     Table,
     Timing,
 )
 from reobserve.evidence.report.numbers import (
     MOST_ROWS,
-    Meanings,
-    meanings,
     metrics_table,
     plain_table,
 )
 from reobserve.evidence.report.reading import Project, need
 from reobserve.evidence.report.timings import timings
 from reobserve.evidence.report.verdicts import paper_claims, read_claims
+from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.jobs import Graph
 
 # How the source of a figure begins that no paper has.
 _BEYOND = "beyond the paper"
@@ -58,16 +59,14 @@ def gather(
     """
     project = Project(folder, page)
     path = "config/config.yaml"
-    config = need(path, project.yaml(path), "papers", "formats")
+    config = need(path, project.yaml(path), "formats")
     rows = read_claims(project)
     told, measured = [], []
-    for name in papers or config["papers"]:
+    for name in papers or config.get("papers") or known_papers(folder):
         ledger, gaps = _ledger(project, name, config.get("seed", 0))
         claims, undrawn = paper_claims(project, name, rows)
         known = () if isinstance(claims, Gap) else claims
-        parts = _Parts(
-            project, ledger, formats or config["formats"], known, meanings(project, name)
-        )
+        parts = _Parts(project, ledger, formats or config["formats"], known, meanings(name))
         paper = parts.paper(claims, undrawn, gaps)
         told.append(paper)
         measured += _timings(project, paper)
@@ -97,8 +96,8 @@ def _timings(project: Project, paper: Paper) -> list[Timing]:
 
 
 def _all_jobs(
-    figures: tuple[Figure, ...], tables: tuple[PaperTable, ...], others: tuple[Job, ...]
-) -> list[Job]:
+    figures: tuple[Figure, ...], tables: tuple[PaperTable, ...], others: tuple[Run, ...]
+) -> list[Run]:
     jobs = [job for figure in figures for job in figure.jobs]
     return [*jobs, *(job for table in tables for job in table.jobs), *others]
 
@@ -113,23 +112,29 @@ class _Parts:
     claims: tuple[Claim, ...]
     meanings: Meanings
 
+    @property
+    def graph(self) -> Graph:
+        """The jobs of the paper."""
+        paper = self.ledger.paper
+        return Graph({paper: self.ledger}, [paper], self.formats, project=self.project.folder)
+
     def paper(
         self, claims: tuple[Claim, ...] | Gap, undrawn: Gap | None, gaps: tuple[Gap, ...]
     ) -> Paper:
         tree, name = self.ledger.tree, self.ledger.paper
         about = tree["about"]
-        jobs = Jobs(self.project, self.ledger)
+        runs = Runs(self.project, self.graph)
         in_the_way = read_in_the_way(self.project, name)
         figures = tuple(
-            self._figure(figure, body, jobs.figure(figure))
+            self._figure(figure, body, runs.behind("plot", figure=figure))
             for figure, body in tree["figures"].items()
         )
         tables = tuple(
-            self._table(table, body, jobs.table(table))
+            self._table(table, body, runs.behind("table", table=table))
             for table, body in tree.get("tables", {}).items()
         )
-        theory, theory_jobs = self._theory(jobs)
-        claims_jobs = () if isinstance(claims, Gap) else jobs.claims()
+        theory, theory_jobs = self._theory(runs)
+        claims_jobs = () if isinstance(claims, Gap) else runs.claims()
         made = _all_jobs(figures, tables, (*theory_jobs, *claims_jobs))
         stages = dict.fromkeys(job.stage for job in made)
         shared, code = stage_code(name, list(stages))
@@ -157,7 +162,7 @@ class _Parts:
     def _path(self, name: str) -> str:
         return f"results/{self.ledger.paper}/{name}"
 
-    def _figure(self, figure: str, body: Mapping[str, Any], jobs: tuple[Job, ...]) -> Figure:
+    def _figure(self, figure: str, body: Mapping[str, Any], jobs: tuple[Run, ...]) -> Figure:
         place = f"{self.ledger.paper}-{figure}"
         image, links, gaps = drawing(
             self.project, self._path(figure), self.formats, place, jobs[-1].log
@@ -180,11 +185,10 @@ class _Parts:
             decides=tuple(claim.name for claim in self.claims if figure in claim.figures),
         )
 
-    def _table(self, table: str, body: Mapping[str, Any], jobs: tuple[Job, ...]) -> PaperTable:
+    def _table(self, table: str, body: Mapping[str, Any], jobs: tuple[Run, ...]) -> PaperTable:
         place = f"{self.ledger.paper}-{table}"
         path = self._path(f"{table}.csv")
-        own = f"workflow/report/{self.ledger.paper}/{table}.rst"
-        template = own if self.project.exists(own) else "workflow/report/table.rst"
+        template = self.graph.caption(self.ledger.paper, table, "table")
         content: Table | Gap
         try:
             content = plain_table(self.project, path)
@@ -200,11 +204,11 @@ class _Parts:
             jobs=jobs,
         )
 
-    def _theory(self, jobs: Jobs) -> tuple[Table | Gap | None, tuple[Job, ...]]:
+    def _theory(self, runs: Runs) -> tuple[Table | Gap | None, tuple[Run, ...]]:
         if "theory" not in self.ledger.tree:
             return None, ()
         place = f"{self.ledger.paper}-theory"
-        made = jobs.theory()
+        made = runs.behind("theory")
         path = self._path("theory.metrics.csv")
         return self._numbers(path, place, made[-1].log, most=None), made
 

@@ -62,15 +62,15 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Job:
-    """One run of a stage: what it read and wrote, and the command as it ran."""
+class Run:
+    """A job that ran: what it read and wrote, and the command as its log has it."""
 
     stage: str
     name: str
     inputs: tuple[str, ...]
-    output: str
+    outputs: tuple[str, ...]
     log: str
-    command: str | Gap = ""
+    command: str | Gap
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Figure:
     gaps: tuple[Gap, ...]
     numbers: Table | Gap
     numbers_link: Link
-    jobs: tuple[Job, ...]
+    jobs: tuple[Run, ...]
     decides: tuple[str, ...] = ()
 
     @property
@@ -107,7 +107,7 @@ class PaperTable:
     content: Table | Gap
     caption: str | Gap
     link: Link
-    jobs: tuple[Job, ...]
+    jobs: tuple[Run, ...]
 
 
 @dataclass(frozen=True)
@@ -209,9 +209,9 @@ class Paper:
     figures: tuple[Figure, ...]
     tables: tuple[PaperTable, ...]
     theory: Table | Gap | None
-    theory_jobs: tuple[Job, ...]
+    theory_jobs: tuple[Run, ...]
     claims: tuple[Claim, ...] | Gap
-    claims_jobs: tuple[Job, ...]
+    claims_jobs: tuple[Run, ...]
     robustness: Gap | None
     errata: tuple[Erratum, ...] | Gap
     entries: tuple[Entry, ...]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-import re
 
 from reobserve.errors import InputError
+from reobserve.evidence.meanings import Meanings
 from reobserve.evidence.report.model import Table
 from reobserve.evidence.report.reading import Project
 from reobserve.scoring.metrics import read_metrics
@@ -18,26 +18,6 @@ MOST_ROWS = 40
 # More observers, or fewer of the metrics of each, and a column for each makes no good table.
 _MOST_COLUMNS = 6
 _LEAST_FILLED = 0.6
-
-Meanings = list[tuple[re.Pattern[str], str]]
-
-
-def meanings(project: Project, paper: str) -> Meanings:
-    """What metrics are called to mean, from the list in results/README.md; empty without one."""
-    try:
-        text = project.text("results/README.md")
-    except InputError:
-        return []
-    found = []
-    _, _, section = text.partition(f"## Metrics of `{paper}`")
-    for row in re.findall(r"^\| `(.+?)` \| .+? \| (.+?) \|$", section.partition("\n## ")[0], re.M):
-        pattern = "".join(
-            ".+" if part.startswith("<") else re.escape(part)
-            for part in re.split(r"(<\w+>)", row[0])
-        )
-        found.append((re.compile(pattern), row[1].replace("\\|", "|").replace("`", "")))
-    # The exact name explains better than a pattern that happens to fit.
-    return sorted(found, key=lambda pair: pair[0].pattern.count(".+"))
 
 
 def metrics_table(

@@ -6,11 +6,11 @@ import csv
 from collections.abc import Iterable
 from pathlib import Path
 
-from reobserve.evidence.report.model import Job, Timing
+from reobserve.evidence.report.model import Run, Timing
 from reobserve.evidence.report.reading import Project
 
 
-def timings(project: Project, paper: str, jobs: Iterable[Job]) -> list[Timing]:
+def timings(project: Project, paper: str, jobs: Iterable[Run]) -> list[Timing]:
     """Seconds and memory of a paper's jobs by stage, in the order in which stages first come.
 
     Jobs whose record is missing are not counted: it says what was measured, and nothing else does.

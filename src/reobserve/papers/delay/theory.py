@@ -16,7 +16,7 @@ from reobserve.scoring.metrics import Metric
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see ``results/README.md`` for their names.
+    """The numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------

@@ -28,7 +28,7 @@ _BAND = 0.02  # of the step: what counts as settled
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see ``results/README.md`` for their names.
+    """The numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------

@@ -32,7 +32,7 @@ _ROWS = 20  # cases of Lemma 1 with the same gains
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the theory; see ``results/README.md`` for their names.
+    """The numbers of the theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------

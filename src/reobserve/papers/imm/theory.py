@@ -30,7 +30,7 @@ Observers = dict[str, keys.Observer]
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory; see ``results/README.md`` for their names.
+    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------

@@ -54,7 +54,7 @@ _FAR = 0.01  # of the sizes of m.alpha and lambda: a divisor that costs two digi
 
 
 def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
-    """The numbers of the paper's theory; see ``results/README.md`` for their names.
+    """The numbers of the paper's theory; see `MEANINGS` of `metrics`.
 
     Raises
     ------

@@ -1,0 +1,79 @@
+"""The graph of jobs: each file is made once, by a command that there is, after what it needs."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+
+import pytest
+
+from reobserve.cli import _parser
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import STAGES
+from reobserve.pipeline.jobs import Graph
+
+from .conftest import LEDGERS, PAPERS, ROOT
+
+GRAPH = Graph(LEDGERS, PAPERS, ["pdf", "svg"], draws=3, flips=False, project=ROOT)
+JOBS = GRAPH.behind(GRAPH.job("verdicts"))
+
+
+def test_every_file_is_made_once_and_each_job_has_its_own_log() -> None:
+    made = Counter(path for job in JOBS for path in job.outputs)
+    assert set(made.values()) == {1}
+    assert len({job.log for job in JOBS}) == len(JOBS)
+    assert {job.stage for job in JOBS} == set(STAGES) - {"search"}
+
+
+def test_what_a_job_needs_is_made_before_it_or_is_there() -> None:
+    there: set[str] = set()
+    for job in JOBS:
+        read = {path for paths in job.inputs.values() for path in paths}
+        assert all(path in there or (ROOT / path).is_file() for path in read), job.name
+        there |= set(job.outputs)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_commands_are_what_the_command_line_takes(stage: str) -> None:
+    jobs = [job for job in JOBS if job.stage == stage] or GRAPH.all_of("search", "imm")
+    assert jobs
+    for job in jobs:
+        options = vars(_parser().parse_args(shlex.split(job.command)))
+        written = [options.get("output"), options.get("caption"), *options.get("outputs", ())]
+        assert sorted(str(path) for path in written if path) == sorted(job.outputs)
+
+
+def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
+    job = GRAPH.job("observe", paper="lie", scenario="figure", observer="order4")
+    assert job.name == "observe figure order4"
+    assert job.inputs == {
+        "plant": ["results/lie/figure/plant.parquet"],
+        "design": ["results/lie/linear.design.json"],
+    }
+    assert job.command == (
+        "observe results/lie/ledger.json results/lie/figure/plant.parquet order4 --design-file "
+        "results/lie/linear.design.json --output results/lie/figure/order4.parquet"
+    )
+    assert set(job.settings) == {"plant", "observer", "design"}
+    without = GRAPH.job("observe", paper="ilo", scenario="constant", observer="sampled")
+    assert "--design-file" not in without.command
+    drawn = GRAPH.job("plot", paper="ilo", figure="fig1")
+    assert drawn.outputs == [f"results/ilo/fig1.{kind}" for kind in ("svg", "pdf", "caption.rst")]
+    assert "workflow/report/ilo/_settings.rst" in drawn.inputs["partials"]
+    assert GRAPH.job("robustness", paper="ilo").command.endswith(
+        "--draws 3 --no-flips --output results/ilo/robustness.json"
+    )
+
+
+def test_names_are_quoted_for_the_shell() -> None:
+    tree = LEDGERS["ilo"].tree
+    mine = {"a b; c": tree["scenarios"]["constant"]}
+    graph = Graph({"ilo": Ledger("ilo", {**tree, "scenarios": mine}, 0)})
+    words = shlex.split(graph.job("plant", paper="ilo", scenario="a b; c").command)
+    assert words[2] == "a b; c"
+
+
+def test_a_user_s_paper_without_claims_has_none_decided() -> None:
+    graph = Graph(LEDGERS, ["ilo"], project=ROOT / "tests")
+    assert graph.claimed == []
+    assert graph.job("claims").inputs == {"numbers": [], "robustness": []}
