@@ -1,7 +1,7 @@
 """Before numpy is imported: as in the command line, so that sums round alike, and two test
 processes on two cores do not fight over threads for matrices of five rows.
 
-And which tests share a process where several run them: those that share what is dear to make.
+And which tests share a process where several run them: those that share what is expensive to make.
 """
 
 from __future__ import annotations

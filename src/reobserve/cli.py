@@ -271,7 +271,7 @@ def _add_golden(commands: Any) -> None:
     )
     elsewhere.add_argument(
         "--part", choices=("all", "gate"), default="all",
-        help="gate: what hangs on designs and one figure a paper, on the most telling processors",
+        help="gate: what depends on designs and one figure a paper, on the most telling processors",
     )  # fmt: skip
     update = _command(
         actions, "update", "evidence.golden.commands:update_command",

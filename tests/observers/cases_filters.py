@@ -61,7 +61,7 @@ def kalman() -> Case:
 
 
 def variable_structure() -> Case:
-    """The SVSF, whose layer is wide enough for it to hang on the model."""
+    """The SVSF, whose layer is wide enough for it to depend on the model."""
     case = _filter(SmoothVariableStructureFilter(MODEL, 10.0, 0.1))
     return replace(case, state=case.observer.init(case.truth["state"][0], 1.0))
 

@@ -110,7 +110,7 @@ BROKEN = """
     says: A number that nobody has.
     checks: [{value: fig1 slow late_error, below: 1}]
     why: To see.
-    hangs_on: [gains]
+    depends_on: [gains]
   no_figure:
     place: Nowhere
     says: A figure that nobody has.
@@ -121,7 +121,7 @@ BROKEN = """
     says: A key that nobody has.
     checks: [{value: fig1 slow late_rms_error, below: 1}]
     why: To see.
-    hangs_on: [observers.slow.gain]
+    depends_on: [observers.slow.gain]
 """
 
 
@@ -144,7 +144,8 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
             ("no_figure", "figure: there is no 'fig3'; did you mean 'fig1'?"),
             (
                 "no_key",
-                "hangs_on: there is no 'observers.slow.gain'; did you mean 'observers.slow.gains'?",
+                "depends_on: there is no 'observers.slow.gain'; "
+                "did you mean 'observers.slow.gains'?",
             ),
         ):
             sentence = f"claims.toy.{name}: {said}"
@@ -286,7 +287,7 @@ def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("hangs_on: [gains]", "hangs_on: [gains, seed]"),
+        ("depends_on: [gains]", "depends_on: [gains, seed]"),
         ("gains: [observers.slow.gains]", "gains: [observers.*.gains]"),
         ("why: What better means.", "why: What better means.\n    draws_divided_by: 2"),
     ],

@@ -1,4 +1,4 @@
-# What the rules need to know: the checked ledgers, the graph of their jobs, and what these hang on.
+# What the rules need to know: the checked ledgers, the graph of their jobs, and what these depend on.
 
 import re
 import shlex

@@ -119,7 +119,7 @@ class Evaluator:
         return [self._once(need) for need in job.reads[role] if isinstance(need, Job)]
 
     def _once(self, job: Job) -> Any:
-        """What a job gives, computed if nothing that it hangs on gave it before."""
+        """What a job gives, computed if nothing that it depends on gave it before."""
         key = self._key(job)
         if key not in self._done:
             self._done[key] = getattr(self, f"_{job.stage}")(job)

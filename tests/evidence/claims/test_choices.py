@@ -125,13 +125,13 @@ def test_a_place_in_the_range_is_where_its_value_stands() -> None:
     [
         (
             "observers.sampled.K3",
-            "hangs_on: there is no 'observers.sampled.K3'; did you mean 'observers.sampled.K2'?",
+            "depends_on: there is no 'observers.sampled.K3'; did you mean 'observers.sampled.K2'?",
         ),
         (
             "plant.inertia",
-            "hangs_on: plant.inertia is stated (Section 4, (19)), no choice",
+            "depends_on: plant.inertia is stated (Section 4, (19)), no choice",
         ),
-        ("plant.step", "hangs_on: plant.step is a numerical resolution, no choice"),
+        ("plant.step", "depends_on: plant.step is a numerical resolution, no choice"),
     ],
 )
 def test_what_is_no_choice_is_one_sentence(pattern: str, said: str) -> None:

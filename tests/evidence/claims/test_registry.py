@@ -24,7 +24,7 @@ GOOD = {
     "says": "It is\n  accurate.",
     "checks": [{"value": "fig1 sampled relative_rms_error", "below": 0.05}],
     "why": "A twentieth.",
-    "hangs_on": ["gains", "plant.control"],
+    "depends_on": ["gains", "plant.control"],
 }
 OTHER = {"place": "Fig. 2", "says": "Words.", "not_testable": "Words cannot be tested."}
 
@@ -61,13 +61,13 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             "claims.ilo.one: figure: there is no 'fig1_'; did you mean 'fig1'?",
         ),
         (
-            {"hangs_on": ["observers.sampled.K9"]},
-            "claims.ilo.one: hangs_on: there is no 'observers.sampled.K9'; "
+            {"depends_on": ["observers.sampled.K9"]},
+            "claims.ilo.one: depends_on: there is no 'observers.sampled.K9'; "
             "did you mean 'observers.sampled.K2'?",
         ),
         (
-            {"hangs_on": ["plant.step"]},
-            "claims.ilo.one: hangs_on: plant.step is a numerical resolution, no choice",
+            {"depends_on": ["plant.step"]},
+            "claims.ilo.one: depends_on: plant.step is a numerical resolution, no choice",
         ),
         ({"sais": "x"}, "claims.ilo.one.sais: unknown key; did you mean 'says'?"),
         (
@@ -171,8 +171,8 @@ def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"hangs_on": ["gains"]},
-        {"hangs_on": ["gains", "plant.noise"]},
+        {"depends_on": ["gains"]},
+        {"depends_on": ["gains", "plant.noise"]},
         {"draws_divided_by": 2},
     ],
 )

@@ -129,8 +129,8 @@ def test_a_draw_that_is_refused_is_drawn_again() -> None:
 
 
 def test_a_dear_claim_is_drawn_less_and_looked_at_the_ends_only(shown: list[str]) -> None:
-    dear = replace(claim("fig1 a gain", GAIN, above=1000), draws_divided_by=8)
-    one = found(dear, 32)
+    expensive = replace(claim("fig1 a gain", GAIN, above=1000), draws_divided_by=8)
+    one = found(expensive, 32)
     assert one.draws == 4
     assert one.flip is not None
     assert one.flip.end <= 1000
@@ -148,7 +148,7 @@ def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -
     assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
 
 
-def test_what_hangs_on_nothing_or_is_broken_is_left_out() -> None:
+def test_what_depends_on_nothing_or_is_broken_is_left_out() -> None:
     free = claim("fig1 a gain", above=0)
     unknown = claim("fig1 a gains", GAIN, above=0)
     problem = Claim("ilo", "broken", problem="it is broken")

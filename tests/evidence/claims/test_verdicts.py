@@ -37,7 +37,7 @@ def marked() -> Ledger:
     return Ledger("ilo", tree, 1)
 
 
-HANGING = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
+DEPENDENT = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
 FREE = Claim("ilo", "it")
 
 
@@ -46,17 +46,17 @@ FREE = Claim("ilo", "it")
     [
         (FREE, ILO, True, None, "reproduced"),
         (FREE, ILO, False, None, "contradicted"),
-        (HANGING, ILO, True, 1.0, "reproduced"),
-        (HANGING, ILO, True, 0.9, "reproduced"),
-        (HANGING, ILO, True, 0.8, "depends on unstated choices"),
-        (HANGING, ILO, True, 0.0, "depends on unstated choices"),
-        (HANGING, ILO, False, 0.0, "contradicted"),
-        (HANGING, ILO, False, 0.1, "contradicted"),
-        (HANGING, ILO, False, 0.2, "depends on unstated choices"),
-        (HANGING, marked(), True, 1.0, "reproduced only by calibration"),
-        (HANGING, marked(), True, 0.0, "reproduced only by calibration"),
-        (HANGING, marked(), False, 0.0, "contradicted"),
-        (HANGING, marked(), False, 0.5, "depends on unstated choices"),
+        (DEPENDENT, ILO, True, 1.0, "reproduced"),
+        (DEPENDENT, ILO, True, 0.9, "reproduced"),
+        (DEPENDENT, ILO, True, 0.8, "depends on unstated choices"),
+        (DEPENDENT, ILO, True, 0.0, "depends on unstated choices"),
+        (DEPENDENT, ILO, False, 0.0, "contradicted"),
+        (DEPENDENT, ILO, False, 0.1, "contradicted"),
+        (DEPENDENT, ILO, False, 0.2, "depends on unstated choices"),
+        (DEPENDENT, marked(), True, 1.0, "reproduced only by calibration"),
+        (DEPENDENT, marked(), True, 0.0, "reproduced only by calibration"),
+        (DEPENDENT, marked(), False, 0.0, "contradicted"),
+        (DEPENDENT, marked(), False, 0.5, "depends on unstated choices"),
         (replace(FREE, testable=False), ILO, True, None, "not testable"),
         (replace(FREE, problem="it names nothing"), ILO, True, None, "broken"),
     ],
@@ -70,7 +70,7 @@ def test_the_verdict_follows_the_rule(
 
 def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
-    claim = replace(HANGING, checks=checks, says="It is small.", why="A twentieth.")
+    claim = replace(DEPENDENT, checks=checks, says="It is small.", why="A twentieth.")
     flip = Flip(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
     stands = Robustness(draws=32, held=31, flip=flip)
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)

@@ -270,7 +270,9 @@ def test_a_table_keeps_its_text_within_rounding(
     prepare("ilo", Evidence(there, [here], there), tmp_path).write()
     assert contents(tmp_path) == before
     words = table(ROWS[0] | {"printed": "2.6"}, *ROWS[1:])
-    with pytest.raises(ReobserveError, match="ilo table1: the words in 'printed' hang on the proc"):
+    with pytest.raises(
+        ReobserveError, match="ilo table1: the words in 'printed' depend on the proc"
+    ):
         prepare("ilo", Evidence(here, [words], here), tmp_path)
     assert contents(tmp_path) == before
 

@@ -53,14 +53,14 @@ CLAIMS = [
         "holds": "yes", "why": "What better means.", "figures": "fig1",
         "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
         "fig1 slow late_rms_error = 0.4, must be below 1",
-        "hangs_on": "observers.slow.gains", **_DRAWN,
+        "depends_on": "observers.slow.gains", **_DRAWN,
         "flip": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
     },
     {
         "claim": "tuned", "place": "Fig. 1", "says": "It is <script>alert(1)</script> tuned.",
         "verdict": "reproduced only by calibration", "holds": "yes", "figures": "fig1",
         "measured": "fig1 slow late_rms_error = 0.4, must be below 1", "why": "As `chosen`.",
-        "hangs_on": "observers.slow.gains seed", **_DRAWN,
+        "depends_on": "observers.slow.gains seed", **_DRAWN,
     },
     {
         "claim": "slow_is_good", "place": "Section 3", "says": "The slow observer is good, too.",

@@ -150,7 +150,7 @@ def test_a_paper_is_replicated_or_not(project: Path) -> None:
     assert not replicated([good, good, good, replace(claims["slow_is_good"], headline=True)])
 
 
-def test_assumptions_tell_equal_ones_once_and_what_hangs_on_them(project: Path) -> None:
+def test_assumptions_tell_equal_ones_once_and_what_depends_on_them(project: Path) -> None:
     paper = gathered(project)[1]
     entry = next(entry for entry in paper.entries if "observers.slow.gains" in entry.keys)
     assert entry.status == "assumed"

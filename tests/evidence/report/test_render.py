@@ -57,7 +57,7 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
     text = unescape(re.sub(r"[ \n]+", " ", page))
     for told in (
         "One paper on observers, run again", "[¬Re]", "No gaps:", "A lag and its disturbance",
-        "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Hangs on",
+        "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Depends on",
         "Held in 30 of 40 draws: 75\xa0%, 95\xa0% interval 60 to 86\xa0%.",
         "2 diverged. 1 could not be run.", "Smallest single change that flips it",
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
@@ -110,7 +110,7 @@ def test_claims_link_to_figures_and_keys_and_back(project: Path) -> None:
     claim = page.partition('id="toy-claim-placed_is_better"')[2].partition("</article>")[0]
     assert '<a href="#toy-fig1">fig1</a> slow late_rms_error' in claim
     assert claim.count('href="#toy-key-observers.slow.gains"') == 2, (
-        "what flips it, what it hangs on"
+        "what flips it, what it depends on"
     )
     figure = page.partition('id="toy-fig1"')[2].partition("</article>")[0]
     assert 'href="#toy-claim-placed_is_better"' in figure

@@ -1,4 +1,4 @@
-"""The studies: how far numbers may move, what hangs on what, and how close models may come."""
+"""The studies: how far numbers may move, what depends on what, and how close models may come."""
 
 from __future__ import annotations
 

@@ -94,12 +94,12 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
     entries = dict(ledger.entries())
     keys = tuple(key for key in entries if fnmatchcase(key, pattern))
     if not keys:
-        raise InputError("hangs_on", f"there is no {pattern!r}{nearest(pattern, entries)}")
+        raise InputError("depends_on", f"there is no {pattern!r}{nearest(pattern, entries)}")
     for key in keys:
         if "range" not in entries[key]:
-            raise InputError("hangs_on", f"{key} is stated ({entries[key]['source']}), no choice")
+            raise InputError("depends_on", f"{key} is stated ({entries[key]['source']}), no choice")
         if entries[key].get("numerical"):
-            raise InputError("hangs_on", f"{key} is a numerical resolution, no choice")
+            raise InputError("depends_on", f"{key} is a numerical resolution, no choice")
     return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 

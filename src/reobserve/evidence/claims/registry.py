@@ -44,7 +44,7 @@ class Claim:
 
     @property
     def keys(self) -> list[str]:
-        """The ledger keys that it hangs on."""
+        """The ledger keys that it depends on."""
         return [key for choice in self.choices for key in choice.keys]
 
 
@@ -95,7 +95,7 @@ def amiss(claims: Sequence[Claim]) -> Iterator[str]:
 
 def decisive(tree: Tree) -> Tree:
     """What of a registry decides whether its claims hold, and over which draws: no wording."""
-    kept = ("checks", "hangs_on", "draws_divided_by")
+    kept = ("checks", "depends_on", "draws_divided_by")
     claims = {
         name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
         for name, body in tree.get("claims", {}).items()
@@ -120,7 +120,7 @@ def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) ->
             raise InputError(place, "must have checks with a why, or not_testable")
         checks = tuple(map(Check.parse, body.get("checks", ())))
         _check_figures(ledger, checks)
-        choices = _choices(ledger, body.get("hangs_on", ()), groups)
+        choices = _choices(ledger, body.get("depends_on", ()), groups)
     except InputError as error:
         where = "" if error.parameter.startswith(place) else f"{place}: "
         return replace(claim, problem=f"{where}{error}")

@@ -18,8 +18,8 @@ from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric, lookup
 
 # Shares of the way from a value to an end of its range at which a flip is looked for, and how often
-# the first interval that holds one is halved. A claim on a dear figure looks at the ends only, and
-# narrows only the smallest of the changes.
+# the first interval that holds one is halved. A claim on an expensive figure looks at the ends only,
+# and narrows only the smallest of the changes.
 _STEPS = (1 / 16, 1 / 4, 1.0)
 _HALVINGS = 4
 
@@ -129,16 +129,16 @@ def holds(claim: Claim, numbers: Numbers) -> bool:
 def assess(
     ledger: Ledger, claims: Sequence[Claim], draws: int, flips: bool = True
 ) -> dict[str, Robustness]:
-    """The robustness of every claim that hangs on something, by name.
+    """The robustness of every claim that depends on something, by name.
 
     Parameters
     ----------
     ledger
         Draws and moves start from it.
     claims
-        Of the same paper; left out are those that are broken or hang on nothing.
+        Of the same paper; left out are those that are broken or depend on nothing.
     draws
-        How many for each claim; fewer for those on dear figures.
+        How many for each claim; fewer for those on expensive figures.
     flips
         Whether to look for the smallest change that flips a claim, which takes longest.
 
@@ -171,7 +171,7 @@ def _draw_group(
     claims: list[Claim],
     found: dict[str, Robustness],
 ) -> None:
-    """Decide the claims that hang on the same choices over the same draws."""
+    """Decide the claims that depend on the same choices over the same draws."""
     choices, keys = claims[0].choices, " ".join(claims[0].keys)
     for attempt in range(_ATTEMPTS * draws):
         if found[claims[0].name].draws == draws:
@@ -255,8 +255,8 @@ def _scan(
             for claim in here if held else ():
                 assert held is not None
                 if held[claim.name] != stated[claim.name]:
-                    dear = claim.draws_divided_by > 1
-                    lower = 0.0 if dear or knob.words else below
+                    expensive = claim.draws_divided_by > 1
+                    lower = 0.0 if expensive or knob.words else below
                     brackets[claim.name].append(_Bracket(knob, toward, lower, size, value))
                     if not knob.words:
                         waiting.remove(claim)

@@ -15,13 +15,13 @@ from reobserve.plain_data.files import COUNT, GAP, NAME, Kind
 
 HEADER = (
     "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
-    "figures", "hangs_on", "draws", "held", "share", "low", "high", "flip", "problem",
+    "figures", "depends_on", "draws", "held", "share", "low", "high", "flip", "problem",
 )  # fmt: skip
 
 NOT_LOOKED_FOR = "not looked for"  # in place of a flip
 
 
-# A broken claim has a problem and nothing else; what hangs on nothing was not drawn.
+# A broken claim has a problem and nothing else; what depends on nothing was not drawn.
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
     "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
@@ -40,7 +40,7 @@ def row(
         "says": claim.says,
         "why": claim.why,
         "figures": " ".join(claim.figures),
-        "hangs_on": " ".join(claim.keys),
+        "depends_on": " ".join(claim.keys),
     }
     try:
         held = holds(claim, numbers)

@@ -29,11 +29,11 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
     claim
         Of the paper of the ledger.
     ledger
-        Says which of the values that the claim hangs on were chosen for a claim.
+        Says which of the values that the claim depends on were chosen for a claim.
     held
         Whether its checks hold with the ledger.
     robustness
-        Over draws of what it hangs on; None if that is nothing.
+        Over draws of what it depends on; None if that is nothing.
     """
     if claim.problem:
         return BROKEN
@@ -49,7 +49,7 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
 
 
 def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
-    """Those of the keys that a claim hangs on whose values were chosen for a claim."""
+    """Those of the keys that a claim depends on whose values were chosen for a claim."""
     entries = dict(ledger.entries())
     return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
 

@@ -1,7 +1,7 @@
 """Golden verdicts: what was found of each claim, kept and compared.
 
 They are decided from many runs and not from one evaluation, so it is the figure diff that compares
-them, with what a build left. The tests build with fewer draws, and compare what hangs on none:
+them, with what a build left. The tests build with fewer draws, and compare what depends on none:
 whether a claim holds with the ledger as it is.
 """
 

@@ -57,7 +57,7 @@ def compare_elsewhere(project: Path, papers: list[str], gate: bool, cores: int) 
 
 
 def gate_parts(ledger: Ledger) -> list[str]:
-    """What hangs on a design, and the first figure: where processors show first."""
+    """What depends on a design, and the first figure: where processors show first."""
     tree = ledger.tree
     chosen = list(tree["figures"])[:1]
     chosen += [name for name in tree["figures"] if ledger.settings("plot", name).get("designs")]

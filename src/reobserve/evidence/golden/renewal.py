@@ -49,7 +49,7 @@ def prepare(paper: str, found: Evidence, golden: Path, *, anew: bool = False) ->
     InputError
         If a golden file is there and damaged in a way that hides what else is kept.
     ReobserveError
-        If a word of a table hangs on the processor.
+        If a word of a table depends on the processor.
     """
     renewal = Renewal()
     left_out = {} if anew else files.read_undetermined(golden)
@@ -181,7 +181,7 @@ class _Part:
             if name not in numeric:
                 if any(texts != text for texts in there):
                     raise ReobserveError(
-                        f"{self.paper} {self.part}: the words in {name!r} hang on the processor"
+                        f"{self.paper} {self.part}: the words in {name!r} depend on the processor"
                     )
                 continue
             values = [np.array([files.as_number(cell) for cell in texts]) for texts in there]

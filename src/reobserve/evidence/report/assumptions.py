@@ -13,15 +13,15 @@ from reobserve.ledger.overrides import OVERRIDDEN
 
 
 def entries(ledger: Ledger, claims: tuple[Claim, ...]) -> tuple[Entry, ...]:
-    """The entries of a ledger in file order, with the claims that hang on them.
+    """The entries of a ledger in file order, with the claims that depend on them.
 
     Entries that have the same last key in the same section and say the same stand together: what
     several observers share was decided once.
     """
-    hanging: dict[str, list[str]] = {}
+    dependent: dict[str, list[str]] = {}
     for claim in claims:
-        for key in claim.hangs_on:
-            hanging.setdefault(key, []).append(claim.name)
+        for key in claim.depends_on:
+            dependent.setdefault(key, []).append(claim.name)
     grouped: dict[tuple[Any, ...], Entry] = {}
     for key, body in ledger.entries():
         entry = _entry(key, body)
@@ -31,7 +31,7 @@ def entries(ledger: Ledger, claims: tuple[Claim, ...]) -> tuple[Entry, ...]:
         grouped[identity] = entry
     return tuple(
         replace(
-            entry, claims=tuple(dict.fromkeys(c for k in entry.keys for c in hanging.get(k, ())))
+            entry, claims=tuple(dict.fromkeys(c for k in entry.keys for c in dependent.get(k, ())))
         )
         for entry in grouped.values()
     )

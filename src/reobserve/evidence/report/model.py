@@ -142,7 +142,7 @@ class Claim:
     measured: tuple[str, ...]
     why: str
     figures: tuple[str, ...]
-    hangs_on: tuple[str, ...]
+    depends_on: tuple[str, ...]
     robustness: Robustness | None = None
     problem: Gap | None = None
 

@@ -72,7 +72,7 @@ def _claim(project: Project, row: Mapping[str, str], draws: Drawn) -> Claim:
         measured=_checks(row["measured"]),
         why=row["why"],
         figures=tuple(row["figures"].split()),
-        hangs_on=tuple(row["hangs_on"].split()),
+        depends_on=tuple(row["depends_on"].split()),
         robustness=_robustness(row, draws),
         problem=problem,
     )

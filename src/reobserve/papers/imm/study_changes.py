@@ -1,4 +1,4 @@
-"""The calibrated banks with one thing changed: what the quoted values hang on."""
+"""The calibrated banks with one thing changed: what the quoted values depend on."""
 
 from __future__ import annotations
 

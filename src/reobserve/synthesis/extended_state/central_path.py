@@ -18,7 +18,7 @@ multiple of all S^-1 is feasible for the dual, so that gamma exceeds the optimum
 gap, and the squares by no more than that part of themselves.
 
 Here the unknowns are one vector, of floats: X1, X2, ... by rows, of a symmetric one the lower
-triangle, then gamma. Its last digits hang on the processor; `polishing` removes that.
+triangle, then gamma. Its last digits depend on the processor; `polishing` removes that.
 """
 
 from __future__ import annotations
