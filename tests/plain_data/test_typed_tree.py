@@ -206,3 +206,25 @@ def test_an_echo_is_bounded() -> None:
     with pytest.raises(InputError) as caught:
         parse(Plant, {**PLANT, "y" * 20_000: 1})
     assert len(str(caught.value)) < 800
+
+
+@dataclass(frozen=True)
+class Long:
+    first: int
+    second: int
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Short:
+    first: int
+    note: str = ""
+
+
+def test_forms_that_no_word_tells_apart_are_told_by_what_they_need() -> None:
+    assert parse(Long | Short, {"first": 1, "second": 2}, "it") == Long(1, 2)
+    assert parse(Long | Short, {"first": 1, "note": "a"}, "it") == Short(1, "a")
+    with pytest.raises(InputError, match=r"^it\.third: unknown key"):
+        parse(Long | Short, {"first": 1, "third": 3}, "it")
+    with pytest.raises(InputError, match=r"^it\.first: is missing; the short needs it"):
+        parse(Long | Short, {"note": "b"}, "it")

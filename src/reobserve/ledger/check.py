@@ -18,6 +18,7 @@ from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.stages import SECTIONS, paper_part
 from reobserve.ledger.types import Job, StudyFigure, named, read_ledger
+from reobserve.numerics.arguments import as_word
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
 
@@ -58,6 +59,9 @@ def check_ledger(ledger: Ledger) -> None:
     module = importlib.import_module(paper_part(ledger.paper, "ledger"))
     with building(ledger.paper):
         check_stated(stated, module.CHECKS)
+        if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
+            for name, figure in stated.figures.items():
+                as_word(f"figures.{name}.layout", figure.layout, tuple(module.LAYOUTS))
 
 
 def check_stated(stated: Any, checks: Checks) -> None:

@@ -10,10 +10,11 @@ A branch of a ledger is declared as a dataclass whose fields are its keys:
 
 and `parse` makes one of plain data, or says which key is missing, unknown or wrong. A field with a
 default may be left out. Where a branch has several forms, they are a union of dataclasses that one
-word tells apart, a `Literal` in each (``algorithm: Literal["kalman"]``). A mapping holds branches
-under names of the user's. `Annotated` adds conditions to a type: functions of place and value that
-raise `InputError`; see `reobserve.ledger.conditions`. Values are kept as they stand, so that what
-is hashed is what is used, but for lists that a type wants as tuples or as arrays of floats.
+word tells apart, a `Literal` in each (``algorithm: Literal["kalman"]``), or else the keys that they
+need. A mapping holds branches under names of the user's. `Annotated` adds conditions to a type:
+functions of place and value that raise `InputError`; see `reobserve.ledger.conditions`. Values are
+kept as they stand, so that what is hashed is what is used, but for lists that a type wants as
+tuples or as arrays of floats.
 
 Files that stages write are read in the same way.
 """
@@ -176,6 +177,9 @@ def _union(kinds: tuple[Any, ...], tree: Any, place: str) -> Any:
         return tree
     _check_mapping(tree, place)
     word, forms = _forms(kinds)
+    if not word:  # the first form of which all is there that it needs
+        full = (kind for kind in kinds if all(name in tree for name in _keys(kind)[1]))
+        return _branch(next(full, kinds[-1]), tree, place)
     if word not in tree:
         raise InputError(join(place, word), f"is missing, must be {_one_of(forms)}")
     told = parse(Literal[tuple(forms)], tree[word], join(place, word))
@@ -184,7 +188,7 @@ def _union(kinds: tuple[Any, ...], tree: Any, place: str) -> Any:
 
 @cache
 def _forms(kinds: tuple[Any, ...]) -> tuple[str, dict[str, Any]]:
-    """The key whose word tells forms apart, and the forms by it."""
+    """The key whose word tells forms apart, and the forms by it; no key if there is none."""
     hints = [_keys(kind)[0] for kind in kinds]
     for name in hints[0]:
         words = [get_args(known.get(name)) for known in hints]
@@ -192,7 +196,7 @@ def _forms(kinds: tuple[Any, ...]) -> tuple[str, dict[str, Any]]:
         literal = all(get_origin(known.get(name)) is Literal for known in hints)
         if literal and len(told) == sum(map(len, words)):
             return name, told
-    raise TypeError(f"no word tells {kinds} apart")
+    return "", {}
 
 
 @cache
