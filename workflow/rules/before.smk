@@ -42,7 +42,7 @@ def write_ledgers():
 
 
 def code_of_check(paper):
-    parts = [f"reobserve.papers.{paper}.{part}" for part in ("keys", "ledger")]
+    parts = [paper_part(paper, part) for part in ("keys", "ledger")]
     return closure_digest(["reobserve.stages.check", *parts])
 
 

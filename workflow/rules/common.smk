@@ -10,7 +10,7 @@ from reobserve.errors import InputError, ReobserveError, shown
 from reobserve.ledger.config import check_config, known_papers, read_yaml, take_truths
 from reobserve.evidence.claims.registry import claims_file, decisive
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.ledger.stages import AGELESS, STAGES
+from reobserve.ledger.stages import AGELESS, STAGES, paper_part
 from reobserve.ledger.types import read_ledger
 from reobserve.pipeline.jobs import Graph
 from reobserve.pipeline.provenance import code_digest, closure_digest, versions

@@ -16,7 +16,7 @@ from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import SECTIONS
+from reobserve.ledger.stages import SECTIONS, paper_part
 from reobserve.ledger.types import Job, StudyFigure, named, read_ledger
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
@@ -55,7 +55,7 @@ def check_ledger(ledger: Ledger) -> None:
         With the dotted key of what no stage could use.
     """
     stated = read_ledger(ledger)
-    module = importlib.import_module(f"reobserve.papers.{ledger.paper}.ledger")
+    module = importlib.import_module(paper_part(ledger.paper, "ledger"))
     with building(ledger.paper):
         check_stated(stated, module.CHECKS)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ SECTIONS = {
     "table": "tables",
     "figure": "figures",
 }
+
+# The room of papers: a package for each, or a module.
+_PAPERS = Path(__file__).parents[1] / "papers"
 
 # By role: files of which what a job sees of them counts, and not how old they are.
 AGELESS = {"ledger": "results/{paper}/ledger.json", "registry": "config/claims/{paper}.yaml"}
@@ -134,6 +138,12 @@ STAGES = {
     ),
 }
 # fmt: on
+
+
+def paper_part(paper: str, part: str) -> str:
+    """The name of the module in which a paper has a part: its own, or that of the whole paper."""
+    whole = (_PAPERS / f"{paper}.py").is_file()
+    return f"reobserve.papers.{paper}" if whole else f"reobserve.papers.{paper}.{part}"
 
 
 def seen(ledger: Ledger, stage: str, name: str = "") -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A paper's ledger by the types that the paper declares: whole, and as one job sees it.
 
-The declaration is the dataclass ``Ledger`` in ``reobserve.papers.<paper>.keys``: a field for each
-section of the ledger, a mapping where the branches of a section have names.
+The declaration is the dataclass ``Ledger`` among the paper's ``keys``: a field for each section of
+the ledger, a mapping where the branches of a section have names.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, get_args, get_type_hints
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.conditions import Names
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import SECTIONS
+from reobserve.ledger.stages import SECTIONS, paper_part
 from reobserve.plain_data.typed_tree import parse
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
@@ -115,7 +115,7 @@ def read_ledger(ledger: Ledger) -> Any:
 def declared_keys(paper: str) -> type:
     """The declaration of a paper's ledger."""
     try:
-        keys: type = importlib.import_module(f"reobserve.papers.{paper}.keys").Ledger
+        keys: type = importlib.import_module(paper_part(paper, "keys")).Ledger
     except ModuleNotFoundError as error:
         raise InputError(paper, f"has a ledger, but there is no module {error.name}") from None
     return keys

@@ -12,29 +12,60 @@ from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located, shown
 from reobserve.ledger.ledger import Ledger, digest
+from reobserve.ledger.stages import paper_part
+from reobserve.ledger.types import Settings, declared_keys, read_job
 from reobserve.pipeline.provenance import code_digest, versions
 from reobserve.plain_data.files import read_table
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series
 
+# What each stage calls of a paper, and the section whose branch an error is about.
+_CALLS = {
+    "design": ("compute", "designs"),
+    "plant": ("simulate", ""),
+    "observe": ("estimate", "observers"),
+    "study": ("run", ""),
+    "search": ("run", ""),
+    "table": ("rows", "tables"),
+    "theory": ("measure", "theory"),
+}
 
-def paper_module(paper: str, stage: str) -> Any:
-    """The module ``reobserve.papers.<paper>.<stage>``.
+
+def paper_module(paper: str, part: str) -> Any:
+    """The module in which a paper has a part: its own, or that of the whole paper.
 
     Raises
     ------
     InputError
-        If there is no such paper, or it has no such stage.
+        If there is no such paper, or it has no such part.
     """
-    package = f"reobserve.papers.{paper}"
+    module, package = paper_part(paper, part), f"reobserve.papers.{paper}"
     try:
-        return importlib.import_module(f"{package}.{stage}")
+        return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        problems = {package: "there is no such paper", f"{package}.{stage}": f"has no {stage}"}
+        problems = {package: "there is no such paper", module: f"has no {part}"}
         if error.name not in problems:
             raise
         raise InputError(paper, problems[error.name]) from None
+
+
+def compute(paper: str, stage: str, name: str, settings: Settings, *inputs: Any) -> Any:
+    """What a job of a stage gives: the paper's own function, of typed settings and of inputs.
+
+    ``name`` is that of the branch that the job is about, ``inputs`` are records and designs.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    DivergenceError
+        If a simulation leaves the range of floating-point numbers.
+    """
+    function, section = _CALLS[stage]
+    with located(".".join(part for part in (paper, section, section and name) if part)):
+        job = read_job(declared_keys(paper), settings)
+        return getattr(paper_module(paper, stage), function)(job, *inputs)
 
 
 def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) -> Series:
@@ -63,13 +94,11 @@ def compute_design(ledger: Ledger, design: str) -> dict[str, Any]:
     InputError
         If a setting cannot be used or a number of the design is not finite.
     """
-    place = f"{ledger.paper}.designs.{design}"
-    settings = ledger.settings("design", design)
-    with located(place):
-        computed = paper_module(ledger.paper, "design").compute(settings)
+    computed = compute(ledger.paper, "design", design, ledger.settings("design", design))
     try:
         read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
     except ValueError:
+        place = f"{ledger.paper}.designs.{design}"
         raise InputError(place, "gives a number that is not finite") from None
     return read_back
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.pipeline.common import compute_design, paper_module
+from reobserve.pipeline.common import compute, compute_design
 from reobserve.pipeline.figures import figure_data, measure
 from reobserve.pipeline.jobs import Graph, Job
 from reobserve.scoring.metrics import Metric
@@ -89,10 +88,7 @@ class Evaluator:
         settings = self.ledger.settings("table", table)
         job = self._job("table", table=table)
         design = self._read(job, "design")
-        with located(f"{self.ledger.paper}.tables.{table}"):
-            rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "table").rows(
-                settings, *design
-            )
+        rows: list[dict[str, Any]] = compute(self.ledger.paper, "table", table, settings, *design)
         self.made[job.name] = rows
         return rows
 
@@ -135,34 +131,22 @@ class Evaluator:
     def _design(self, job: Job) -> dict[str, Any]:
         return compute_design(self.ledger, *job.about)
 
-    def _plant(self, job: Job) -> Series:
-        with located(self.ledger.paper):
-            series: Series = paper_module(self.ledger.paper, "plant").simulate(job.settings)
-        return series
+    def _plant(self, job: Job) -> Any:
+        return self._computed(job)
 
-    def _observe(self, job: Job) -> Series:
-        design, (plant,) = self._read(job, "design"), self._read(job, "plant")
-        with located(f"{self.ledger.paper}.observers.{job.names['observer']}"):
-            series: Series = paper_module(self.ledger.paper, "observe").estimate(
-                job.settings, plant, *design
-            )
-        return series
+    def _observe(self, job: Job) -> Any:
+        return self._computed(job, *self._read(job, "plant"), *self._read(job, "design"))
 
-    def _study(self, job: Job) -> list[dict[str, Any]]:
-        design, (plant,) = self._read(job, "design"), self._read(job, "plant")
-        with located(self.ledger.paper):
-            rows: list[dict[str, Any]] = paper_module(self.ledger.paper, "study").run(
-                job.settings, plant, *design
-            )
-        return rows
+    def _study(self, job: Job) -> Any:
+        return self._computed(job, *self._read(job, "plant"), *self._read(job, "design"))
 
-    def _theory(self, job: Job) -> list[Metric]:
-        designs = dict(zip(job.settings["designs"], self._read(job, "designs"), strict=True))
-        with located(f"{self.ledger.paper}.theory"):
-            found: list[Metric] = paper_module(self.ledger.paper, "theory").measure(
-                job.settings, designs
-            )
-        return found
+    def _theory(self, job: Job) -> Any:
+        designs = zip(job.settings["designs"], self._read(job, "designs"), strict=True)
+        return self._computed(job, dict(designs))
+
+    def _computed(self, job: Job, *inputs: Any) -> Any:
+        name = job.about[-1] if job.about else ""
+        return compute(self.ledger.paper, job.stage, name, job.settings, *inputs)
 
 
 def evaluate(ledger: Ledger, figure: str) -> Evaluation:

@@ -13,6 +13,8 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
+from reobserve.ledger.stages import paper_part
+
 _PACKAGE = "reobserve"
 
 # Packages whose version can move a number or a picture.
@@ -34,7 +36,7 @@ def stage_modules(stage: str, paper: str) -> list[str]:
     return [
         f"{_PACKAGE}.__main__",
         f"{_PACKAGE}.stages.{stage}",
-        *(f"{_PACKAGE}.papers.{paper}.{part}" for part in parts),
+        *(paper_part(paper, part) for part in parts),
     ]
 
 

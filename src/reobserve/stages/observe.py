@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import named_design, paper_module, signed
+from reobserve.pipeline.common import compute, named_design, signed
 from reobserve.stages.records import read_record
 
 
@@ -18,6 +17,5 @@ def run(
     settings = ledger.settings("observe", "", observer)
     design = named_design(ledger, settings["observer"], design_file)
     plant = read_record(plant_file, ledger)
-    with located(f"{ledger.paper}.observers.{observer}"):
-        series = paper_module(ledger.paper, "observe").estimate(settings, plant, *design)
+    series = compute(ledger.paper, "observe", observer, settings, plant, *design)
     signed(series, ledger, "observe", observer, settings).write(output)

@@ -10,9 +10,8 @@ import json
 import sys
 from pathlib import Path
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import paper_module, provenance
+from reobserve.pipeline.common import compute, provenance
 from reobserve.plain_data.files import write_text
 from reobserve.stages.records import read_record
 
@@ -21,10 +20,8 @@ def run(ledger_file: Path, plant_file: Path, search: str, output: Path) -> None:
     """Search, say how it goes on stderr, and write what was found."""
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("search", search)
-    module = paper_module(ledger.paper, "search")
     plant = read_record(plant_file, ledger, settings["search"]["scenario"])
-    with located(ledger.paper):
-        found = module.run(settings, plant, _tell)
+    found = compute(ledger.paper, "search", search, settings, plant, _tell)
     stored = {"search": found, "provenance": provenance(ledger, "search", search, settings)}
     write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 

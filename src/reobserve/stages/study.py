@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import named_design, paper_module
+from reobserve.pipeline.common import compute, named_design, paper_module
 from reobserve.plain_data.files import write_table
 from reobserve.stages.records import read_record
 
@@ -18,8 +17,6 @@ def run(
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("study", study)
     design = named_design(ledger, settings["study"], design_file)
-    module = paper_module(ledger.paper, "study")
     plant = read_record(plant_file, ledger, settings["study"]["scenario"])
-    with located(ledger.paper):
-        rows = module.run(settings, plant, *design)
-    write_table(output, rows, module.HEADER)
+    rows = compute(ledger.paper, "study", study, settings, plant, *design)
+    write_table(output, rows, paper_module(ledger.paper, "study").HEADER)

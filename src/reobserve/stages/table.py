@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import named_design, paper_module
+from reobserve.pipeline.common import compute, named_design, paper_module
 from reobserve.plain_data.files import write_table
 
 
@@ -15,7 +14,5 @@ def run(ledger_file: Path, table: str, design_file: Path, output: Path) -> None:
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("table", table)
     design = named_design(ledger, settings["table"], design_file)
-    module = paper_module(ledger.paper, "table")
-    with located(f"{ledger.paper}.tables.{table}"):
-        rows = module.rows(settings, *design)
-    write_table(output, rows, module.HEADER)
+    rows = compute(ledger.paper, "table", table, settings, *design)
+    write_table(output, rows, paper_module(ledger.paper, "table").HEADER)

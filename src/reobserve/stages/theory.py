@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import InputError, located
+from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import paper_module, read_design
+from reobserve.pipeline.common import compute, read_design
 from reobserve.scoring.metrics import write_metrics
 
 
@@ -29,6 +29,5 @@ def run(ledger_file: Path, design_files: list[Path], output: Path) -> None:
         name: read_design(path, (ledger.paper, name))
         for name, path in zip(names, design_files, strict=True)
     }
-    with located(f"{ledger.paper}.theory"):
-        found = paper_module(ledger.paper, "theory").measure(settings, designs)
+    found = compute(ledger.paper, "theory", "", settings, designs)
     write_metrics(output, found)

@@ -18,8 +18,8 @@ from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric, lookup
 
 # Shares of the way from a value to an end of its range at which a flip is looked for, and how often
-# the first interval that holds one is halved. A claim on an expensive figure looks at the ends only,
-# and narrows only the smallest of the changes.
+# the first interval that holds one is halved. Claims on expensive figures look only at the ends
+# and narrow only the smallest of the changes.
 _STEPS = (1 / 16, 1 / 4, 1.0)
 _HALVINGS = 4
 
