@@ -37,8 +37,9 @@ for name in sys.argv[1:]:
     for observer in observers:
         state = case.state
         for first, last in ((0, 1), (1, 7), (7, 12)):
+            y, u = part(case.y, first, last), part(case.u, first, last)
             try:
-                run = observer.run(part(case.y, first, last), part(case.u, first, last), state=state)
+                run = observer.run(y, u, state=state)
             except IndexError as error:
                 sys.exit(f"{name}: {error}")
             state = run.state
