@@ -40,6 +40,39 @@ def test_lines_differ_without_colour() -> None:
         assert Style(one.color, one.linestyle) != Style(other.color, other.linestyle)
 
 
+# What every figure of the house has, and why.
+LOOK = {
+    "axes.grid": (True, "numbers can be read off print"),
+    "axes.spines.top": (False, "a frame says nothing"),
+    "axes.spines.right": (False, "a frame says nothing"),
+    "axes.titlelocation": ("left", "titles are read as text"),
+    "legend.frameon": (False, "a legend hides no line"),
+    "figure.constrained_layout.use": (True, "no label is cut off"),
+    "path.simplify": (True, "files of long records stay small"),
+    "pdf.fonttype": (42, "journals take no fonts of type 3"),
+    "svg.hashsalt": ("reobserve", "the same bytes each time"),
+    "font.family": (["DejaVu Sans"], "comes with matplotlib, so it is on every machine"),
+    "mathtext.fontset": ("dejavusans", "formulas look like text"),
+}
+
+
+@pytest.mark.parametrize("name", LOOK)
+def test_every_figure_has_the_look_of_the_house(name: str) -> None:
+    wanted, why = LOOK[name]
+    assert matplotlib.rcParams[name] == wanted, why
+
+
+def test_a_figure_is_sized_for_print() -> None:
+    """On the page as it is, without scaling: text of 7 to 9 points, a grid below all lines."""
+    figure, _ = new_figure((1.0, 2.0))
+    assert figure.get_size_inches() == pytest.approx([6.6, 3.35])
+    sizes = [matplotlib.rcParams[f"{part}size"] for part in ("font.", "axes.label", "axes.title")]
+    assert all(7 <= size <= 9 for size in [*sizes, matplotlib.rcParams["legend.fontsize"]])
+    assert lightness(matplotlib.rcParams["grid.color"]) > lightness(TRUTH.color)
+    assert matplotlib.rcParams["grid.linewidth"] < matplotlib.rcParams["lines.linewidth"]
+    assert matplotlib.rcParams["savefig.dpi"] >= 150
+
+
 def test_thinning_keeps_every_extreme() -> None:
     rng = np.random.default_rng(1)
     time, values = np.arange(50_003.0), rng.normal(size=50_003)

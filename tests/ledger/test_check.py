@@ -254,6 +254,10 @@ CALLS: dict[str, tuple[Tree, str]] = {
     "a negative seed": ({"seed": -1}, "config.seed: -1 is less than the minimum of 0"),
     "half a seed": ({"seed": 5.0}, "config.seed: 5 must be a whole number"),
     "no draws": ({"draws": 0}, "config.draws: 0 is less than the minimum of 1"),
+    "a key that is neither of the schema nor a paper": (
+        {"draw": {}},
+        "config.draw: unknown key; did you mean 'draws'?",
+    ),
     "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
     "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
 }

@@ -199,6 +199,13 @@ def test_conditions_take_what_meets_them() -> None:
         assert parse(kind, value) == value
 
 
+def test_one_word_is_no_choice() -> None:
+    with pytest.raises(InputError, match=r"^x: 'relay' must be kalman$"):
+        parse(Literal["kalman"], "relay", "x")
+    with pytest.raises(InputError, match=r"^x: 'relay' must be one of kalman, sliding$"):
+        parse(Literal["kalman", "sliding"], "relay", "x")
+
+
 def test_an_echo_is_bounded() -> None:
     with pytest.raises(InputError) as caught:
         parse(Plant, {**PLANT, "step": "y" * 20_000})

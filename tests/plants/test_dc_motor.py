@@ -371,6 +371,12 @@ def test_holds_refuse_shapes_that_do_not_fit() -> None:
         interpolating_hold(np.eye(2), [[1.0]], 0.1, (0.0, 1.0))
 
 
+@pytest.mark.parametrize("nodes", [(0.5, 0.5), (0.0, 1.0, 0.0), (), [[0.0], [1.0]], 0.5])
+def test_holds_refuse_nodes_that_fix_no_polynomial(nodes: Any) -> None:
+    with pytest.raises(InputError, match=r"^nodes: .+ must be different numbers$"):
+        interpolating_hold(np.eye(2), np.eye(2), 0.1, nodes)
+
+
 def test_what_jumps_at_the_start_was_always_so() -> None:
     """Nothing was before the first row: its limit from the left is that from the right."""
     nothing = (np.zeros((40, 2)), np.zeros((40, 1)))

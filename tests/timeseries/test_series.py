@@ -112,6 +112,14 @@ def test_bad_series_are_refused() -> None:
         Series(time, {"rate": Channel(np.zeros((2, 3)), "rad/s")})
     with pytest.raises(InputError, match=r"^rate: has shape \(3, 1, 1\), must have 3 rows$"):
         Series(time, {"rate": Channel(np.zeros((3, 1, 1)), "rad/s")})
+    for bad in ([0.0, 1.0, 2.0], np.zeros(3), {"values": np.zeros(3)}):
+        with pytest.raises(InputError, match=r"^rate: .+ must be of type Channel$"):
+            Series(time, {"rate": bad})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match=r"^rate: .+ must be of type ndarray$"):
+        Series(time, {"rate": Channel([0.0, 1.0, 2.0], "rad/s")})  # type: ignore[arg-type]
+    for part in ("channels", "events", "provenance"):
+        with pytest.raises(InputError, match=rf"^{part}: .+ must be of type Mapping$"):
+            Series(**{"time": time, "channels": {}, part: [1]})
     with pytest.raises(InputError, match=r"^torque: no such channel; there are rate, fault$"):
         _ = record()["torque"]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.numerics.arguments import as_function, as_kind, as_poles
+from reobserve.numerics.arguments import as_flag, as_function, as_kind, as_poles
 from reobserve.numerics.discretisation import interpolating_hold
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
@@ -49,7 +49,7 @@ class DCMotor:
     Raises
     ------
     InputError
-        If one of the constants is not positive.
+        If one of the constants is not positive or ``printed`` is no flag.
     """
 
     inertia: float
@@ -63,6 +63,7 @@ class DCMotor:
     def __post_init__(self) -> None:
         for name in [each.name for each in fields(self)][:-1]:
             object.__setattr__(self, name, as_positive(name, getattr(self, name)))
+        object.__setattr__(self, "printed", as_flag("printed", self.printed))
 
     @property
     def A(self) -> Array:

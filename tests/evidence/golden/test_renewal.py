@@ -25,6 +25,7 @@ from reobserve.timeseries.series import Channel
 
 TIME = np.arange(21) * 0.1
 ULP = 2.0**-52
+KEPT = sorted((Path(__file__).parents[2] / "golden").glob(f"*/{digests.FILE}"))
 
 
 def figure(series: Mapping[str, object], **metrics: float) -> KeptPaper:
@@ -180,6 +181,28 @@ def test_only_what_moved_is_renewed(written: Path) -> None:
     assert moved(written, found) == []
 
 
+def test_another_unit_alone_is_renewed(written: Path) -> None:
+    """The digits are new, too: those that were kept were never of this unit."""
+    numbers = {"plant.x": np.sin(TIME) + 3e-13, "watch.x": np.cos(TIME)}
+    found = figure(numbers, rms=0.5, ratio=np.nan)
+    series = found.parts["fig1"].series
+    series["plant.x"] = Channel(series["plant.x"].values, "A")  # type: ignore[index]
+    prepare("ilo", Evidence(found, [found], found), written).write()
+    kept_now = files.read_series(written, "fig1")
+    assert kept_now["plant.x"].unit == "A"
+    assert kept_now["plant.x"].text == files.text_of(numbers["plant.x"])
+    assert kept_now["watch.x"].unit == "V"
+
+
+def test_the_processor_that_moves_most_sets_the_tolerance(tmp_path: Path) -> None:
+    wave = np.sin(TIME)
+    here, *others = (figure({"plant.x": wave + off}, rms=0.5) for off in (0.0, 3e-9, 1e-11, 0.0))
+    prepare("ilo", Evidence(here, others, here), tmp_path).write()
+    tolerance = files.read_series(tmp_path, "fig1")["plant.x"].tolerance
+    assert tolerance == measured(3e-9, 0.0, 1.0)
+    assert tolerance != measured(1e-11, 0.0, 1.0)
+
+
 def test_what_is_chaotic_is_listed_and_not_kept(tmp_path: Path) -> None:
     wave = np.sin(TIME)
     here = figure({"plant.x": wave, "wild.x": wave}, rms=0.5, wild_rms=2.0, residual=1e-13)
@@ -242,6 +265,21 @@ def test_a_damaged_digest_is_named(written: Path) -> None:
     path.unlink()
     with pytest.raises(InputError, match="cannot be read"):
         digests.read(written)
+
+
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.parent.name)
+def test_digests_that_are_written_again_are_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    where, stages = digests.read(path.parent)
+    digests.write(tmp_path, stages, where)
+    assert (tmp_path / digests.FILE).read_bytes() == path.read_bytes()
+
+
+def test_digests_are_a_line_each(tmp_path: Path) -> None:
+    digests.write(tmp_path, {"plant slow": "ab"}, {"numpy": "3.0"})
+    wanted = (
+        '{\n "environment": {\n  "numpy": "3.0"\n },\n "stages": {\n  "plant slow": "ab"\n }\n}\n'
+    )
+    assert (tmp_path / digests.FILE).read_text() == wanted
 
 
 ROWS = (

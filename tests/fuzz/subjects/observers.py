@@ -37,6 +37,7 @@ from .models import INERTIA, linear_model, van_der_pol
 from .subject import Subject, subject
 
 MISSING = ("not a number",)  # a sample that was not taken
+ALONE = ", u alone"  # without its derivatives
 HALF = np.linspace(0.0, 0.2, 41)  # two samples a step of 0.01 s
 
 
@@ -88,22 +89,19 @@ def from_state(
     yield subject(observer.step, state, y[0], u[0], of=observer, takes=takes)
 
 
-def used(observer: Any, started: tuple[Any, ...], *samples: tuple[Any, ...]) -> Iterator[Subject]:
-    """Start an observer, run it over a record and step it; the state is an argument, too.
-
-    ``samples`` are those of a record and those of a step, measured and known.
-    """
-    state = observer.init(*started)
-    record, one = samples
-    yield subject(observer.init, *started, of=observer)
-    yield subject(observer.run, record[0], *record[1:], state, of=observer)
-    yield subject(observer.step, state, *one, of=observer)
-
-
 def recorded(
-    observer: Any, started: tuple[Any, ...], y: Any, u: Any = None, takes: tuple[str, ...] = ()
+    observer: Any,
+    started: tuple[Any, ...],
+    y: Any,
+    u: Any = None,
+    form: str = "",
+    between: bool = True,
 ) -> Iterator[Subject]:
-    """Start an observer, run it over a record and step it, with all that it may be told."""
+    """Start an observer, run it over a record and step it, with all that it may be told.
+
+    ``form`` says what is different about a record if there is another one; ``between`` whether
+    the observer reads anything between the rows.
+    """
 
     def run(y: Any, u: Any, state: Any, *rest: Any) -> object:
         time, before, middle, word = rest
@@ -116,10 +114,12 @@ def recorded(
 
     name = subject(observer.init, of=observer).name.removesuffix(".init")
     state, time = observer.init(*started), observer.sampling_period * np.arange(len(y))
-    yield subject(observer.init, *started, of=observer)
-    yield Subject(f"{name}.run", run, (y, u, state, time, (y, u), (y, u), "raise"), takes)
+    yield Subject(f"{name}.init{form}", observer.init, started)
+    pair = (y, u) if between else None
+    yield Subject(f"{name}.run{form}", run, (y, u, state, time, pair, pair, "raise"))
     row = y[0], None if u is None else u[0]
-    yield Subject(f"{name}.step", step, (state, *row, row, row), takes)
+    pair = row if between else None
+    yield Subject(f"{name}.step{form}", step, (state, *row, pair, pair))
 
 
 def _rigid_bodies() -> Iterator[Subject]:
@@ -149,7 +149,7 @@ def _delays() -> Iterator[Subject]:
         estimator = kind(*plain, *parameters)
         output = np.tile(np.sin(HALF)[:, None], (1, estimator.measurements))
         yield from recorded(estimator, (0.0, 0.05, past), output, past)
-        yield from recorded(estimator, (0.0, 0.05, past[:, 0]), output[:, 0], past[:, 0])
+        yield from recorded(estimator, (0.0, 0.05, past[:, 0]), output[:, 0], past[:, 0], ALONE)
 
 
 def _high_gains() -> Iterator[Subject]:
@@ -160,10 +160,10 @@ def _high_gains() -> Iterator[Subject]:
     arguments = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
     yield subject(ExtendedHighGainObserver, *arguments)
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])
-    for u in (inputs, inputs[:, 0]):
-        yield from recorded(ExtendedHighGainObserver(*arguments), ([0.0], 0.5), y, u)
+    for u, form in ((inputs, ""), (inputs[:, 0], ALONE)):
+        yield from recorded(ExtendedHighGainObserver(*arguments), ([0.0], 0.5), y, u, form)
     yield subject(LevantDifferentiator, 1.0, 0.01, 2, [3.0, 1.5, 1.0], False)
-    yield from recorded(LevantDifferentiator(1.0, 0.01), ([0.0, 0.0, 0.0],), y)
+    yield from recorded(LevantDifferentiator(1.0, 0.01), ([0.0, 0.0, 0.0],), y, between=False)
 
 
 def _filters() -> Iterator[Subject]:

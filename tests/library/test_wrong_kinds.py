@@ -1,0 +1,69 @@
+"""Whatever stands in for any argument of any public class or function is refused by its name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+from reobserve.errors import InputError
+from tests.fuzz.subjects import subjects
+from tests.fuzz.subjects.subject import Subject
+
+
+class Nothing:
+    """Neither number, nor word, nor model, nor anything else that a call could use."""
+
+
+# Words of the user's own, which only stand in sentences.
+LABELS = {
+    "timeseries.signals.Signal.check_grid": "name",
+    "plants.delayed_input.check_delay": "name",
+}
+
+# What a call says in place of the parameter's name.
+SAID = {
+    "terms": "fault",  # what the signal is called
+    "value": "x",  # what the caller calls it
+    "step": "sampling_period",  # of the observer that is made
+    "faults": "fault_matrix",  # all four are matrices
+    "matrix": "values",
+}
+
+
+def parameters(subject: Subject) -> Iterator[str]:
+    """The names of the arguments; empty for those that are told by their place alone."""
+    for parameter in inspect.signature(subject.call).parameters.values():
+        if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
+            break
+        yield parameter.name
+    while True:
+        yield ""
+
+
+def refused(subject: Subject, place: int, parameter: str) -> bool:
+    """Whether a call with one argument of another kind names that argument."""
+    arguments: list[Any] = list(subject.arguments)
+    arguments[place] = Nothing()
+    try:
+        subject.call(*arguments)
+    except InputError as error:
+        wanted = {parameter, SAID.get(parameter, parameter)}
+        return not parameter or not wanted.isdisjoint(error.parameter.split("."))
+    except Exception:
+        return False
+    return False
+
+
+def test_an_argument_of_another_kind_is_refused_by_its_name() -> None:
+    """In one test, since what stands ready for all of them is made once."""
+    wrong = []
+    for name, subject in subjects().items():
+        subject.call(*subject.arguments)  # nothing else is wrong
+        named = zip(range(len(subject.arguments)), parameters(subject), strict=False)
+        wrong += [
+            f"{name}: {parameter or place + 1}"
+            for place, parameter in named
+            if LABELS.get(name) != parameter and not refused(subject, place, parameter)
+        ]
+    assert wrong == []

@@ -1,0 +1,62 @@
+"""No loop of any observer reads or writes beyond its arrays, which compiled code would not tell."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.observers.cases_delay import DELAY_CASES
+from tests.observers.cases_filters import FILTER_CASES
+from tests.observers.cases_rigid_body import RIGID_BODY_CASES
+
+ROOT = Path(__file__).parents[2]
+
+# In a process of its own, since numba decides on bounds when it compiles. A state that has no past
+# and one that has; all ways to read a gain, which are one compiled loop.
+RUN = """
+import sys, warnings
+from dataclasses import replace
+from numba.core.errors import NumbaWarning
+warnings.simplefilter("ignore", NumbaWarning)
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.synthesis.normal_form.gain import GAINS
+from tests.observers.cases import CASES
+
+def part(values, first, last):
+    return None if values is None else values[first:last]
+
+for name in sys.argv[1:]:
+    case = CASES[name]()
+    observers = [case.observer]
+    if isinstance(case.observer, IdentityObserver):
+        observers = [replace(case.observer, gain=gain) for gain in GAINS]
+    for observer in observers:
+        state = case.state
+        for first, last in ((0, 1), (1, 7), (7, 12)):
+            y, u = part(case.y, first, last), part(case.u, first, last)
+            try:
+                run = observer.run(y, u, state=state)
+            except IndexError as error:
+                sys.exit(f"{name}: {error}")
+            state = run.state
+print("all within bounds")
+"""
+
+LOOPS = {"rigid bodies": RIGID_BODY_CASES, "filters": FILTER_CASES, "delays": DELAY_CASES}
+
+
+@pytest.mark.parametrize("family", LOOPS)
+def test_no_loop_leaves_its_arrays(family: str, tmp_path: Path) -> None:
+    """Code with checks is kept apart from that without, and not optimised: it runs for moments."""
+    settings = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, *LOOPS[family]],
+        cwd=ROOT, env={**os.environ, **settings}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout == "all within bounds\n", done.stderr
+    # A function that a kernel is handed cannot raise; it prints.
+    assert "IndexError" not in done.stderr
