@@ -1,8 +1,7 @@
 """Stage design: s^2 + (a + l1) s + l2 = (s + pole)^2."""
 
-from reobserve.papers.toy import keys
-
 from reobserve.ledger.types import read_job
+from reobserve.papers.toy import keys
 
 
 def compute(settings):

@@ -2,10 +2,9 @@
 
 from math import isfinite
 
-from reobserve.papers.toy import design
-
 from reobserve.errors import InputError
 from reobserve.ledger.check import Checks
+from reobserve.papers.toy import design
 
 
 def gains(job):

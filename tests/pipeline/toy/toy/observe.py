@@ -1,9 +1,9 @@
 """Stage observe: a linear observer of x and d, by steps of Euler."""
 
 import numpy as np
-from reobserve.papers.toy import keys
 
 from reobserve.ledger.types import read_job
+from reobserve.papers.toy import keys
 from reobserve.timeseries.series import Channel, Series
 
 

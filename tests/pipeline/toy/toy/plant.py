@@ -1,9 +1,9 @@
 """Stage plant: the lag from rest under a constant disturbance, in closed form."""
 
 import numpy as np
-from reobserve.papers.toy import keys
 
 from reobserve.ledger.types import read_job
+from reobserve.papers.toy import keys
 from reobserve.timeseries.series import Channel, Series
 
 

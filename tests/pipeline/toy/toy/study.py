@@ -1,10 +1,9 @@
 """Stage study: the gains of the design, multiplied."""
 
+from reobserve.ledger.types import read_job
 from reobserve.papers.toy import keys
 from reobserve.papers.toy.metrics import late_error
 from reobserve.papers.toy.observe import run as observed
-
-from reobserve.ledger.types import read_job
 from reobserve.plain_data.files import NUMBER, SCORE
 
 HEADER = ("factor", "late_rms_error")

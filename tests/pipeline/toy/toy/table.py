@@ -1,8 +1,7 @@
 """Stage table: the gains as printed and as computed."""
 
-from reobserve.papers.toy import keys
-
 from reobserve.ledger.types import read_job
+from reobserve.papers.toy import keys
 from reobserve.plain_data.files import NAME, NUMBER
 
 HEADER = ("gain", "printed", "computed")

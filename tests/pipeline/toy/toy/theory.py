@@ -1,8 +1,7 @@
 """Stage theory: how far the poles of the design are from one place, as a discriminant."""
 
-from reobserve.papers.toy import keys
-
 from reobserve.ledger.types import read_job
+from reobserve.papers.toy import keys
 from reobserve.scoring.metrics import Metric
 
 

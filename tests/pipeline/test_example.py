@@ -1,0 +1,75 @@
+"""The worked example of a paper: its files, and no others, make it one that all watches over."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from .conftest import FEW_DRAWS, ROOT, Project, copy_project
+
+EXAMPLE = ROOT / "examples" / "two_mass"
+FILES = [path for path in sorted(EXAMPLE.rglob("*")) if path.is_file() and "cache" not in str(path)]
+
+
+def test_a_paper_takes_few_files_and_lines() -> None:
+    assert len(FILES) <= 6
+    assert sum(len(path.read_text().splitlines()) for path in FILES) <= 300
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A copy of the project with the example in it, committed, and the example's figures built."""
+    copy = copy_project(tmp_path_factory.mktemp("example"))
+    for path in FILES:
+        target = copy.folder / path.relative_to(EXAMPLE)
+        assert not target.exists(), "the example must touch no other file"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, target)
+    git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
+    copy.run("git", "init", "--quiet")
+    copy.run("git", "add", "--all")
+    copy.run(*git, "commit", "--quiet", "--message", "all")
+    copy.snakemake("--config", "papers=[two_mass]", *FEW_DRAWS)
+    return copy
+
+
+def test_it_is_built_from_nothing(project: Project) -> None:
+    made = {Path(name).name for name in project.results() if name.startswith("two_mass/")}
+    assert {"fig1.pdf", "fig2.pdf", "noises.study.csv", "fast.design.json"} <= made
+    claims = (project.folder / "results/claims.csv").read_text()
+    assert claims.count("\ntwo_mass,") == 3
+    assert "two_mass" in (project.folder / "results/report.html").read_text()
+    assert project.stale(config=("papers=[two_mass]", *FEW_DRAWS)) == {}
+
+
+def test_its_one_module_is_what_its_results_depend_on(project: Project) -> None:
+    module = project.folder / "src/reobserve/papers/two_mass.py"
+    kept = module.read_bytes()
+    try:
+        module.write_bytes(kept.replace(b"From rest, under", b"Starting at rest, under"))
+        stale = project.stale(config=("papers=[two_mass]", *FEW_DRAWS))
+    finally:
+        module.write_bytes(kept)
+    assert stale["plant"] == 2
+    assert stale["observe"] == 4
+    assert stale["plot"] == 2
+
+
+def test_a_misspelt_layout_is_told_before_anything_runs(project: Project) -> None:
+    change = "two_mass={figures: {fig1: {layout: error}}}"
+    done = project.snakemake("--config", "papers=[two_mass]", change, check=False)
+    assert done.returncode != 0
+    assert "figures.fig1.layout: 'error' must be one of errors, noises" in done.stdout + done.stderr
+
+
+def test_the_house_watches_over_it(project: Project) -> None:
+    """Golden numbers are kept by one command, and the tests of all papers hold for it."""
+    reason = ("--reason", "a paper more")
+    project.run("reobserve", "golden", "update", "two_mass", *reason, "--cores", "2")
+    tests = ("tests/papers/test_two_mass.py", "tests/evidence/golden/test_golden.py")
+    watched = project.run("pytest", *tests, "-k", "two_mass and not one_per_cent")
+    assert " passed" in watched.stdout + watched.stderr or "100%" in watched.stdout
+    project.run("ruff", "check", "src", "tests/papers")
+    project.run("pytest", "tests/test_project.py", "-k", "downhill or room or heavy or quote")
