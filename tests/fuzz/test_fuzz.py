@@ -33,6 +33,8 @@ INNER = {
     "observers.row_derivatives.as_signal_rows",
     "observers.linear_filter.as_controls",
     "observers.linear_filter.check_belief",
+    "observers.linear_filter.check_sample",
+    "observers.linear_filter.sample_before",
     "observers.rigid_body_observer.whole_steps",
     "observers.run_plot.plot",
     "synthesis.extended_state.certificate.as_strip",

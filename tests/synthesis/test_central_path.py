@@ -99,6 +99,15 @@ def test_a_start_outside_is_refused() -> None:
         minimiser(problem, np.array([0.5]))
 
 
+@pytest.mark.parametrize("start", [5.0, 1e200])
+@pytest.mark.filterwarnings("ignore:.* encountered in .*:RuntimeWarning")
+def test_steps_that_do_not_become_small_are_refused(start: float) -> None:
+    """From afar, where Newton's steps grow, and from where the Hessian is no number."""
+    problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
+    with pytest.raises(InputError, match=r"^solver: found matrices from which rounding forbids"):
+        polished(problem, np.array([start]))
+
+
 # --- Every design that anything depends on --------------------------------------------------------
 
 DESIGNS: dict[str, Any] = {

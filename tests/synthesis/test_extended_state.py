@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import minimize
 
+from reobserve.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi, structured
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
@@ -232,6 +233,18 @@ def test_the_riccati_design_solves_scipys_equation_and_bears_the_noise() -> None
     noisy = np.hstack([system.Bo, rho * found.gains.L])
     assert h_infinity_norm(Ao, noisy, np.eye(N)).upper < gamma
     assert h_infinity_norm(Ao, system.Bo, np.eye(N)).upper == found.certificate.norm_upper
+
+
+def test_the_noise_is_half_of_the_largest_of_the_halves_that_has_a_solution() -> None:
+    """Where a half of gamma has one it is a quarter, where only an eighth has a sixteenth."""
+    for factor, halvings in ((3.0, 2), (1.5, 3)):
+        found = structured.design(dc_motor(), factor)
+        assert found.gamma is not None
+        assert found.objective == found.gamma / 2**halvings
+        structured.design(dc_motor(), factor, noise=2 * found.objective)
+        if halvings > 2:
+            with pytest.raises(InputError, match=r"^noise: .* allows no observer"):
+                structured.design(dc_motor(), factor, noise=4 * found.objective)
 
 
 def test_less_noise_makes_the_riccati_design_faster() -> None:

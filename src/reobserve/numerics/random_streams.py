@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError
 from reobserve.numerics.arguments import as_kind, as_whole
 
+MOST_SAMPLES = 10**9  # of a record: eight gigabytes a column
+
 
 def random_stream(seed: int, *names: str) -> np.random.Generator:
     """A generator that depends on the run-wide seed and on the stream's names only.
@@ -40,9 +42,9 @@ def held_normal(
     ------
     InputError
         If ``samples``, ``hold`` or ``columns`` is not a whole number, or the first is below 0 or
-        another below 1.
+        above `MOST_SAMPLES`, or another below 1.
     """
-    samples, hold = as_whole("samples", samples, 0), as_whole("hold", hold, 1)
+    samples, hold = as_whole("samples", samples, 0, MOST_SAMPLES), as_whole("hold", hold, 1)
     if columns is not None:
         columns = as_whole("columns", columns, 1)
     count = samples // hold + 1

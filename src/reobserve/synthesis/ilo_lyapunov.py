@@ -104,11 +104,15 @@ class RepairedLyapunov:
         if np.linalg.norm(weight - weight.T) > 1e-9 * np.linalg.norm(weight):
             raise InputError("K2", "P = B_f^T K2^-1 must be symmetric")
         self.weight: Matrix = np.asarray((weight + weight.T) / 2)
+        if not np.isfinite(np.linalg.norm(self.weight)):
+            raise InputError("K2", "makes a Lyapunov function beyond floating-point numbers")
         if (lowest := float(np.linalg.eigvalsh(self.weight)[0])) <= 0:
             raise InputError(
                 "K2", f"P = B_f^T K2^-1 has the eigenvalue {lowest:g}, must be above 0"
             )
         self.memory_weight: Matrix = np.asarray(first.T @ self.weight @ first)
+        if not np.isfinite(np.linalg.norm(self.memory_weight)):
+            raise InputError("K1", "makes a Lyapunov function beyond floating-point numbers")
         self.error_decay: Matrix = self.weight - self.memory_weight
         if (lowest := float(np.linalg.eigvalsh(self.error_decay)[0])) < -1e-12 * np.linalg.norm(
             self.weight

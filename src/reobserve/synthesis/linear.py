@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.models.linear import LinearModel
-from reobserve.numerics.arguments import as_poles
+from reobserve.numerics.arguments import as_kind, as_poles
 from reobserve.numerics.matrices import as_floats
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     """
     from scipy.linalg import solve_discrete_are
 
-    A, _, H, _, Q, R = model.arrays
+    A, _, H, _, Q, R = as_kind("model", model, LinearModel).arrays
     hidden = undetectable_modes(A, H)
     if len(hidden):
         said = f"has a mode of the eigenvalue {_told(hidden[0])} that H does not show"

@@ -385,6 +385,25 @@ def test_a_study_on_another_scenario_brings_its_plant(project: Path) -> None:
     assert "results/toy/pull/plant.parquet" in study.inputs
 
 
+@pytest.mark.parametrize(
+    ("told", "wanted"),
+    [
+        ("model name\t: One\nflags\t: x\nmodel name\t: Two\n", "One"),
+        ("model name\t: Alone\n", "Alone"),
+        ("Hardware\t: Board\n", "by itself"),  # not every kernel names a model
+    ],
+)
+def test_the_processor_is_the_first_that_the_kernel_names(
+    told: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cpuinfo").write_text(told)
+    monkeypatch.setattr(
+        "reobserve.evidence.report.environment.Path", lambda _: tmp_path / "cpuinfo"
+    )
+    monkeypatch.setattr("platform.processor", lambda: "by itself")
+    assert dict(environment(tmp_path))["processor"] == wanted
+
+
 def test_the_commit_is_that_of_the_folder_and_not_of_one_around_it(tmp_path: Path) -> None:
     inner = tmp_path / "thesis" / "project"
     inner.mkdir(parents=True)

@@ -30,7 +30,12 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.synthesis.linear import place
+from reobserve.synthesis.linear import (
+    hidden_modes,
+    place,
+    steady_kalman_gain,
+    undetectable_modes,
+)
 from reobserve.synthesis.normal_form.design import normal_form
 
 from .models import INERTIA, linear_model, van_der_pol
@@ -186,6 +191,9 @@ def _filters() -> Iterator[Subject]:
     yield subject(luenberger, model, [0.5, 0.6], takes=("complex",))
     yield subject(steady_kalman, model)
     yield subject(AugmentedKalmanFilter, model, [[0.0], [0.01]], 1e-4, [[0.0]])
+    yield subject(steady_kalman_gain, model)
+    yield subject(hidden_modes, model.A, model.H)
+    yield subject(undetectable_modes, model.A, model.H)
     yield subject(place, model.A, model.H, [0.5, 0.6], takes=("complex",))
     for filters in (kalman, smooth):
         belief = filters.init([0.0, 0.0], 1e-2).belief

@@ -281,6 +281,16 @@ def test_layers_are_those_of_the_svsfs_and_mixing_is_everybodys() -> None:
         assert value == pytest.approx(stated, rel=1e-12)
 
 
+def test_a_study_refuses_before_it_runs_what_it_cannot_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the key of the study, and without one run."""
+    for method in study.METHODS:
+        monkeypatch.setitem(study.METHODS, method, lambda *_: pytest.fail("has run"))
+    with pytest.raises(InputError, match=r"^study\.horizon: "):
+        close(horizon=1.6001)
+    with pytest.raises(InputError, match=r"^study\.periods"):
+        changes(periods=[1e-9])
+
+
 # --- How close two models may come --------------------------------------------------------------
 
 FEW: Tree = {

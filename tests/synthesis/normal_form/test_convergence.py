@@ -198,6 +198,17 @@ def test_the_error_is_four_times_what_fewer_degrees_differ_by() -> None:
     assert found.error > 0.1, "more than the least"
 
 
+def test_an_estimate_that_repeats_errs_by_a_twentieth_all_the_same() -> None:
+    """The parts of 1 / (1 - x) are all one: every fit finds the radius 1."""
+    assert convergence(expanded("1/(1 - x1)", 1, 13)).error == 0.05
+
+
+@pytest.mark.parametrize(("degree", "lowest"), [(11, 6), (12, 6), (13, 7)])
+def test_the_fit_is_over_the_upper_half_of_the_degrees(degree: int, lowest: int) -> None:
+    found = convergence(expanded("1/(1 - x1)", 1, degree))
+    assert found.degrees == tuple(range(lowest, degree + 1))
+
+
 @pytest.mark.parametrize(
     ("text", "degree", "without"),
     [("1/(1 - x1) + 3/(1 + x1)**2", 13, "0.964"), ("log(1 + x1) + 1/(2 - x1)", 9, "1.21")],
