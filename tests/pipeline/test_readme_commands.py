@@ -146,5 +146,5 @@ def check_printed(project: Project, lines: tuple[str, ...]) -> None:
     assert job == "Job 0"
     assert text in told
     assert finished == "Finished jobid: 0 (Rule: all)"
-    total = int(re.findall(r"^total +(\d+)$", told, re.MULTILINE)[0])
-    assert steps == f"{total} of {total} steps (100%) done"
+    assert re.search(r"^total +\d+$", told, re.MULTILINE)
+    assert steps == "… of … steps (100%) done"
