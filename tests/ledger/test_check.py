@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import shutil
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from reobserve.ledger.config import (
     take_truths,
 )
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import declared_keys, read_job
+from reobserve.ledger.types import declared_keys, named, read_job
 
 ROOT = Path(__file__).parents[2]
 CONFIG = read_yaml(ROOT / "config/config.yaml")
@@ -277,6 +278,25 @@ def test_truths_of_the_command_line(word: str, taken: bool) -> None:
     take_truths(config)
     assert config["flips"] is taken
     check_config(ROOT, config, known_papers(ROOT))
+
+
+def test_an_observer_that_a_study_names_is_there_and_of_its_form() -> None:
+    observers = {"here": Observed("relay")}
+    assert named(observers, "here", Observed) is observers["here"]
+    with pytest.raises(InputError, match=r"^observers: must have 'her'; did you mean 'here'\?$"):
+        named(observers, "her", Observed)
+    with pytest.raises(InputError, match=r"^observers\.here\.algorithm: must not be relay here$"):
+        named(observers, "here", int)
+
+
+def test_a_ledger_without_declared_keys_is_told() -> None:
+    with pytest.raises(InputError, match=r"^nobody: has a ledger, but there is no module "):
+        declared_keys("nobody")
+
+
+@dataclass(frozen=True)
+class Observed:
+    algorithm: str
 
 
 def test_other_words_are_no_truths() -> None:

@@ -10,9 +10,19 @@ import pytest
 
 from reobserve.errors import InputError, shown
 from reobserve.models.linear import LinearModel
+from reobserve.models.polynomial import PolynomialSystem
 from reobserve.models.rigid_body import RigidBody
 from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.matrices import as_floats, as_numbers, as_samples
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.numerics.matrices import (
+    as_floats,
+    as_matrix,
+    as_numbers,
+    as_positive_definite,
+    as_row,
+    as_rows,
+    as_samples,
+)
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -20,6 +30,7 @@ from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.timeseries.signals import Signal
 
@@ -91,6 +102,48 @@ def test_what_is_no_array_of_numbers_is_refused(kind: str) -> None:
     assert len(str(told.value)) < 200
     with pytest.raises(InputError, match=r"^x: is no array of numbers"):
         as_samples("x", OTHERS[kind], 2)
+
+
+EMPTY = np.empty((0, 0))
+REFUSED: list[tuple[Any, str]] = [
+    (lambda: as_samples("x", [[1.0], [2.0]], None), "has shape (2, 1), must be a list of 1 sample"),
+    (lambda: as_samples("x", [1.0, 2.0], 1), "has shape (2,), must have one row or more of 1 numb"),
+    (lambda: as_samples("x", np.empty((0, 2)), 2), "has shape (0, 2), must have one row or more"),
+    (lambda: as_samples("x", ROWS, 2, rows=4, like="y"), "has 3 rows, must have 4 like y"),
+    (lambda: as_samples("x", ROWS[:2], 2, halves=True), "has shape (2, 2), must have an odd numb"),
+    (lambda: as_samples("x", [[1.0, np.nan]], 2), "sample 0 is [1.0, nan], must be finite"),
+    (lambda: as_samples("x", [[np.inf, np.nan]], 2, missing=True), "sample 0 is [inf, nan], must"),
+    (lambda: as_rows("x", [1.0, 2.0]), "has shape (2,), must be (samples, n)"),
+    (lambda: as_rows("x", ROWS, ROWS[:2]), "has shape (3, 2), must be (2, 2)"),
+    (lambda: as_row("x", "text"), "is no array of numbers"),
+    (lambda: as_matrix("x", ROWS, 2), "has shape (3, 2), must be one number"),
+    (lambda: as_positive_definite("x", EMPTY, 0), "is empty, must have one row or more"),
+    (lambda: as_positive_definite("x", [[1.0, 2.0], [0.0, 1.0]], 2), "[[1.0, 2.0], [0.0, 1.0]] mu"),
+    (lambda: as_positive_definite("x", -1.0, 2), "must be positive definite, its eigenvalues are"),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), REFUSED)
+def test_arrays_of_another_shape_are_refused(call: Any, said: str) -> None:
+    with pytest.raises(InputError) as told:
+        call()
+    assert told.value.parameter == "x"
+    assert told.value.problem.startswith(said)
+
+
+def test_what_models_and_holds_cannot_be_made_of() -> None:
+    lag = first_order_lag()
+    one, two = (PolynomialMap.linear(np.eye(n)) for n in (1, 2))
+    calls: list[tuple[Any, str]] = [
+        (lambda: TriangularModel(1, lag.drift, lag.input_gain, [[1.0, 1.0]]), "parameters"),
+        (lambda: TriangularModel(1, lag.drift, np.sin, [1.0, 1.0]), "input_gain"),
+        (lambda: PolynomialSystem(two, one), "output"),
+        (lambda: zero_order_hold([[1e3]], [[1.0]], 1.0), "period"),
+        (lambda: Signal.parse("fault", [], 1)([0.0, -1.0]), "time"),
+    ]
+    for call, name in calls:
+        with pytest.raises(InputError, match=rf"^{name}: "):
+            call()
 
 
 def test_messages_are_short_whatever_was_given() -> None:

@@ -111,6 +111,33 @@ def test_a_public_name_needs_numpy_scipy_and_numba_alone(name: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+# What only some calls need, and what is named for types alone is none of: each takes its time.
+LATE = ("cvxpy", "flint", "jinja2", "jsonschema", "pandas", "pyarrow", "sympy", "mpmath")
+IMPORTED = """
+import importlib, sys
+late, modules = sys.argv[1].split(), sys.argv[2:]
+for module in modules:
+    importlib.import_module(module)
+    found = [name for name in late if name in sys.modules]
+    if found:
+        sys.exit(f"{module} imports {', '.join(found)}")
+"""
+
+
+def test_modules_that_know_a_package_for_its_types_import_it_late() -> None:
+    """In one process: what stands under ``TYPE_CHECKING`` is for readers and checkers."""
+    package = Path(str(reobserve.__file__)).parent
+    modules = []
+    for path in sorted(package.rglob("*.py")):
+        if "if TYPE_CHECKING:" in path.read_text(encoding="utf-8"):
+            parts = path.relative_to(package.parent).with_suffix("").parts
+            modules.append(".".join(parts).removesuffix(".__init__"))
+    assert "reobserve.timeseries.series" in modules
+    words = [sys.executable, "-c", IMPORTED, " ".join(LATE), *modules]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_public_names_are_listed_where_people_and_checkers_look() -> None:
     tree = ast.parse(Path(str(reobserve.__file__)).read_text(encoding="utf-8"))
     typed = {

@@ -21,9 +21,14 @@ from reobserve.cli import main
 from reobserve.errors import InputError
 from reobserve.evidence.figure_diff.pixels import read_pixels
 from reobserve.plain_data.files import (
+    COUNT,
     GAP,
+    NAME,
+    NUMBER,
     SCORE,
     WHOLE,
+    YES_NO,
+    Kind,
     read_columns,
     read_table,
     write_text,
@@ -154,6 +159,39 @@ def test_a_table_is_checked_whole(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         read_table(path, HEADER, KINDS, ("name", "run"))
     assert len(str(caught.value)) < 1000
+
+
+CELLS = (
+    "",
+    "3",
+    "-3",
+    "2.5",
+    "1e3",
+    "nan",
+    "-inf",
+    "m/s",
+    "word",
+    "yes",
+    " ",
+    "1" * 16,
+    "1_0",
+    "³",
+)
+ALLOWED: dict[str, tuple[Kind, set[str]]] = {
+    "number": (NUMBER, {"3", "-3", "2.5", "1e3", "1" * 16}),
+    "score": (SCORE, {"3", "-3", "2.5", "1e3", "1" * 16, "nan", "-inf"}),
+    "gap": (GAP, {"", "3", "-3", "2.5", "1e3", "1" * 16}),
+    "whole": (WHOLE, {"3", "-3"}),
+    "count": (COUNT, {"", "3", "-3"}),
+    "name": (NAME, set(CELLS) - {"", " "}),
+    "yes or no": (YES_NO, {"yes"}),
+}
+
+
+@pytest.mark.parametrize("kind", ALLOWED)
+def test_what_cells_of_a_kind_may_be(kind: str) -> None:
+    found, allowed = ALLOWED[kind]
+    assert {cell for cell in CELLS if found.allows(cell)} == allowed
 
 
 def test_a_table_that_is_not_utf8_or_empty_is_refused(tmp_path: Path) -> None:

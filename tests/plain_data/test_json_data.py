@@ -90,6 +90,14 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
         read_yaml(Path("a\0b"))
 
 
+@pytest.mark.parametrize("text", ["[]", "1", '"text"', "null"])
+def test_a_file_of_a_stage_holds_a_mapping(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"file\.json: must be a mapping of keys to values$"):
+        read_json(path)
+
+
 def nested(depth: int) -> Any:
     tree: Any = 1
     for _ in range(depth):

@@ -11,7 +11,11 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.synthesis.nu_gap import nu_gap
+from reobserve.synthesis.nu_gap import (
+    _distance,
+    _stationary_frequencies,
+    nu_gap,
+)
 
 Array = NDArray[np.float64]
 Plant = tuple[ArrayLike, ArrayLike]
@@ -165,6 +169,34 @@ def test_random_plants_near_each_other(spread: float) -> None:
             assert found == pytest.approx(expected, abs=1e-12)
             values.append(found)
     assert len(values) > 8
+
+
+@pytest.mark.parametrize("ratio", [1.5, 4.0, 30.0])
+def test_the_search_begins_where_integrators_are_farthest_apart(ratio: float) -> None:
+    """At the geometric mean of their crossovers; at rest and at infinity they are as one."""
+    first, second = (np.array([0.0, gain]) for gain in (0.5, 0.5 * ratio))
+    integrator = np.array([1.0, 0.0])
+    found = _stationary_frequencies((first, integrator), (second, integrator))
+    assert np.abs(found - 0.5 * np.sqrt(ratio)).min() < 1e-12
+
+
+def test_the_search_begins_at_every_peak_of_the_distance() -> None:
+    """As a dense grid sees them, of resonances that are not so sharp that roots are rounded."""
+    rng, peaks = np.random.default_rng(5), 0
+    omega = np.geomspace(1e-3, 1e3, 100_001)
+    for _ in range(20):
+        size, damping = rng.uniform(0.3, 3.0, 2), rng.uniform(0.03, 0.3, 2)
+        numerator = rng.uniform(0.3, 3.0) * np.array([0.0, 1.0, 2 * damping[0], size[0] ** 2])
+        denominator = np.convolve([1.0, size[0]], [1.0, 2 * damping[1] * size[1], size[1] ** 2])
+        first = numerator, denominator
+        second = numerator * rng.uniform(0.8, 1.2, 4), denominator * rng.uniform(0.8, 1.2, 4)
+        distance = _distance(first, second, np.arctan(omega))
+        found = np.log(_stationary_frequencies(first, second))
+        inner = distance[1:-1]
+        for place in np.flatnonzero((inner > distance[:-2]) & (inner > distance[2:])) + 1:
+            assert np.abs(found - np.log(omega[place])).min() < 1e-3
+            peaks += 1
+    assert peaks > 20
 
 
 def test_the_gap_is_one_exactly_if_the_plot_winds() -> None:

@@ -101,6 +101,8 @@ def test_step() -> None:
     assert record().step == pytest.approx(0.1, rel=1e-15)
     with pytest.raises(InputError, match=r"^time: must be evenly spaced$"):
         _ = Series(np.array([0.0, 0.1, 0.3]), {}).step
+    with pytest.raises(InputError, match=r"^time: must have two samples or more for a period$"):
+        _ = Series(np.array([0.1]), {}).step
 
 
 def test_bad_series_are_refused() -> None:

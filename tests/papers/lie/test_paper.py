@@ -16,10 +16,12 @@ from reobserve.errors import InputError
 from reobserve.ledger.check import check_ledger
 from reobserve.ledger.ledger import Ledger
 from reobserve.papers.lie import design as design_stage
+from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.timeseries.series import Series
 from tests.observers.test_normal_form_observers import (
     START,
     A,
@@ -147,6 +149,28 @@ def test_scoring_of_a_known_error() -> None:
     assert np.isnan(settling_time(np.ones((10, 2)), 0.1, 0.02))
     assert np.isnan(decay_rate(error, 0.005, 5.0, 21.0))
     assert settling_time(np.zeros((10, 2)), 0.1, 0.02) == 0.0
+
+
+def test_all_of_the_ensemble_start_from_the_estimate_of_the_first() -> None:
+    """The one state that is that estimate is left out: there is no error to begin with."""
+    settings = deepcopy(evaluator().ledger.settings("study", "ensemble"))
+    settings["study"].update(half_width=0.5, points=3, orders=[2])
+    settings["plant"]["horizon"] = 2.0
+    first = next(iter(settings["observers"]))
+    settings["observers"][first]["initial_estimate"] = [0.5, 0.0]
+    design = {"plant": settings["plant"], "design": settings["designs"]["linear"]}
+    rows = study_stage.run(settings, Series(np.zeros(1), {}), design_stage.compute(design))
+    axis = (-0.5, 0.0, 0.5)
+    wanted = [(x, y) for x in axis for y in axis if (x, y) != (0.5, 0.0)]
+    assert list(dict.fromkeys((row["x1"], row["x2"]) for row in rows)) == wanted
+    # Beside the estimate the error is small, on its other side it is not.
+    squares = lookup_ise(rows, first)
+    assert squares[0.5, 0.5] < squares[0.0, 0.5] < squares[-0.5, 0.5]
+
+
+def lookup_ise(rows: list[dict[str, Any]], observer: str) -> dict[tuple[float, float], float]:
+    named = [row for row in rows if (row["form"], row["quantity"]) == (observer, "ise")]
+    return {(row["x1"], row["x2"]): row["value"] for row in named}
 
 
 # -- T(z)
