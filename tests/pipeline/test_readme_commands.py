@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.test_project import ROOMS
+
 from .conftest import Project
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
@@ -75,6 +77,12 @@ def _fenced(block: str) -> Iterator[File]:
         name = body.partition("\n")[0].removeprefix("# ")
         assert re.fullmatch(r"\w+\.yaml", name), f"a block without the name of its file: {name}"
         yield File(name, body)
+    elif kind == "text":
+        plan = [line.partition("  ")[0] for line in body.strip().splitlines()]
+        floors = [set(floor.split(", ")) for floor in reversed(plan)]
+        places = [next(i for i, floor in enumerate(floors) if room in floor) for room in ROOMS[:-1]]
+        assert places == sorted(places), "the floor plan has another order than the rooms"
+        assert set().union(*floors) == set(ROOMS[:-1])
     else:
         assert kind == "python", f"a block of {kind!r}, which nothing tests"
 
