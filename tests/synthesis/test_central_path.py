@@ -108,6 +108,16 @@ def test_steps_that_do_not_become_small_are_refused(start: float) -> None:
         polished(problem, np.array([start]))
 
 
+def test_a_hessian_that_cannot_be_factored_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def singular(*_: Any) -> Any:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr("reobserve.synthesis.extended_state.polishing.newton_step", singular)
+    problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)
+    with pytest.raises(InputError, match=r"^solver: found matrices from which rounding forbids"):
+        polished(problem, np.array([2.0]))
+
+
 # --- Every design that anything depends on --------------------------------------------------------
 
 DESIGNS: dict[str, Any] = {
