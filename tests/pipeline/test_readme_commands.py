@@ -100,17 +100,15 @@ def as_run(command: Command) -> tuple[str, ...] | None:
     first, *rest = command.words
     if "…" in rest:  # any command that a step prints
         return (first, rest[0], "--help")
-    if first == "make":
-        return command.words if rest == ["help"] else ("make", "--dry-run", *rest)
-    if first == "snakemake":
+    if first == "cp" or command.words == ("make", "help"):
+        return command.words
+    if first in ("make", "snakemake"):
         earnest = any(word in QUICK for word in rest) or "--dry-run" in rest
         return command.words if earnest else (*command.words, "--dry-run")
     if first == "reobserve":
         return command.words if command.alone or len(rest) > 1 else (*command.words, "--help")
     if command.words[:3] == ("python", "-m", "tests.fuzz"):  # a single case of them all
         return (*command.words, "--class", "yaml", "--case", "1")
-    if first == "cp":
-        return command.words
     assert command.words == ("source", ".venv/bin/activate"), f"no way to run {command.text}"
     return None
 
@@ -132,7 +130,7 @@ def test_every_command_of_the_readme_runs(fresh: Project) -> None:
             ran.add(words[0])
     for figure in QUICK:
         assert (fresh.folder / figure).read_bytes().startswith(b"%PDF"), figure
-    assert ran == {"make", "snakemake", "reobserve", "python"}
+    assert ran == {"cp", "make", "snakemake", "reobserve", "python"}
 
 
 def wants_conda(words: tuple[str, ...], told: str) -> bool:
