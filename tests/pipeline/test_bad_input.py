@@ -84,7 +84,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "interval no multiple of the step": (
         {"observers": {"continuous": {"update_interval": 0.0101}}},
         "ilo.observers.continuous.update_interval:",
-        "0.0101 s must be a whole multiple of the step of 0.00025 s",
+        "0.0101 s must be a whole multiple of the sampling period of 0.00025 s",
     ),
     "K1 outside the stable region": (
         {"observers": {"continuous": {"K1": 1.05}}},
