@@ -204,7 +204,7 @@ def test_parameters_of_a_model_may_be_a_list() -> None:
     listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
     y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
     first, second = (HighGainObserver(model, 2.0, 0.01) for model in (lag, listed))
-    found, wanted = (one.run(y, u, one.init([0.0])).estimate for one in (second, first))
+    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
     assert np.array_equal(found, wanted)
 
 
