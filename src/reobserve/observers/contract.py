@@ -169,7 +169,7 @@ class Observer(ABC, Generic[StateKind]):
             _as_row_pair("before", before), _as_row_pair("middle", middle),
         )  # fmt: skip
         start = self._checked(state)
-        rows, time = self._fill(start, record), self._next_time(start)
+        rows, time = self._fill(start, record), self._next_row(start) * self.sampling_period
         if not self._good(rows):
             raise self._divergence(start, record, np.array([time]), 0)
         values = {name: array[0] for name, array in rows.estimates.items()}
@@ -286,15 +286,17 @@ class Observer(ABC, Generic[StateKind]):
             None if u is None else self._read_inputs(f"{name} u", u, rows),
         )
 
-    def _next_time(self, state: StateKind) -> float:
-        """The time [s] of the row after the state's sample, if it was counted from 0 on."""
-        return (0 if state.sample is None else state.count + 1) * self.sampling_period
+    @staticmethod
+    def _next_row(state: ObserverState) -> int:
+        """How many sampling periods after the first row of all the next one stands."""
+        return 0 if state.sample is None else state.count + 1
 
     def _stamps(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
         """The times of the rows."""
         if time is None:
-            first = 0 if state.sample is None else state.count + 1
-            return (first + np.arange(rows, dtype=np.float64)) * self.sampling_period
+            return (
+                self._next_row(state) + np.arange(rows, dtype=np.float64)
+            ) * self.sampling_period
         stamps = as_samples("time", time, None, rows=rows, like="y")
         with np.errstate(over="ignore"):
             off = np.abs(np.diff(stamps) - self.sampling_period)

@@ -246,12 +246,9 @@ class DelayEstimator(FixedStepObserver[State]):
         return replace(state, sample=sample), completed_record
 
     def _fill(self, state: State, record: Record) -> Rows:
-        rows = super()._fill(*self._completed(state, record))
+        rows = super()._fill(state, record)
         after = replace(rows.state, recent=latest(state.recent, record.y[:, 0]))
         return rows._replace(state=after)
-
-    def _finding(self, state: State, record: Record, good: int, first: float) -> str:
-        return super()._finding(*self._completed(state, record), good, first)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

@@ -198,7 +198,7 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
         return state, Record(record.y, u, (y_before, before), (y_middle, middle))
 
     def _fill(self, state: State, record: Record) -> Rows:
-        rows = super()._fill(*self._completed(state, record))
+        rows = super()._fill(state, record)
         off = rows.estimates["switched_off"][state.sample is None : rows.finite]
         # A sample that is stepped is no record: each one at which the gain is off would warn.
         if len(record.y) > 1 and len(off) and float(np.min(off)) >= 1.0:
@@ -210,9 +210,6 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
             )
         after = replace(rows.state, recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
-
-    def _finding(self, state: State, record: Record, good: int, first: float) -> str:
-        return super()._finding(*self._completed(state, record), good, first)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

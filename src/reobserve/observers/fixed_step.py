@@ -92,7 +92,12 @@ class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
         finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)  # type: ignore[type-var]
         return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
 
+    def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
+        """State and record with what the observer finds by itself, such as derivatives."""
+        return state, record
+
     def _fill(self, state: StateKind, record: Record) -> Rows:
+        state, record = self._completed(state, record)
         rows = self._integrate(state, steps_between(state.sample, record))
         begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
         last = np.concatenate([record.y[-1], record.u[-1]])
@@ -107,6 +112,7 @@ class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
     def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
         from reobserve.observers.halving import finding
 
+        state, record = self._completed(state, record)
         steps, before = steps_between(state.sample, record), state.sample is not None
         if not steps.y.steps:
             return ""  # what cannot be read from the start, no step can help

@@ -22,6 +22,7 @@ from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.theory_inequality import agreement, margin_above_norm
 from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
+from reobserve.pipeline.common import compute_design
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.extended_state.certificate import error_system
@@ -55,7 +56,7 @@ def settings(**changed: Any) -> dict[str, Any]:
 
 @cache
 def designs() -> dict[str, Any]:
-    return {name: evaluator()._design({"design": name})[0] for name in DESIGNS.values()}
+    return {name: compute_design(evaluator().ledger, name) for name in DESIGNS.values()}
 
 
 def gains_of(observer: str) -> Gains:

@@ -202,7 +202,8 @@ def over_noise(data: FigureData) -> Any:
     """The error of x2 over the deviation of the noise."""
     figure, (axes,) = new_figure((2.4,))
     for style, ((name,), rows) in zip(STYLES, data.study.groups("observer"), strict=False):
-        axes.loglog(rows["noise"], rows["rms_error"], **style.points(), label=name)
+        label = data.job.observers[name].label
+        axes.loglog(rows["noise"], rows["rms_error"], **style.points(), label=label)
     axes.set_xlabel("standard deviation of the sensor's noise [m]")
     axes.set_ylabel("RMS error of x₂ [m]")
     axes.legend()
