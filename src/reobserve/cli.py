@@ -209,7 +209,7 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _ledger_file(robustness)
     robustness.add_argument(
-        "--draws", type=_whole(1, 1_000_000), required=True, help="for each claim"
+        "--draws", type=_whole(1, 1_000_000), required=True, help="at most, for each claim"
     )
     robustness.add_argument(
         "--no-flips", dest="flips", action="store_false",
@@ -217,6 +217,18 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _output(robustness, "shares and smallest changes, JSON")
     _project(robustness)
+
+    sensitivity = _command(
+        commands, "sensitivity", "stages.sensitivity:run",
+        "draw specification curves and what decides the claims that depend",
+    )  # fmt: skip
+    _ledger_file(sensitivity)
+    sensitivity.add_argument("robustness_file", type=Path, help="by `reobserve robustness`")
+    sensitivity.add_argument(
+        "--outputs", type=Path, nargs="+", required=True,
+        help="specification and sensitivity, in any of the formats",
+    )  # fmt: skip
+    _project(sensitivity)
 
     claims = _command(commands, "claims", "stages.claims:run", "the verdicts on all claims")
     claims.add_argument("paper", nargs="+", help="papers whose figures are built")

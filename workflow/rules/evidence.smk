@@ -1,5 +1,5 @@
-# What is claimed, whether it holds, and the page that tells it: theory -> robustness -> claims ->
-# verdicts and report. Claims read the numbers of all figures, so these come last.
+# What is claimed, whether it holds, and the page that tells it: theory -> robustness -> sensitivity
+# and claims -> verdicts and report. Claims read the numbers of all figures, so these come last.
 
 
 rule theory:
@@ -50,6 +50,34 @@ rule robustness:
         packages=packages,
     message:
         "{wildcards.paper}: decide the claims over draws of what is left open"
+    shell:
+        RUN
+
+
+rule sensitivity:
+    input:
+        unpack(inputs("sensitivity")),
+    output:
+        report(
+            outputs("sensitivity"),
+            caption="../report/sensitivity.rst",
+            category="{paper}",
+            subcategory="evidence",
+            labels={"figure": "claims", "what": "sensitivity"},
+        ),
+    log:
+        log_of("sensitivity"),
+    benchmark:
+        log_of("sensitivity", ".tsv")
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        command=command("sensitivity"),
+        settings=lambda wildcards: digest(claims_of(wildcards.paper)),
+        code=digest_of("reobserve.stages.sensitivity"),
+        packages=packages,
+    message:
+        "{wildcards.paper}: draw what decides the claims"
     shell:
         RUN
 

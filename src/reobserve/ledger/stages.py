@@ -121,13 +121,19 @@ STAGES = {
         "{ledger} --draws {draws} [{flips}] --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
+    "sensitivity": Stage(
+        (), (), ("ledger", "registry", "robustness"),
+        "{ledger} {robustness} --outputs {output}",
+        ("results/{paper}/specification.{format}", "results/{paper}/sensitivity.{format}"),
+        "logs/{paper}/sensitivity.log",
+    ),
     "claims": Stage(
         (), (), ("ledger", "registry", "numbers", "robustness"),
         "{claimed} --output {output}",
         ("results/claims.csv",), "logs/claims.log",
     ),
     "report": Stage(
-        (), (), ("products", "claims"),
+        (), (), ("products", "claims", "sensitivity"),
         "--papers {papers} --formats {formats} --output {output}",
         ("results/report.html",), "logs/report.log",
     ),

@@ -204,7 +204,7 @@ class Graph:
             return (AGELESS[role].format(paper=paper) for paper in papers)
         if role == "numbers":
             return [job for paper in papers for job in self.numbers(paper)]
-        if role == "robustness":
+        if role in ("robustness", "sensitivity"):
             return [self.job(role, paper=paper) for paper in papers]
         if role == "products":
             return self.products()
@@ -227,6 +227,8 @@ class Graph:
                 yield self.job(role, paper=paper, **{role: job.body[role]})
         elif role == "metrics":
             yield self.job("metrics", paper=paper, figure=job.names["figure"])
+        elif role == "robustness":
+            yield self.job(role, paper=paper)
         else:
             yield from self._read_of_project(job, role, paper)
 

@@ -13,14 +13,13 @@ from reobserve.plain_data.files import write_text
 
 
 def run(ledger_file: Path, draws: int, flips: bool, output: Path, project: Path) -> None:
-    """Draw, move, decide and write; a claim that is broken is left to the table of claims."""
+    """Draw, move and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
-    claims = {claim.name: claim for claim in read_registry(project, ledger).claims}
-    found = assess(ledger, list(claims.values()), draws, flips)
+    found = assess(ledger, read_registry(project, ledger).claims, draws, flips)
     stored = {
         "paper": ledger.paper,
         "seed": ledger.seed,
         "draws": draws,
-        "claims": {name: to_data(one, claims[name]) for name, one in found.items()},
+        "claims": {name: to_data(one) for name, one in found.items()},
     }
-    write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(output, json.dumps(stored, ensure_ascii=False, allow_nan=False) + "\n")

@@ -124,6 +124,14 @@ class Check:
         """All numbers that it looks up."""
         return self.value + self.other
 
+    @property
+    def name(self) -> str:
+        """What it is about, by the first of its numbers."""
+        value = str(self.value[0])
+        if not self.how:
+            return value
+        return f"{value} {'/' if self.how == 'over' else '-'} {self.other[0]}"
+
     def values(self, numbers: Numbers) -> list[float]:
         """What the relation is about, one for each reference; see `Reference.look_up`."""
         found = [reference.look_up(numbers) for reference in self.value]
@@ -139,10 +147,27 @@ class Check:
         satisfied = self._satisfied(self.values(numbers))
         return sum(satisfied) >= self.share * len(satisfied)
 
+    def deciding(self, numbers: Numbers) -> float:
+        """The one number that decides: of those that must satisfy it, the worst.
+
+        Of a sequence that must rise or fall it is the step that does so least.
+        """
+        values = self.values(numbers)
+        if self.relation in ("falling", "rising"):
+            values = [b - a for a, b in pairwise(values)]
+        best_first = sorted(values, key=self.margin, reverse=True)
+        return float(best_first[math.ceil(self.share * len(values)) - 1])
+
+    def satisfied_by(self, number: float, bound: Any = None) -> bool:
+        """Whether the check holds where this number decides; with another ``bound`` if given."""
+        if self.relation in ("falling", "rising"):
+            return self.margin(number) > 0
+        return RELATIONS[self.relation](number, self.bound if bound is None else bound)
+
     def told(self, numbers: Numbers) -> str:
         """The numbers and what is asked of them, for a reader; of a list the worst."""
         values = self.values(numbers)
-        name = _name(self)
+        name = self.name
         if self.relation in ("falling", "rising"):
             listed = ", ".join(f"{value:.3g}" for value in values)
             return f"{name} = {listed}: must be {self.relation}"
@@ -150,7 +175,7 @@ class Check:
         if len(values) == 1:
             return f"{name} = {values[0]:.3g}, must be {asked}"
         satisfied = self._satisfied(values)
-        worst = min(values, key=self._margin)
+        worst = min(values, key=self.margin)
         part = f", for at least {self.share:.0%}" if self.share < 1 else ""
         return (
             f"{name} and so on: {sum(satisfied)} of {len(values)} are {asked}{part}; "
@@ -163,11 +188,13 @@ class Check:
             return [sign * b > sign * a for a, b in pairwise(values)]
         return [RELATIONS[self.relation](value, self.bound) for value in values]
 
-    def _margin(self, value: float) -> float:
+    def margin(self, value: float) -> float:
         """How well a number satisfies the relation; only the order counts."""
+        if self.relation == "exists":
+            return float(_exists(value, self.bound))
         if math.isnan(value):
             return -math.inf
-        if self.relation == "below":
+        if self.relation in ("below", "falling"):
             return -value
         if self.relation == "within":
             return -abs(value - float(sum(self.bound)) / 2)
@@ -197,13 +224,6 @@ def _references(listed: str | list[str]) -> tuple[Reference, ...]:
 
 def _quotient(a: float, b: float) -> float:
     return a / b if b else math.copysign(math.inf, a) if a else math.nan
-
-
-def _name(check: Check) -> str:
-    value = str(check.value[0])
-    if not check.how:
-        return value
-    return f"{value} {'/' if check.how == 'over' else '-'} {check.other[0]}"
 
 
 def _asked(relation: str, bound: Any) -> str:

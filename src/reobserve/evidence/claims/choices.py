@@ -80,6 +80,11 @@ class Choice:
     keys: tuple[str, ...]
     knobs: tuple[Knob, ...]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each drawn value is of."""
+        return tuple(knob.name for knob in self.knobs) or self.keys
+
 
 def find_choice(ledger: Ledger, pattern: str) -> Choice:
     """The choice of a ledger key, or of a pattern of keys that move together.
@@ -103,15 +108,20 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
     return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 
-def draw(ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator) -> Ledger:
-    """The ledger of another reader: every choice drawn anew from its range."""
+def draw(
+    ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator
+) -> tuple[Ledger, tuple[Any, ...]]:
+    """The ledger of another reader, every choice drawn anew from its range, and what was drawn."""
     drawn, seed = copy.deepcopy(ledger.tree), ledger.seed
+    values = []
     for choice in choices:
         for knob in choice.knobs:
-            _set(drawn, knob, knob.drawn(stream))
+            values.append(knob.drawn(stream))
+            _set(drawn, knob, values[-1])
         if choice.keys == (SEED,):
             seed = int(stream.integers(2**31))
-    return Ledger(ledger.paper, drawn, seed)
+            values.append(seed)
+    return Ledger(ledger.paper, drawn, seed), tuple(values)
 
 
 def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:

@@ -22,7 +22,8 @@ class Claim:
     """A statement of a paper, in our words.
 
     ``problem`` is the sentence that says what is wrong with its entry, if something is; it then
-    has no checks. ``why`` is the reason for the thresholds, or why nothing can test it.
+    has no checks. ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
+    says who set them: the paper (`stated`), or we, `before` or `after` the numbers were known.
     """
 
     paper: str
@@ -32,6 +33,7 @@ class Claim:
     headline: bool = False
     checks: tuple[Check, ...] = ()
     why: str = ""
+    threshold: str = ""
     choices: tuple[Choice, ...] = ()
     draws_divided_by: int = 1
     testable: bool = True
@@ -46,6 +48,11 @@ class Claim:
     def keys(self) -> list[str]:
         """The ledger keys that it depends on."""
         return [key for choice in self.choices for key in choice.keys]
+
+    @property
+    def knob_names(self) -> tuple[str, ...]:
+        """What each value is of that a draw chooses."""
+        return tuple(name for choice in self.choices for name in choice.names)
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,7 @@ def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) ->
         says=_text(body, "says"),
         headline=bool(body.get("headline", False)),
         why=_text(body, "why") or _text(body, "not_testable"),
+        threshold=str(body.get("threshold", "")),
         testable="not_testable" not in body,
     )
     try:

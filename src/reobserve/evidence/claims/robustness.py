@@ -2,128 +2,100 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.evidence.claims.checks import THEORY, Numbers
-from reobserve.evidence.claims.choices import Knob, change, draw
+from reobserve.errors import InputError
+from reobserve.evidence.claims import sequential
+from reobserve.evidence.claims.choices import draw
+from reobserve.evidence.claims.flips import Flip, smallest_flips
+from reobserve.evidence.claims.outcomes import Outcome, Outcomes
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
 from reobserve.numerics.random_streams import random_stream
-from reobserve.pipeline.evaluation import Evaluator
-from reobserve.scoring.metrics import Metric, lookup
 
-# Shares of the way from a value to an end of its range at which a flip is looked for, and how often
-# the first interval that holds one is halved. Claims on expensive figures look only at the ends
-# and narrow only the smallest of the changes.
-_STEPS = (1 / 16, 1 / 4, 1.0)
-_HALVINGS = 4
+# Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
+# leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
+FIRM = 0.9
+
+# No claim is decided by fewer draws, if it may have as many: which choice decides can only be told
+# from some. It does not weaken the decision, which may be taken at any number of draws.
+_LEAST = 20
 
 # Draws that the code refuses are drawn again, up to this many for each that is wanted.
 _ATTEMPTS = 4
 
+# So many draws with the same numbers show that what a claim depends on does not reach them.
+_ALIKE = 8
+
 
 @dataclass(frozen=True)
-class Flip:
-    """The smallest change of one number of the ledger that was found to flip a claim.
+class Trial:
+    """One draw: what was chosen, a value for each name of `Robustness.names`, and the outcome."""
 
-    ``key`` is a ledger key (of several that move together in one, as ``a.{b,c}.d``) with the place
-    in its value, ``unit`` that of the entry; ``size`` is the part of the number's range (of
-    magnitudes where it spans a decade) that it moves, one for a word.
-    """
-
-    key: str
-    unit: str
-    start: Any
-    end: Any
-    size: float
+    values: tuple[Any, ...]
+    outcome: Outcome
 
 
 @dataclass
 class Robustness:
-    """Of one claim: in how many draws it held, and the smallest change that flips it.
+    """Of one claim: the draws that decide it, and the smallest change that flips it.
 
-    ``flip`` is None if none was found; ``looked`` is false where nobody looked. Draws in which
-    something diverges count as not held; those that the code refuses, because no reader could
-    have run them, do not count.
+    ``stated`` is the outcome with the ledger as it is, ``names`` are those of the choices. ``flip``
+    is None if none was found; ``looked`` is false where nobody looked. Draws in which something
+    diverges count as not held; those that the code refuses, because no reader could have run
+    them, do not count.
     """
 
-    draws: int = 0
-    held: int = 0
-    diverged: int = 0
+    stated: Outcome = field(default_factory=lambda: Outcome(True))
+    names: tuple[str, ...] = ()
+    trials: list[Trial] = field(default_factory=list)
     refused: int = 0
     flip: Flip | None = None
     looked: bool = True
+
+    @property
+    def draws(self) -> int:
+        """How many there were."""
+        return len(self.trials)
+
+    @property
+    def held(self) -> int:
+        """In how many the claim held."""
+        return sum(trial.outcome.held for trial in self.trials)
+
+    @property
+    def diverged(self) -> int:
+        """In how many something diverged."""
+        return sum(not trial.outcome.numbers for trial in self.trials)
 
     @property
     def share(self) -> float:
         """Of the draws in which the claim held."""
         return self.held / self.draws if self.draws else float("nan")
 
+    @property
+    def agreed(self) -> int:
+        """In how many the claim fared as it does with the ledger as it is."""
+        return self.held if self.stated.held else self.draws - self.held
+
+    @property
+    def firm(self) -> bool | None:
+        """Whether others would find the same, for nine of ten at least; None if undecided."""
+        return sequential.above(FIRM, self.agreed, self.draws)
+
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % confidence interval of the share."""
-        from scipy.stats import binomtest
+        """What the share may be; see `sequential.interval`, which is of the draws that agree."""
+        low, high = sequential.interval(self.agreed, self.draws)
+        return (low, high) if self.stated.held else (1 - high, 1 - low)
 
-        if not self.draws:
-            return 0.0, 1.0
-        found = binomtest(self.held, self.draws).proportion_ci(0.95, method="wilson")
-        return float(found.low), float(found.high)
-
-
-class Outcomes:
-    """Whether claims hold with other ledgers; what a change does not touch is not run again."""
-
-    def __init__(self, ledger: Ledger, claims: Iterable[Claim]) -> None:
-        # Siblings start from what this one has run: all that the claims need.
-        self._base = Evaluator(ledger)
-        figures = dict.fromkeys(figure for claim in claims for figure in claim.figures)
-        self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
-
-    def at(self, ledger: Ledger, claims: Iterable[Claim]) -> dict[str, bool | None]:
-        """By claim: whether it holds; None where something that it needs diverges.
-
-        Raises
-        ------
-        InputError
-            If the ledger cannot be run, or a claim names a number that does not exist.
-        """
-        evaluator = self._base.sibling(ledger)
-        numbers: dict[str, Any] = {}
-        diverged = set()
-        outcomes: dict[str, bool | None] = {}
-        for claim in claims:
-            for figure in claim.figures:
-                if figure in numbers or figure in diverged:
-                    continue
-                try:
-                    numbers[figure] = lookup(metrics_of(evaluator, figure))
-                except DivergenceError:
-                    diverged.add(figure)
-            outcomes[claim.name] = (
-                None if diverged.intersection(claim.figures) else holds(claim, numbers)
-            )
-        return outcomes
-
-    def stated(self, claim: Claim) -> bool | None:
-        """Whether a claim holds with the ledger as it is; None if it names a number nobody has."""
-        try:
-            return holds(claim, self._stated)
-        except InputError:
-            return None
-
-
-def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
-    """The numbers behind a figure, or of the theory."""
-    return evaluator.theory() if figure == THEORY else evaluator.figure(figure).metrics
-
-
-def holds(claim: Claim, numbers: Numbers) -> bool:
-    """Whether all checks of a claim hold; see `Check.holds`."""
-    return all(check.holds(numbers) for check in claim.checks)
+    @property
+    def alike(self) -> bool:
+        """Whether many draws gave the same numbers, all of them: no choice reaches these."""
+        numbers = {repr(trial.outcome.numbers) for trial in self.trials}
+        return self.draws >= _ALIKE and len(numbers) == 1 and not self.diverged
 
 
 def assess(
@@ -138,7 +110,8 @@ def assess(
     claims
         Of the same paper; left out are those that are broken or depend on nothing.
     draws
-        How many for each claim; fewer for those on expensive figures.
+        The most for each claim, if fewer do not decide; a part of it for those on expensive
+        figures.
     flips
         Whether to look for the smallest change that flips a claim, which takes longest.
 
@@ -151,15 +124,20 @@ def assess(
     """
     asked = [claim for claim in claims if claim.checks and claim.choices]
     outcomes = Outcomes(ledger, asked)
-    asked = [claim for claim in asked if outcomes.stated(claim) is not None]
-    found = {claim.name: Robustness(looked=flips) for claim in asked}
+    stated = {claim.name: outcomes.stated(claim) for claim in asked}
+    found = {
+        claim.name: Robustness(outcome, claim.knob_names, looked=flips)
+        for claim in asked
+        if (outcome := stated[claim.name]) is not None
+    }
+    asked = [claim for claim in asked if claim.name in found]
     groups = defaultdict(list)
     for claim in asked:
         groups[tuple(claim.keys), claim.draws_divided_by].append(claim)
     for (_, divided_by), members in groups.items():
         _draw_group(ledger, outcomes, -(-draws // divided_by), members, found)
     if flips:
-        for name, flip in _smallest_flips(ledger, outcomes, asked).items():
+        for name, flip in smallest_flips(ledger, outcomes, asked).items():
             found[name].flip = flip
     return found
 
@@ -167,129 +145,25 @@ def assess(
 def _draw_group(
     ledger: Ledger,
     outcomes: Outcomes,
-    draws: int,
+    most: int,
     claims: list[Claim],
     found: dict[str, Robustness],
 ) -> None:
-    """Decide the claims that depend on the same choices over the same draws."""
+    """Draw for the claims that depend on the same choices until all of them are decided."""
     choices, keys = claims[0].choices, " ".join(claims[0].keys)
-    for attempt in range(_ATTEMPTS * draws):
-        if found[claims[0].name].draws == draws:
+    group = [found[claim.name] for claim in claims]
+    for attempt in range(_ATTEMPTS * most):
+        draws = group[0].draws
+        enough = draws >= _LEAST and all(one.firm is not None for one in group)
+        if draws == most or enough:
             break
         stream = random_stream(ledger.seed, "claims", ledger.paper, keys, str(attempt))
+        drawn, values = draw(ledger, choices, stream)
         try:
-            held = outcomes.at(draw(ledger, choices, stream), claims)
+            there = outcomes.at(drawn, claims)
         except InputError:
-            for claim in claims:
-                found[claim.name].refused += 1
+            for one in group:
+                one.refused += 1
             continue
-        for claim in claims:
-            one = found[claim.name]
-            one.draws += 1
-            one.held += held[claim.name] is True
-            one.diverged += held[claim.name] is None
-
-
-@dataclass(frozen=True)
-class _Bracket:
-    """A change of one knob that flips a claim, and a smaller one that does not."""
-
-    knob: Knob
-    toward: float
-    below: float
-    size: float
-    value: Any
-
-
-def _smallest_flips(
-    ledger: Ledger, outcomes: Outcomes, claims: Sequence[Claim]
-) -> dict[str, Flip | None]:
-    stated = {claim.name: outcomes.stated(claim) for claim in claims}
-    brackets: dict[str, list[_Bracket]] = {claim.name: [] for claim in claims}
-    knobs = {k.keys + k.path: k for claim in claims for c in claim.choices for k in c.knobs}
-    for knob in knobs.values():
-        concerned = [c for c in claims if any(knob in choice.knobs for choice in c.choices)]
-        for toward in (0.0, 1.0):
-            _scan(ledger, outcomes, knob, toward, concerned, stated, brackets)
-    units = {key: entry["unit"] for key, entry in ledger.entries()}
-    flips: dict[str, Flip | None] = {}
-    for claim in claims:
-        best: _Bracket | None = None
-        ordered = sorted(brackets[claim.name], key=lambda one: (one.size, one.below))
-        for bracket in ordered[: None if claim.draws_divided_by == 1 else 1]:
-            if best is None or bracket.below < best.size:
-                narrowed = _narrow(ledger, outcomes, claim, stated[claim.name], bracket)
-                best = narrowed if best is None else min(best, narrowed, key=lambda one: one.size)
-        flips[claim.name] = None if best is None else _flip(best, units)
-    return flips
-
-
-def _flip(bracket: _Bracket, units: Mapping[str, str]) -> Flip:
-    knob = bracket.knob
-    return Flip(knob.name, units[knob.keys[0]], knob.value, bracket.value, bracket.size)
-
-
-def _scan(
-    ledger: Ledger,
-    outcomes: Outcomes,
-    knob: Knob,
-    toward: float,
-    claims: list[Claim],
-    stated: dict[str, bool | None],
-    brackets: dict[str, list[_Bracket]],
-) -> None:
-    """Move a knob towards an end of its range until claims flip; keep where each flips first."""
-    if knob.words:
-        # Words have no order: each other one is a change by itself, looked at once.
-        moves = [(1.0, word) for word in knob.words if word != knob.value] if toward else []
-    else:
-        start = knob.place(knob.value)
-        moves = [(t * abs(toward - start), knob.at(start + t * (toward - start))) for t in _STEPS]
-    below = 0.0
-    waiting = list(claims)
-    for step, (size, value) in enumerate(moves):
-        last = step == len(moves) - 1
-        here = [claim for claim in waiting if last or claim.draws_divided_by == 1]
-        if value != knob.value and here:
-            held = _outcomes_or_none(ledger, outcomes, knob, value, here)
-            for claim in here if held else ():
-                assert held is not None
-                if held[claim.name] != stated[claim.name]:
-                    expensive = claim.draws_divided_by > 1
-                    lower = 0.0 if expensive or knob.words else below
-                    brackets[claim.name].append(_Bracket(knob, toward, lower, size, value))
-                    if not knob.words:
-                        waiting.remove(claim)
-        below = size
-
-
-def _narrow(
-    ledger: Ledger, outcomes: Outcomes, claim: Claim, stated: bool | None, bracket: _Bracket
-) -> _Bracket:
-    """Halve the interval between the change that flips and the one that does not."""
-    knob = bracket.knob
-    if knob.words:
-        return bracket
-    start = knob.place(knob.value)
-    sign = 1.0 if bracket.toward > start else -1.0
-    for _ in range(_HALVINGS):
-        size = (bracket.below + bracket.size) / 2
-        value = knob.at(start + sign * size)
-        if value in (knob.value, bracket.value):
-            break
-        held = _outcomes_or_none(ledger, outcomes, knob, value, [claim])
-        if held is not None and held[claim.name] != stated:
-            bracket = dataclasses.replace(bracket, size=size, value=value)
-        else:
-            bracket = dataclasses.replace(bracket, below=size)
-    return bracket
-
-
-def _outcomes_or_none(
-    ledger: Ledger, outcomes: Outcomes, knob: Knob, value: Any, claims: list[Claim]
-) -> dict[str, bool | None] | None:
-    """None where the code refuses the value: nobody could have run it."""
-    try:
-        return outcomes.at(change(ledger, knob, value), claims)
-    except InputError:
-        return None
+        for claim, one in zip(claims, group, strict=True):
+            one.trials.append(Trial(values, there[claim.name]))

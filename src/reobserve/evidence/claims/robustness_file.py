@@ -7,58 +7,83 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.evidence.claims.registry import Claim
-from reobserve.evidence.claims.robustness import Flip, Robustness
+from reobserve.evidence.claims.flips import Flip
+from reobserve.evidence.claims.outcomes import Outcome
+from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
 
 
-def to_data(robustness: Robustness, claim: Claim) -> dict[str, Any]:
-    """As JSON keeps it."""
-    low, high = robustness.interval()
+def to_data(robustness: Robustness) -> dict[str, Any]:
+    """As JSON keeps it, every draw with what was chosen and the numbers that came out."""
     flip = robustness.flip
     return {
-        "draws": robustness.draws,
-        "held": robustness.held,
-        "diverged": robustness.diverged,
+        "stated": _outcome(robustness.stated),
+        "names": list(robustness.names),
+        "trials": [
+            {"values": list(trial.values), **_outcome(trial.outcome)} for trial in robustness.trials
+        ],
         "refused": robustness.refused,
-        "share": robustness.share if robustness.draws else None,
-        "low": low,
-        "high": high,
         "looked": robustness.looked,
-        "flip": flip
-        and {
-            "key": flip.key,
-            "unit": flip.unit,
-            "start": flip.start,
-            "end": flip.end,
-            "size": flip.size,
-        },
-        "choices": claim.keys,
+        "flip": flip and vars(flip),
     }
 
 
-@dataclass(frozen=True)
-class StoredRobustness:
-    """What `to_data` makes of one claim."""
+def _outcome(outcome: Outcome) -> dict[str, Any]:
+    # As words: JSON has no infinity and no number for what is none.
+    return {"held": outcome.held, "numbers": list(map(repr, outcome.numbers))}
 
-    draws: int
-    held: int
-    diverged: int
-    refused: int
-    share: float | None
-    low: float
-    high: float
-    looked: bool
-    flip: Flip | None
-    choices: tuple[str, ...]
+
+@dataclass(frozen=True)
+class _StoredOutcome:
+    held: bool
+    numbers: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        for name in ("draws", "held", "diverged", "refused"):
-            if getattr(self, name) < 0:
-                raise InputError(name, f"{getattr(self, name)} must not be negative")
-        if self.held + self.diverged > self.draws:
-            raise InputError("held", f"and diverged are more than the {self.draws} draws")
+        self.outcome()
+
+    def outcome(self) -> Outcome:
+        """What was stored; `InputError` for what is no number."""
+        try:
+            return Outcome(self.held, tuple(map(float, self.numbers)))
+        except ValueError as error:
+            raise InputError("numbers", f"must be numbers ({error})") from None
+
+
+@dataclass(frozen=True)
+class _StoredTrial(_StoredOutcome):
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class _StoredRobustness:
+    """What `to_data` makes of one claim."""
+
+    stated: _StoredOutcome
+    names: tuple[str, ...]
+    trials: tuple[_StoredTrial, ...]
+    refused: int
+    looked: bool
+    flip: Flip | None
+
+    def __post_init__(self) -> None:
+        if self.refused < 0:
+            raise InputError("refused", f"{self.refused} must not be negative")
+        checks = len(self.stated.numbers)
+        for k, trial in enumerate(self.trials):
+            if len(trial.values) != len(self.names):
+                problem = f"has {len(trial.values)} values, must have {len(self.names)}"
+                raise InputError(f"trials.{k}", problem)
+            if len(trial.numbers) not in (0, checks) or (trial.held and not trial.numbers):
+                problem = f"has {len(trial.numbers)} numbers, must have {checks}"
+                raise InputError(f"trials.{k}", problem)
+
+    def robustness(self) -> Robustness:
+        """What was stored."""
+        trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
+        return Robustness(
+            self.stated.outcome(), self.names, trials, self.refused, self.flip, self.looked
+        )
 
 
 @dataclass(frozen=True)
@@ -68,7 +93,7 @@ class _Stored:
     paper: str
     seed: int
     draws: int
-    claims: dict[str, StoredRobustness]
+    claims: dict[str, _StoredRobustness]
 
 
 def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
@@ -82,7 +107,4 @@ def read_robustness(path: Path, paper: str) -> dict[str, Robustness]:
     stored = parse(_Stored, read_json(path), str(path))
     if stored.paper != paper:
         raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
-    return {
-        name: Robustness(one.draws, one.held, one.diverged, one.refused, one.flip, one.looked)
-        for name, one in stored.claims.items()
-    }
+    return {name: one.robustness() for name, one in stored.claims.items()}

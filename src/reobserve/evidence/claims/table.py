@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import InputError
+from reobserve.evidence.claims.bounds import rooms, tell_rooms
 from reobserve.evidence.claims.checks import Numbers
+from reobserve.evidence.claims.flips import Flip
+from reobserve.evidence.claims.outcomes import outcome
 from reobserve.evidence.claims.registry import Claim
-from reobserve.evidence.claims.robustness import Flip, Robustness, holds
+from reobserve.evidence.claims.robustness import Robustness
 from reobserve.evidence.claims.verdicts import BROKEN, VERDICTS, verdict
 from reobserve.ledger.ledger import Ledger, leaves
 from reobserve.plain_data.files import COUNT, GAP, NAME, Kind
 
 HEADER = (
     "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
-    "figures", "depends_on", "draws", "held", "share", "low", "high", "flip", "problem",
+    "threshold", "room", "figures", "depends_on", "draws", "held", "share", "low", "high", "flip",
+    "problem",
 )  # fmt: skip
 
 NOT_LOOKED_FOR = "not looked for"  # in place of a flip
@@ -39,19 +43,31 @@ def row(
         "place": claim.place,
         "says": claim.says,
         "why": claim.why,
+        "threshold": claim.threshold,
         "figures": " ".join(claim.figures),
         "depends_on": " ".join(claim.keys),
     }
     try:
-        held = holds(claim, numbers)
+        stated = outcome(claim, numbers)
         measured = "; ".join(check.told(numbers) for check in claim.checks)
     except InputError as error:
         problem = f"claims.{claim.paper}.{claim.name}: {error}"
         return told | {"verdict": BROKEN, "problem": problem}
-    told["verdict"] = verdict(claim, ledger, held, robustness)
+    if robustness is not None and robustness.alike:
+        problem = (
+            f"claims.{claim.paper}.{claim.name}: all {robustness.draws} draws give the same "
+            "numbers, must name a choice that reaches them or depend on nothing"
+        )
+        return told | {"verdict": BROKEN, "problem": problem}
+    told["verdict"] = verdict(claim, ledger, stated.held, robustness)
     if claim.problem or not claim.testable:
         return told | {"problem": claim.problem}
-    told |= {"holds": "yes" if held else "no", "measured": measured}
+    drawn = [trial.outcome for trial in robustness.trials] if robustness else []
+    told |= {
+        "holds": "yes" if stated.held else "no",
+        "measured": measured,
+        "room": tell_rooms(rooms(claim, stated, drawn)),
+    }
     if robustness is not None and robustness.draws:
         low, high = robustness.interval()
         told |= {

@@ -12,13 +12,10 @@ REPRODUCED = "reproduced"
 CALIBRATED = "reproduced only by calibration"
 DEPENDS = "depends on unstated choices"
 CONTRADICTED = "contradicted"
+UNDECIDED = "undecided"
 NOT_TESTABLE = "not testable"
 BROKEN = "broken"
-VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, NOT_TESTABLE)
-
-# Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
-# leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
-FIRM = 0.9
+VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, UNDECIDED, NOT_TESTABLE)
 
 
 def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | None) -> str:
@@ -33,7 +30,8 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
     held
         Whether its checks hold with the ledger.
     robustness
-        Over draws of what it depends on; None if that is nothing.
+        Over draws of what it depends on; None if that is nothing. Draws that do not decide
+        whether nine of ten readers would find the same leave the claim undecided.
     """
     if claim.problem:
         return BROKEN
@@ -42,8 +40,9 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
     if held and chosen_keys(claim, ledger):
         return CALIBRATED
     if robustness is not None and robustness.draws:
-        agrees = robustness.share if held else 1 - robustness.share
-        if agrees < FIRM:
+        if robustness.firm is None:
+            return UNDECIDED
+        if not robustness.firm:
             return DEPENDS
     return REPRODUCED if held else CONTRADICTED
 

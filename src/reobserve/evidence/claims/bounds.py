@@ -1,0 +1,77 @@
+"""How far the bound of a check may be moved before the verdict on its claim is another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from reobserve.evidence.claims import sequential
+from reobserve.evidence.claims.checks import Check
+from reobserve.evidence.claims.outcomes import Outcome
+from reobserve.evidence.claims.registry import Claim
+from reobserve.evidence.claims.robustness import FIRM
+
+_MOVABLE = ("below", "above")
+
+
+def rooms(
+    claim: Claim, stated: Outcome, drawn: Sequence[Outcome] = ()
+) -> dict[Check, tuple[float, float]]:
+    """By check with one bound: between which values it may be without another verdict.
+
+    The outcomes are those with the ledger as it is and of the draws. The ends are numbers at which
+    an outcome turns over, or infinite.
+    """
+    return {
+        check: (_end(claim, k, stated, drawn, -1), _end(claim, k, stated, drawn, 1))
+        for k, check in enumerate(claim.checks)
+        if check.relation in _MOVABLE
+    }
+
+
+def tell_rooms(found: dict[Check, tuple[float, float]]) -> str:
+    """The same for a reader."""
+    return "; ".join(
+        f"{check.relation} {check.bound:g} could be {_told(low, high)}"
+        for check, (low, high) in found.items()
+    )
+
+
+def _told(low: float, high: float) -> str:
+    if math.isinf(low) and math.isinf(high):
+        return "any"
+    if math.isinf(high):
+        return f"{low:.3g} or more"
+    return f"{high:.3g} or less" if math.isinf(low) else f"{low:.3g} to {high:.3g}"
+
+
+def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: int) -> float:
+    """The first number on the way beyond which the verdict is another."""
+    bound = claim.checks[k].bound
+    found = _found(claim, k, bound, stated, drawn)
+    ends = {one.numbers[k] for one in (stated, *drawn) if one.numbers}
+    ahead = sorted(
+        (end for end in ends if math.isfinite(end) and way * end >= way * bound),
+        key=lambda end: way * end,
+    )
+    for end, following in zip(ahead, [*ahead[1:], None], strict=True):
+        beyond = end + way if following is None else (end + following) / 2
+        if _found(claim, k, beyond, stated, drawn) != found:
+            return end
+    return way * math.inf
+
+
+def _found(
+    claim: Claim, k: int, bound: float, stated: Outcome, drawn: Sequence[Outcome]
+) -> tuple[bool, bool | None]:
+    """Whether the claim holds with another bound of a check, and whether that is firm."""
+
+    def held(outcome: Outcome) -> bool:
+        return bool(outcome.numbers) and all(
+            check.satisfied_by(number, bound if check is claim.checks[k] else None)
+            for check, number in zip(claim.checks, outcome.numbers, strict=True)
+        )
+
+    holds = held(stated)
+    agreed = sum(held(one) == holds for one in drawn)
+    return holds, sequential.above(FIRM, agreed, len(drawn)) if drawn else True
