@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.drawing.figures import fix_layout, save
+from reobserve.drawing.figures import save
 from reobserve.evidence.claims.curves import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness_file import read_robustness
@@ -20,7 +20,6 @@ def run(ledger_file: Path, robustness_file: Path, outputs: list[Path], project: 
     found = read_robustness(robustness_file, ledger.paper)
     for name, draw in _PICTURES.items():
         picture = draw(claims, found)
-        fix_layout(picture)
         for output in outputs:
             if output.stem == name:
                 save(picture, output)

@@ -33,7 +33,7 @@ def values(start: Ledger, pattern: str, count: int = 4000) -> np.ndarray:
     stream = np.random.default_rng(1)
     key = choice.keys[0].split(".")
     return np.array(
-        [draw(start, [choice], stream).section(*key[:-1])[key[-1]] for _ in range(count)]
+        [draw(start, [choice], stream)[0].section(*key[:-1])[key[-1]] for _ in range(count)]
     )
 
 
@@ -94,7 +94,8 @@ def test_a_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
     assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
-    drawn = draw(ILO, [choice], np.random.default_rng(2))
+    drawn, values = draw(ILO, [choice], np.random.default_rng(2))
+    assert len(values) == len(choice.names) == 1
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
     assert gains != {2000.0}
@@ -103,7 +104,10 @@ def test_a_pattern_moves_its_keys_together() -> None:
 
 def test_the_seed_can_be_drawn() -> None:
     choice = find_choice(ILO, "seed")
-    seeds = {draw(ILO, [choice], np.random.default_rng(k)).seed for k in range(5)}
+    assert choice.names == ("seed",)
+    draws = [draw(ILO, [choice], np.random.default_rng(k)) for k in range(5)]
+    seeds = {ledger.seed for ledger, _ in draws}
+    assert seeds == {values[0] for _, values in draws}
     assert len(seeds) == 5
 
 

@@ -24,6 +24,7 @@ GOOD = {
     "says": "It is\n  accurate.",
     "checks": [{"value": "fig1 sampled relative_rms_error", "below": 0.05}],
     "why": "A twentieth.",
+    "threshold": "after",
     "depends_on": ["gains", "plant.control"],
 }
 OTHER = {"place": "Fig. 2", "says": "Words.", "not_testable": "Words cannot be tested."}
@@ -45,6 +46,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
 def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     one, other = registry(tmp_path, one=GOOD, other=OTHER)
     assert (one.says, one.why, one.problem) == ("It is accurate.", "A twentieth.", "")
+    assert one.threshold == "after"
     assert one.figures == ["fig1"]
     assert one.keys[0] == "observers.sampled.K2"
     assert one.keys[-1] == "plant.control"
@@ -93,6 +95,10 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             "claims.ilo.one.draws_divided_by: 1 is less than the minimum of 2",
         ),
         ({"place": ""}, "claims.ilo.one.place: '' should be non-empty"),
+        (
+            {"threshold": "later"},
+            "claims.ilo.one.threshold: 'later' is not one of ['stated', 'before', 'after']",
+        ),
     ],
 )
 def test_a_claim_that_is_wrong_says_so_and_leaves_the_others(
@@ -102,6 +108,13 @@ def test_a_claim_that_is_wrong_says_so_and_leaves_the_others(
     assert one.problem == said
     assert one.checks == ()
     assert other.problem == ""
+
+
+def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
+    (one,) = registry(tmp_path, one={key: GOOD[key] for key in GOOD if key != "threshold"})
+    assert one.problem == (
+        "claims.ilo.one.threshold: is missing: say who set the bounds, stated, before or after"
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,14 @@ import pytest
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.claims.checks import Check, Reference
 from reobserve.evidence.claims.choices import find_choice
+from reobserve.evidence.claims.flips import Flip
 from reobserve.evidence.claims.gallery import put_into
+from reobserve.evidence.claims.outcomes import Outcome, holds
 from reobserve.evidence.claims.registry import Claim, read_registry
-from reobserve.evidence.claims.robustness import Flip, Robustness, holds
+from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
 from reobserve.evidence.claims.table import row, tell_flip
-from reobserve.evidence.claims.verdicts import count, replicated, verdict
+from reobserve.evidence.claims.verdicts import count, replicated, title_margin, verdict
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import read_table, write_table
 from reobserve.stages.claims import HEADER
@@ -41,30 +43,41 @@ DEPENDENT = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
 FREE = Claim("ilo", "it")
 
 
+def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Robustness:
+    """Draws of one choice and one check, of which the first ones held."""
+    trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(draws)]
+    return Robustness(Outcome(stated, (number,)), (GAIN,), trials)
+
+
 @pytest.mark.parametrize(
     ("claim", "ledger", "held", "share", "word"),
     [
         (FREE, ILO, True, None, "reproduced"),
         (FREE, ILO, False, None, "contradicted"),
-        (DEPENDENT, ILO, True, 1.0, "reproduced"),
-        (DEPENDENT, ILO, True, 0.9, "reproduced"),
-        (DEPENDENT, ILO, True, 0.8, "depends on unstated choices"),
-        (DEPENDENT, ILO, True, 0.0, "depends on unstated choices"),
-        (DEPENDENT, ILO, False, 0.0, "contradicted"),
-        (DEPENDENT, ILO, False, 0.1, "contradicted"),
-        (DEPENDENT, ILO, False, 0.2, "depends on unstated choices"),
-        (DEPENDENT, marked(), True, 1.0, "reproduced only by calibration"),
-        (DEPENDENT, marked(), True, 0.0, "reproduced only by calibration"),
-        (DEPENDENT, marked(), False, 0.0, "contradicted"),
-        (DEPENDENT, marked(), False, 0.5, "depends on unstated choices"),
+        (DEPENDENT, ILO, True, (36, 36), "reproduced"),
+        (DEPENDENT, ILO, True, (35, 35), "undecided"),
+        (DEPENDENT, ILO, True, (70, 71), "reproduced"),
+        (DEPENDENT, ILO, True, (69, 70), "undecided"),
+        (DEPENDENT, ILO, True, (90, 100), "undecided"),
+        (DEPENDENT, ILO, True, (10, 20), "depends on unstated choices"),
+        (DEPENDENT, ILO, True, (0, 2), "depends on unstated choices"),
+        (DEPENDENT, ILO, True, (0, 1), "undecided"),
+        (DEPENDENT, ILO, False, (0, 36), "contradicted"),
+        (DEPENDENT, ILO, False, (1, 71), "contradicted"),
+        (DEPENDENT, ILO, False, (0, 35), "undecided"),
+        (DEPENDENT, ILO, False, (10, 20), "depends on unstated choices"),
+        (DEPENDENT, marked(), True, (36, 36), "reproduced only by calibration"),
+        (DEPENDENT, marked(), True, (0, 36), "reproduced only by calibration"),
+        (DEPENDENT, marked(), False, (0, 36), "contradicted"),
+        (DEPENDENT, marked(), False, (20, 40), "depends on unstated choices"),
         (replace(FREE, testable=False), ILO, True, None, "not testable"),
         (replace(FREE, problem="it names nothing"), ILO, True, None, "broken"),
     ],
 )
 def test_the_verdict_follows_the_rule(
-    claim: Claim, ledger: Ledger, held: bool, share: float | None, word: str
+    claim: Claim, ledger: Ledger, held: bool, share: tuple[int, int] | None, word: str
 ) -> None:
-    robustness = None if share is None else Robustness(draws=10, held=round(10 * share))
+    robustness = None if share is None else drawn(*share, stated=held)
     assert verdict(claim, ledger, held, robustness) == word
 
 
@@ -72,14 +85,24 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
     claim = replace(DEPENDENT, checks=checks, says="It is small.", why="A twentieth.")
     flip = Flip(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
-    stands = Robustness(draws=32, held=31, flip=flip)
+    stands = replace(drawn(70, 71), flip=flip)
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
     assert told["verdict"] == "reproduced"
     assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
-    assert (told["draws"], told["held"], told["share"]) == (32, 31, "0.9688")
+    assert (told["draws"], told["held"], told["share"]) == (71, 70, "0.9859")
+    assert (told["low"], told["high"]) == ("0.9011", "1")
     assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
-    assert (told["verdict"], told["holds"]) == ("depends on unstated choices", "no")
+    assert told["holds"] == "no"
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
+    assert told["verdict"] == "depends on unstated choices"
+    same = replace(stands, trials=stands.trials[:1] * 8)
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
+    assert told["verdict"] == "broken"
+    assert told["problem"] == (
+        "claims.ilo.it: all 8 draws give the same numbers, must name a choice that reaches them "
+        "or depend on nothing"
+    )
     told = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
     assert told["verdict"] == "broken"
     assert told["problem"] == (
@@ -98,7 +121,7 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     )
     assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
     assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
-    path, told = tmp_path / "robustness.json", {"a": to_data(stands, claim)}
+    path, told = tmp_path / "robustness.json", {"a": to_data(stands)}
     path.write_text(json.dumps({"paper": "ilo", "seed": 1, "draws": 40, "claims": told}))
     assert read_robustness(path, "ilo") == {"a": stands}
 
@@ -118,6 +141,37 @@ def test_a_replication_stands_or_falls_with_its_headlines() -> None:
     assert not replicated(made(good, good, bad, headline=[0, 1, 2]))
     assert not replicated(made(good, good, "broken", headline=[0, 1, 2]))
     assert not replicated(made(good))
+    assert title_margin(made(good)) == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "rrr",
+            "3 of 3 headline claims are reproduced and 0 contradicted; it would be [¬Re] with one "
+            "contradicted or 2 fewer reproduced",
+        ),
+        (
+            "rrc",
+            "2 of 3 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "fewer contradicted",
+        ),
+        (
+            "rddc",
+            "1 of 4 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "fewer contradicted and 2 more reproduced",
+        ),
+    ],
+)
+def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
+    spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
+    rows = made(*(spelled[word] for word in words), headline=range(len(words)))
+    assert title_margin(rows) == said
+
+
+def test_broken_claims_count() -> None:
+    good, bad = "reproduced", "contradicted"
     assert count(made(good, bad, bad))["a"]["contradicted"] == 2
 
 
@@ -128,7 +182,7 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     write_table(tmp_path / "claims.csv", rows, HEADER)
     count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md", ROOT)
     written = (tmp_path / "verdicts.md").read_text().splitlines()
-    assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 1 |"
+    assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 |"
     assert written[4] == "`ilo`"
     assert written[6].count("tests/reference/ilo/fig") == 2 * 5
     assert written[8].startswith("| `fig1`: 1 reproduced | `fig2`: decides no claim |")

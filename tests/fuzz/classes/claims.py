@@ -10,8 +10,9 @@ from random import Random
 from typing import Any
 from unittest import mock
 
+from reobserve.evidence.claims.outcomes import Outcome
 from reobserve.evidence.claims.registry import read_registry
-from reobserve.evidence.claims.robustness import Robustness
+from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.table import row
 from reobserve.ledger.config import read_yaml
 from reobserve.scoring.metrics import lookup, read_metrics
@@ -51,7 +52,9 @@ def case(paper: str, tree: Any, told: str) -> Case:
         with mock.patch("reobserve.evidence.claims.registry.read_yaml", read):
             registry = read_registry(material.ROOT, ledger)
         for claim in registry.claims:
-            row(claim, ledger, numbers, Robustness(3, 2))
+            held = Outcome(True, (0.5,) * len(claim.checks))
+            trials = [Trial(("x",) * len(claim.knob_names), held)] * 3
+            row(claim, ledger, numbers, Robustness(held, claim.knob_names, trials))
 
     def read(path: Path) -> Any:
         return json.loads(json.dumps(tree)) if path.parent.name == "claims" else read_yaml(path)

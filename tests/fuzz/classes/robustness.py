@@ -10,8 +10,10 @@ from random import Random
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.evidence.claims.registry import read_registry
-from reobserve.evidence.claims.robustness import Flip, Robustness
+from reobserve.evidence.claims.flips import Flip
+from reobserve.evidence.claims.outcomes import Outcome
+from reobserve.evidence.claims.registry import Claim, read_registry
+from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.robustness_file import to_data
 
 from .. import material, mutations
@@ -61,7 +63,15 @@ def _stored() -> Any:
     claims = read_registry(material.ROOT, material.ledger("eso")).claims
     flip = Flip("plant.horizon", "s", 20.0, 10.0, 0.5)
     found = {
-        claim.name: to_data(Robustness(32, 30, 1, 1, flip if k % 2 else None), claim)
+        claim.name: to_data(_robustness(claim, flip if k % 2 else None))
         for k, claim in enumerate(claims[:5])
     }
     return {"paper": "eso", "seed": 1, "draws": 32, "claims": found}
+
+
+def _robustness(claim: Claim, flip: Flip | None) -> Robustness:
+    """Some draws, of which one does not hold and one diverges."""
+    values = tuple(range(len(claim.knob_names)))
+    outcomes = [Outcome(k != 3, (k / 3,) * len(claim.checks)) for k in range(12)]
+    trials = [Trial(values, outcome) for outcome in (*outcomes, Outcome(False))]
+    return Robustness(outcomes[0], claim.knob_names, trials, 1, flip)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 from reobserve.evidence.claims import sequential
 from reobserve.evidence.claims.checks import Check
@@ -50,12 +51,10 @@ def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: i
     bound = claim.checks[k].bound
     found = _found(claim, k, bound, stated, drawn)
     ends = {one.numbers[k] for one in (stated, *drawn) if one.numbers}
-    ahead = sorted(
-        (end for end in ends if math.isfinite(end) and way * end >= way * bound),
-        key=lambda end: way * end,
-    )
-    for end, following in zip(ahead, [*ahead[1:], None], strict=True):
-        beyond = end + way if following is None else (end + following) / 2
+    ahead = [end for end in ends if math.isfinite(end) and way * end >= way * bound]
+    ahead.sort(reverse=way < 0)
+    for end, following in pairwise([*ahead, way * math.inf]):
+        beyond = (end + following) / 2 if math.isfinite(following) else end + way
         if _found(claim, k, beyond, stated, drawn) != found:
             return end
     return way * math.inf

@@ -23,6 +23,7 @@ from reobserve.evidence.claims.sensitivity import FEWEST, as_places, deciding_ch
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
 _SMALL = 6.3  # points
+_LEFT = 1.95  # inches, for the names of choices
 _MOST_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
 
 
@@ -33,9 +34,9 @@ def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness
     if not drawn:
         return _said("No headline claim depends on a choice that could be drawn.")
     rows = [len(found[claim.name].names) for claim in drawn]
-    heights = [height for count in rows for height in (1.5, 0.2 + 0.13 * count)]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.6 * len(drawn)))
-    panels = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    figure, panels = _stack(
+        [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25
+    )
     for claim, curve, choices in zip(drawn, panels[::2], panels[1::2], strict=True):
         _curve(curve, choices, claim, found[claim.name])
     return figure
@@ -53,9 +54,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
             told.append((claim, one, bars))
     if not told:
         return _said(f"No claim turns over in some of {FEWEST} draws or more.")
-    heights = [0.45 + 0.13 * len(bars) for _, _, bars in told]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.5))
-    panels = figure.subplots(len(told), 1, height_ratios=heights, squeeze=False, sharex=True)[:, 0]
+    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in told], 0.45)
     for axes, (claim, one, bars) in zip(panels, told, strict=True):
         places = range(len(bars))
         colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
@@ -63,12 +62,31 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         _label_rows(axes, [bar.name for bar in bars])
         axes.set_title(f"{_spoken(claim)}: held in {one.held} of {one.draws} draws", fontsize=7.5)
         axes.grid(axis="y", visible=False)
-    panels[-1].set_xlim(0, 1)
+        axes.set_xlim(0, 1)
+        axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
+    panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
     panels[-1].set_xlabel(
         "rank correlation of the deciding number with the choice; grey: chance gives as much",
         fontsize=7,
     )
     return figure
+
+
+def _stack(places: Sequence[tuple[float, float]], below: float) -> tuple[Figure, list[Axes]]:
+    """Panels under each other, each with a gap above it and a height, in inches.
+
+    They are placed here: to find places for as many takes longer than all the rest.
+    """
+    height = sum(gap + size for gap, size in places) + below
+    figure = Figure(figsize=(WIDTH, height))
+    figure.set_layout_engine("none")
+    panels, top = [], height
+    for gap, size in places:
+        top -= gap + size
+        panels.append(
+            figure.add_axes((_LEFT / WIDTH, top / height, 0.98 - _LEFT / WIDTH, size / height))
+        )
+    return figure, panels
 
 
 def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
@@ -155,5 +173,6 @@ def _spoken(claim: Claim) -> str:
 def _said(sentence: str) -> Figure:
     """In place of panels that there are none of."""
     figure = Figure(figsize=(WIDTH, 0.5))
+    figure.set_layout_engine("none")
     figure.text(0.02, 0.5, sentence, va="center")
     return figure

@@ -126,6 +126,9 @@ def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) ->
         check_schema(project, "claim", body, place)
         if ("checks" in body and "why" in body) == ("not_testable" in body):
             raise InputError(place, "must have checks with a why, or not_testable")
+        if "checks" in body and "threshold" not in body:
+            problem = "is missing: say who set the bounds, stated, before or after"
+            raise InputError(f"{place}.threshold", problem)
         checks = tuple(map(Check.parse, body.get("checks", ())))
         _check_figures(ledger, checks)
         choices = _choices(ledger, body.get("depends_on", ()), groups)

@@ -70,3 +70,21 @@ def replicated(rows: Sequence[Mapping[str, str]]) -> bool:
     found = [row["verdict"] for row in rows if row["headline"] == "yes"]
     failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
     return not failed and 2 * found.count(REPRODUCED) > len(found)
+
+
+def title_margin(rows: Sequence[Mapping[str, str]]) -> str:
+    """How near the title of a replication is to the other one; nothing without headline claims."""
+    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    if not found:
+        return ""
+    good = found.count(REPRODUCED)
+    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
+    needed = len(found) // 2 + 1
+    told = f"{good} of {len(found)} headline claims are reproduced and {failed} contradicted"
+    if replicated(rows):
+        lost = good - needed + 1
+        return f"{told}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"
+    wanted = [f"{failed} fewer contradicted"] if failed else []
+    # One that is no longer contradicted may be one that is reproduced.
+    wanted += [f"{needed - good} more reproduced"] if needed > good else []
+    return f"{told}; it would be [Re] with {' and '.join(wanted)}"

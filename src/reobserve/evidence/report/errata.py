@@ -6,7 +6,7 @@ from reobserve.errors import InputError
 from reobserve.evidence.report.model import Erratum, Gap
 from reobserve.evidence.report.reading import Project, line, need
 
-_KEYS = ("place", "printed", "corrected", "why", "test")
+_KEYS = ("place", "printed", "corrected", "why", "test", "certainty")
 
 
 def read_errata(project: Project, paper: str) -> tuple[Erratum, ...] | Gap:

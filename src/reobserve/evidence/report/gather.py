@@ -21,6 +21,7 @@ from reobserve.evidence.report.model import (
     Gap,
     Paper,
     PaperTable,
+    Picture,
     Report,
     Run,
     Table,
@@ -37,6 +38,12 @@ from reobserve.evidence.report.verdicts import paper_claims, read_claims
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.jobs import Graph
+
+# What is drawn of the claims of a paper, and what each shows.
+_PICTURES = {
+    "specification": "Headline claims over all draws in order, their bounds, and the choices drawn",
+    "sensitivity": "Which choices decide the claims that turn over",
+}
 
 # How the source of a figure begins that no paper has.
 _BEYOND = "beyond the paper"
@@ -153,6 +160,7 @@ class _Parts:
             claims=claims,
             claims_jobs=claims_jobs,
             robustness=undrawn,
+            pictures=() if isinstance(claims, Gap) else self._pictures(),
             errata=read_errata(self.project, name),
             entries=entries(self.ledger, self.claims),
             shared_code=shared,
@@ -183,6 +191,18 @@ class _Parts:
             numbers_link=self.project.link(metrics, "CSV"),
             jobs=jobs,
             decides=tuple(claim.name for claim in self.claims if figure in claim.figures),
+        )
+
+    def _pictures(self) -> tuple[Picture, ...]:
+        paper = self.ledger.paper
+        log = self.graph.job("sensitivity", paper=paper).log
+        return tuple(
+            Picture(
+                name,
+                title,
+                *drawing(self.project, self._path(name), self.formats, f"{paper}-claims", log),
+            )
+            for name, title in _PICTURES.items()
         )
 
     def _table(self, table: str, body: Mapping[str, Any], jobs: tuple[Run, ...]) -> PaperTable:

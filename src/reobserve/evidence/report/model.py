@@ -98,6 +98,17 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A drawing that no paper has: of the draws that decided its claims."""
+
+    name: str
+    title: str
+    image: Image | None
+    links: tuple[Link, ...]
+    gaps: tuple[Gap, ...]
+
+
+@dataclass(frozen=True)
 class PaperTable:
     """A table of a paper, computed anew."""
 
@@ -141,6 +152,8 @@ class Claim:
     holds: str
     measured: tuple[str, ...]
     why: str
+    threshold: str
+    room: str
     figures: tuple[str, ...]
     depends_on: tuple[str, ...]
     robustness: Robustness | None = None
@@ -149,7 +162,10 @@ class Claim:
 
 @dataclass(frozen=True)
 class Erratum:
-    """What a paper prints wrong, the correction, and the test that shows it."""
+    """What a paper prints wrong, the correction, and the test that shows it.
+
+    ``certainty`` is `certain`, `likely`, or `copy` for what the text at hand may have lost.
+    """
 
     name: str
     place: str
@@ -157,6 +173,7 @@ class Erratum:
     corrected: str
     why: str
     test: str
+    certainty: str
 
 
 @dataclass(frozen=True)
@@ -213,6 +230,7 @@ class Paper:
     claims: tuple[Claim, ...] | Gap
     claims_jobs: tuple[Run, ...]
     robustness: Gap | None
+    pictures: tuple[Picture, ...]
     errata: tuple[Erratum, ...] | Gap
     entries: tuple[Entry, ...]
     shared_code: tuple[str, ...]
@@ -231,6 +249,12 @@ class Paper:
     def keys(self, *statuses: str) -> int:
         """How many keys of the ledger have one of these statuses."""
         return sum(len(entry.keys) for entry in self.entries if entry.status in statuses)
+
+    @property
+    def certain_errata(self) -> int:
+        """How many errata contradict the paper itself or a computation."""
+        listed = () if isinstance(self.errata, Gap) else self.errata
+        return sum(erratum.certainty == "certain" for erratum in listed)
 
     @property
     def known_claims(self) -> tuple[Claim, ...]:

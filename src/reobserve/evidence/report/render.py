@@ -11,7 +11,7 @@ from reobserve.errors import InputError
 from reobserve.evidence.report.jobs import outside_inputs
 from reobserve.evidence.report.model import Claim, Entry, Gap, Image, Paper, Report
 from reobserve.evidence.report.policy import content_policy, inline, without_blank_lines
-from reobserve.evidence.report.verdicts import ALL_VERDICTS, counts, replicated
+from reobserve.evidence.report.verdicts import ALL_VERDICTS, counts, replicated, title_margin
 
 
 def render(report: Report, templates: Path) -> str:
@@ -44,6 +44,7 @@ def render(report: Report, templates: Path) -> str:
             verdicts=ALL_VERDICTS,
             counts={paper.name: counts(paper.known_claims) for paper in report.papers},
             replicated={paper.name: replicated(paper.known_claims) for paper in report.papers},
+            margins={paper.name: title_margin(paper.known_claims) for paper in report.papers},
             deciding={paper.name: _deciding(paper) for paper in report.papers},
             policy=content_policy(style, script),
             style=Markup(style),

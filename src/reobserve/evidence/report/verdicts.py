@@ -11,6 +11,7 @@ from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.claims.table import HEADER, NOT_LOOKED_FOR
 from reobserve.evidence.claims.verdicts import BROKEN, VERDICTS
 from reobserve.evidence.claims.verdicts import replicated as rows_replicated
+from reobserve.evidence.claims.verdicts import title_margin as rows_margin
 from reobserve.evidence.report.model import Claim, Gap, Robustness
 from reobserve.evidence.report.reading import Project
 
@@ -71,6 +72,8 @@ def _claim(project: Project, row: Mapping[str, str], draws: Drawn) -> Claim:
         holds=row["holds"],
         measured=_checks(row["measured"]),
         why=row["why"],
+        threshold=row["threshold"],
+        room=row["room"],
         figures=tuple(row["figures"].split()),
         depends_on=tuple(row["depends_on"].split()),
         robustness=_robustness(row, draws),
@@ -109,7 +112,15 @@ def counts(claims: Sequence[Claim]) -> dict[str, int]:
 
 def replicated(claims: Sequence[Claim]) -> bool | None:
     """Whether a replication succeeded, [Re] or [¬Re]; None without claims."""
-    rows = [
+    return rows_replicated(_rows(claims)) if claims else None
+
+
+def title_margin(claims: Sequence[Claim]) -> str:
+    """How near that is to the other; see `claims.verdicts.title_margin`."""
+    return rows_margin(_rows(claims))
+
+
+def _rows(claims: Sequence[Claim]) -> list[dict[str, str]]:
+    return [
         {"headline": "yes" if claim.headline else "", "verdict": claim.verdict} for claim in claims
     ]
-    return rows_replicated(rows) if rows else None
