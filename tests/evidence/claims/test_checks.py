@@ -48,7 +48,10 @@ def check(**body: Any) -> Check:
     ],
 )  # fmt: skip
 def test_a_check_holds_where_arithmetic_says_so(body: dict[str, Any], holds: bool) -> None:
-    assert check(**body).holds(NUMBERS) is holds
+    asked = check(**body)
+    assert asked.holds(NUMBERS) is holds
+    # One number tells as much as all of them.
+    assert asked.satisfied_by(asked.deciding(NUMBERS)) is holds
 
 
 def test_a_number_of_a_study_is_named_by_its_coordinates() -> None:

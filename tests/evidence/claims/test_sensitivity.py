@@ -92,6 +92,10 @@ def test_how_far_a_bound_may_move() -> None:
     assert tell_rooms({BELOW: (-math.inf, 0.7)}) == "below 0.5 could be 0.7 or less"
     assert tell_rooms({BELOW: (0.1, 0.7)}) == "below 0.5 could be 0.1 to 0.7"
     assert tell_rooms({BELOW: (-math.inf, math.inf)}) == "below 0.5 could be any"
+    # Where it fails, in all draws, too, the bound may rise to the least of the numbers.
+    outcomes = [Outcome(False, (number + 0.5,)) for number in numbers]
+    found = rooms(claim(BELOW), Outcome(False, (0.8,)), outcomes)
+    assert found == {BELOW: (-math.inf, pytest.approx(0.6))}
     # A check that fails whatever the other's bound leaves that free.
     never = Check.parse({"value": "fig1 a gain", "above": 2.0})
     both = rooms(claim(BELOW, never), Outcome(False, (0.2, 1.0)))

@@ -36,6 +36,7 @@ LOGS = {
     "table1.table": "table results/toy/ledger.json table1",
     "theory": "theory results/toy/ledger.json",
     "robustness": "robustness results/toy/ledger.json",
+    "sensitivity": "sensitivity results/toy/ledger.json results/toy/robustness.json",
 }
 
 _DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
@@ -108,7 +109,8 @@ def make_project(folder: Path) -> Path:
     shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
     shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
     (built / "ledger.json").write_text(Ledger.load(folder, "toy", seed=1).text())
-    (built / "fig1.svg").write_text(SVG)
+    for picture in ("fig1", "specification", "sensitivity"):
+        (built / f"{picture}.svg").write_text(SVG)
     (built / "fig1.caption.rst").write_text(CAPTION)
     numbers = [Metric("placed", "late_rms_error", 0.001, "1/s")]
     numbers += [
@@ -119,9 +121,15 @@ def make_project(folder: Path) -> Path:
     write_metrics(built / "theory.metrics.csv", [Metric("gains", "discriminant", -0.0, "1/s^2")])
     (built / "table1.csv").write_text("gain,computed,printed\nl1,7.5,7.5\nl2,16.0,15.9\n")
     write_claims(folder, CLAIMS)
+    held = {"held": True, "numbers": ["0.4"]}
+    failed = {"held": False, "numbers": ["1.5"]}
+    lost = {"held": False, "numbers": []}
+    trials = [
+        {"values": [k], **one} for k, one in enumerate([held] * 30 + [failed] * 8 + [lost] * 2)
+    ]
     drawn = {
-        "draws": 40, "held": 30, "diverged": 2, "refused": 1, "share": 0.75,
-        "low": 0.6, "high": 0.9, "looked": True, "flip": None, "choices": [],
+        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": 1,
+        "looked": True, "flip": None,
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
     stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}

@@ -129,7 +129,7 @@ def test_claims_come_with_checks_and_robustness(project: Path) -> None:
     assert found.flip_key == "observers.slow.gains.1"
     assert found.flip == "from 1 to 0.6 1/s^2 (0.1 of its range)"
     assert claims["double_pole"].robustness is None
-    assert list(counts(list(claims.values())).values()) == [1, 1, 1, 1, 1, 0]
+    assert list(counts(list(claims.values())).values()) == [1, 1, 1, 1, 0, 1, 0]
 
 
 def test_no_flip_found_is_told_from_none_looked_for(project: Path) -> None:
@@ -199,6 +199,7 @@ TAKEN = [
     ("results/toy/table1.csv", "cannot be read", "toy-table1"),
     ("results/toy/theory.metrics.csv", "cannot be read", "toy-theory"),
     ("results/toy/robustness.json", "cannot be read", "toy-claims"),
+    ("results/toy/sensitivity.svg", "results/toy/sensitivity.svg: not built", "toy-claims"),
     ("results/toy/ledger.json", "cannot be read", "toy"),
     ("results/claims.csv", "cannot be read", "summary"),
     ("config/claims/toy.yaml", "cannot be read", "toy"),
@@ -335,8 +336,9 @@ def test_vectors_are_preferred_then_png_then_a_link(
 ) -> None:
     (project / "config/config.yaml").write_text(f"papers: [toy]\nformats: {formats}\n")
     built = project / "results/toy"
-    (built / "fig1.png").write_bytes(png(64, 32))
-    (built / "fig1.pdf").write_bytes(b"%PDF-")
+    for picture in ("fig1", "specification", "sensitivity"):
+        (built / f"{picture}.png").write_bytes(png(64, 32))
+        (built / f"{picture}.pdf").write_bytes(b"%PDF-")
     report, paper = gathered(project)
     image = paper.figures[0].image
     assert report.gaps == ()
@@ -347,7 +349,8 @@ def test_vectors_are_preferred_then_png_then_a_link(
 def test_a_damaged_vector_falls_back_to_png_and_says_so(project: Path) -> None:
     (project / "config/config.yaml").write_text("papers: [toy]\nformats: [svg, png]\n")
     (project / "results/toy/fig1.svg").write_text(SVG[:40])
-    (project / "results/toy/fig1.png").write_bytes(png(64, 32))
+    for picture in ("fig1", "specification", "sensitivity"):
+        (project / f"results/toy/{picture}.png").write_bytes(png(64, 32))
     report, paper = gathered(project)
     assert len(report.gaps) == 1
     assert paper.figures[0].image.source.startswith("data:image/png")
