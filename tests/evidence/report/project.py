@@ -54,7 +54,8 @@ CLAIMS = [
         "holds": "yes", "why": "What better means.", "figures": "fig1",
         "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
         "fig1 slow late_rms_error = 0.4, must be below 1",
-        "depends_on": "observers.slow.gains", **_DRAWN,
+        "depends_on": "observers.slow.gains", **_DRAWN, "threshold": "after",
+        "room": "below 1 could be any",
         "flip": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
     },
     {

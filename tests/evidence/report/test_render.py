@@ -58,7 +58,10 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
     for told in (
         "One paper on observers, run again", "[¬Re]", "No gaps:", "A lag and its disturbance",
         "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Depends on",
-        "Held in 30 of 40 draws: 75\xa0%, 95\xa0% interval 60 to 86\xa0%.",
+        "Held in 30 of 40 draws: 75\xa0%, may be 60 to 86\xa0%.",
+        "The bound was set after its numbers were known. With the same verdict, below 1 could be any.",
+        "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
+        "1 of 2 headline claims are reproduced and 0 contradicted; it would be [Re] with 1 more",
         "2 diverged. 1 could not be run.", "Smallest single change that flips it",
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
         "There is no laboratory here.", "The gains of one observer are not given.",
