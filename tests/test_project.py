@@ -75,7 +75,8 @@ def test_heavy_packages_stay_where_they_belong() -> None:
     for path in files("."):
         names = imports(path)
         assert not inside(names, "snakemake"), path
-        drawing = path.parent.parent.name == "papers" and path.stem.partition("_")[0] == "plot"
+        drawing = path.parent.parent.name in ("papers", "evidence")
+        drawing = drawing and path.stem.partition("_")[0] == "plot"
         if not drawing and path != SOURCE / "drawing" / "figures.py":
             assert not inside(names, "matplotlib"), path
         if "synthesis" not in path.parts:

@@ -208,9 +208,8 @@ def _add_evidence(commands: Any) -> None:
         "decide a paper's claims over draws of what it leaves open",
     )  # fmt: skip
     _ledger_file(robustness)
-    robustness.add_argument(
-        "--draws", type=_whole(1, 1_000_000), required=True, help="at most, for each claim"
-    )
+    most = "at most, for each claim"
+    robustness.add_argument("--draws", type=_whole(1, 1_000_000), required=True, help=most)
     robustness.add_argument(
         "--no-flips", dest="flips", action="store_false",
         help="do not look for the smallest change that turns a claim over, which takes longest",
@@ -224,10 +223,8 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _ledger_file(sensitivity)
     sensitivity.add_argument("robustness_file", type=Path, help="by `reobserve robustness`")
-    sensitivity.add_argument(
-        "--outputs", type=Path, nargs="+", required=True,
-        help="specification and sensitivity, in any of the formats",
-    )  # fmt: skip
+    told = "specification and sensitivity, in any of the formats"
+    sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=told)
     _project(sensitivity)
 
     claims = _command(commands, "claims", "stages.claims:run", "the verdicts on all claims")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.drawing.figures import save
-from reobserve.evidence.claims.curves import sensitivity_bars, specification_curves
+from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.ledger.ledger import Ledger

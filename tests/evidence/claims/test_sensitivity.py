@@ -10,7 +10,7 @@ import pytest
 
 from reobserve.evidence.claims.bounds import rooms, tell_rooms
 from reobserve.evidence.claims.checks import Check
-from reobserve.evidence.claims.curves import sensitivity_bars, specification_curves
+from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.outcomes import Outcome
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness, Trial
