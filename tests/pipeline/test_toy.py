@@ -69,7 +69,8 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     built = {name for name in toy.results() if name.startswith("toy/")}
     assert built == {
         "toy/ledger.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
-        "toy/theory.metrics.csv", "toy/robustness.json",
+        "toy/theory.metrics.csv", "toy/robustness.json", "toy/specification.svg",
+        "toy/sensitivity.svg",
         *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
         *(f"toy/fig1.{suffix}" for suffix in ("svg", "caption.rst", "metrics.csv")),
     }  # fmt: skip

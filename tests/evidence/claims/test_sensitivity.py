@@ -10,8 +10,8 @@ import pytest
 
 from reobserve.evidence.claims.bounds import rooms, tell_rooms
 from reobserve.evidence.claims.checks import Check
-from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.outcomes import Outcome
+from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.sensitivity import deciding_check, influences
