@@ -202,7 +202,7 @@ def test_what_a_person_can_look_up(built: Project) -> None:
     assert "chosen so that the contrast" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
     stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot", "theory")
-    stages += ("robustness", "claims", "verdicts", "report")
+    stages += ("robustness", "sensitivity", "claims", "verdicts", "report")
     for command in ("list", "params", *stages):
         assert command in usage
         assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")

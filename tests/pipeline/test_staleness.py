@@ -100,8 +100,8 @@ def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
 
 # What a claim's wording makes stale, and what its checks do.
 TOLD = {"report": 1, "verdicts": 1}
-DECIDED = {"robustness": 1, "claims": 1, **TOLD}
-ALL_DECIDED = DECIDED | {"robustness": len(PAPERS)}
+DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **TOLD}
+ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS)}
             "src/reobserve/stages/robustness.py",
             "",
             "# edited\n",
-            DECIDED | {"robustness": len(PAPERS)},
+            ALL_DECIDED,
         ),
         ("src/reobserve/papers/eso/theory.py", "", "# edited\n", {"theory": 1, **DECIDED}),
     ],

@@ -94,6 +94,15 @@ def drawn_from(paper):
     return [entries, LEDGERS[paper].seed, decisive(claims_of(paper))]
 
 
+def drawn_of_claims(paper):
+    """What the pictures of a paper's draws depend on: the checks, and which claims are main ones."""
+    tree = claims_of(paper)
+    return [
+        decisive(tree),
+        [name for name, body in tree.get("claims", {}).items() if body.get("headline")],
+    ]
+
+
 def told_of_claims():
     """What the table of claims depends on besides numbers."""
     return [

@@ -73,7 +73,7 @@ rule sensitivity:
         "../envs/reobserve.yaml"
     params:
         command=command("sensitivity"),
-        settings=lambda wildcards: digest(claims_of(wildcards.paper)),
+        settings=lambda wildcards: digest(drawn_of_claims(wildcards.paper)),
         code=digest_of("reobserve.stages.sensitivity"),
         packages=packages,
     message:
