@@ -97,9 +97,9 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
         "measured": "not testable",
     }
     assert found["double_pole"]["measured"].startswith("theory gains discriminant = ")
-    assert found["placed_is_better"]["held"] == "20"
+    assert found["placed_is_better"]["held"] == "36"
     told = (toy.folder / "results/verdicts.md").read_text()
-    assert "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 1 |\n" in told
+    assert "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 0 | 1 |\n" in told
     assert told.endswith("| `fig1`: 1 reproduced, 1 contradicted |\n")
     page = (toy.folder / "results/report.html").read_text()
     for text in ("The slow observer errs by less than a thousandth, too.", "l₂ = 15.9", "[Re]"):
@@ -111,17 +111,20 @@ BROKEN = """
     place: Nowhere
     says: A number that nobody has.
     checks: [{value: fig1 slow late_error, below: 1}]
+    threshold: after
     why: To see.
     depends_on: [gains]
   no_figure:
     place: Nowhere
     says: A figure that nobody has.
     checks: [{value: fig3 slow late_rms_error, below: 1}]
+    threshold: after
     why: To see.
   no_key:
     place: Nowhere
     says: A key that nobody has.
     checks: [{value: fig1 slow late_rms_error, below: 1}]
+    threshold: after
     why: To see.
     depends_on: [observers.slow.gain]
 """
@@ -229,7 +232,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     again = toy.folder / "again"
     again.mkdir()
     for command, name in (
-        (("robustness", LEDGER, "--draws", "20"), "toy/robustness.json"),
+        (("robustness", LEDGER, "--draws", "40"), "toy/robustness.json"),
         (("claims", "toy"), "claims.csv"),
         (("report",), "report.html"),
     ):
