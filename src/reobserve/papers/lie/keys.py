@@ -238,6 +238,7 @@ class Theory:
     compared_half_width: Positive
     compared_points: Annotated[int, within(2, 1000)]
     compared_duration: Positive
+    compared_band: Positive
     compared_period: Positive
 
 

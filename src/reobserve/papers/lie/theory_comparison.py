@@ -45,9 +45,8 @@ def measure(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     estimate = np.array(body.initial_estimate)
     coordinates = axis(theory.compared_half_width, theory.compared_points)
     runs = list(records(plant, coordinates, estimate, steps, step))
-    band = job.metrics.settling_band
     found = {
-        name: [run.outcome(observer, estimate, band) for run in runs]
+        name: [run.outcome(observer, estimate, theory.compared_band) for run in runs]
         for name, observer in observers.items()
     }
     for name, outcomes in found.items():
