@@ -36,7 +36,7 @@ def draw(data: FigureData) -> Figure:
     floquet.axhline(
         study.value(form="injection", quantity="floquet_exponent"),
         color="0.4", linewidth=0.8, linestyle=":",
-        label="nonlinear injection, and what the normal form aims at",
+        label="nonlinear injection",
     )  # fmt: skip
     floquet.legend(loc="lower right")
     floquet.set_ylim(-2.0, 1.0)
