@@ -132,6 +132,8 @@ def test_the_comparison_is_that_of_the_ensemble(order: int, gain: str) -> None:
         share = wanted.at(row, "share_settled", order=order)
         assert found[name, "share_settled"] == pytest.approx(share, abs=1e-12)
     assert found["constant", "share_settled"] == 1
+    assert 0 < found["constant", "latest_settling_time"] < 20
+    assert isnan(found["transformed", "latest_settling_time"])
     assert found["identity", "share_better"] == wanted.at(gain, "share_better", order=order)
     most = max(0.0, 1 - wanted.at(gain, "least_ise_ratio", order=order))
     assert found["identity", "largest_improvement"] == pytest.approx(most, abs=1e-12)

@@ -23,11 +23,16 @@ Array = NDArray[np.float64]
 
 
 class Outcome(NamedTuple):
-    """Of one run: the integral of |x^ - x|^2 [s], nan if it diverged, and whether e settled."""
+    """Of one run: the integral of |x^ - x|^2 [s] and when e settles [s]; nan if never."""
 
     ise: float
-    settled: bool
+    settling_time: float
     diverged: bool
+
+    @property
+    def settled(self) -> bool:
+        """Whether e settles within the run."""
+        return bool(np.isfinite(self.settling_time))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +49,10 @@ class Record:
         state = observer.init(estimate)
         run = run_on_halves(observer, self.output, state=state, on_divergence="return")
         if run.diverged_at is not None:
-            return Outcome(float("nan"), settled=False, diverged=True)
+            return Outcome(float("nan"), float("nan"), diverged=True)
         error = run["state"] - self.states[::2]
-        settled = bool(np.isfinite(settling_time(error, self.step, band)))
         squares = float(integral_of_squares(error, self.step).sum())
-        return Outcome(squares, settled, diverged=False)
+        return Outcome(squares, settling_time(error, self.step, band), diverged=False)
 
 
 def records(

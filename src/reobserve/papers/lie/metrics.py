@@ -68,6 +68,7 @@ MEANINGS = {
     "decay_rate": "mean slope of log |e| over a turn of the limit cycle; of the theory, of |xi|",
     "share_better": "of initial states, with an `ise` below that of the constant gain",
     "share_settled": "of initial states, from which e settles within the run",
+    "latest_settling_time": "largest `settling_time` over initial states; `nan` if one is",
     "largest_improvement": "on the `ise` of the constant gain, from the state where it is largest",
     "share_mostly_better": "of cubic injections, better than the constant gain from most states",
     "median_ise_ratio": "median over initial states of `ise` over that of the constant gain",

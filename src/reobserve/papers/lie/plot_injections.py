@@ -36,7 +36,7 @@ def draw(data: FigureData) -> Figure:
     doublings = np.nan_to_num(np.log2(medians["value"]), nan=_DOUBLINGS)
     image = _map(figure, ratio, medians, doublings, "median ratio", (-_DOUBLINGS, _DOUBLINGS))
     image.colorbar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{2**value:g}"))
-    ratio.set_title("(c) ISE by that of the constant gain")
+    ratio.set_title("(c) ISE over the constant gain's")
     for panel in (share, ratio):
         _mark(panel, data)
     share.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5)

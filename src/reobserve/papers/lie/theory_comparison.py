@@ -52,6 +52,8 @@ def measure(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     for name, outcomes in found.items():
         settled = float(np.mean([one.settled for one in outcomes]))
         yield Metric(name, "share_settled", settled, "1")
+        latest = float(np.max([one.settling_time for one in outcomes]))
+        yield Metric(name, "latest_settling_time", latest, "s")
     ise, reference = ([one.ise for one in found[name]] for name in ("identity", "constant"))
     yield Metric("identity", "share_better", share_better(ise, reference), "1")
     most = 1.0 - float(np.min(ratios(ise, reference)))
