@@ -31,7 +31,6 @@ from tests.synthesis.normal_form.systems import (
     inverted,
     largest,
     lowest_degree,
-    monomial,
     parts,
     random_case,
     times,
@@ -99,8 +98,11 @@ def test_the_poincare_domain_of_a_excludes_nothing() -> None:
     assert not in_poincare_domain(np.linalg.eigvals(numbers(saddle.F)))
 
 
-def test_type_c_nu_must_leave_out_sums_of_one() -> None:
-    """With |m| > 0 a mode that the output does not show could never be of this type."""
+def test_definition_3_8_is_sufficient_but_not_necessary() -> None:
+    """A mode that the output does not show is never of type (C, nu), and has a series all the same.
+
+    With |m| = 1 among the sums, the eigenvalue of such a mode is one of them.
+    """
     alpha = (QQ(-1), QQ(-5, 2))
     case = Case([alpha[0] * x1 + x1**2, alpha[1] * x2 + x1**2], [x1], [QQ(-7, 3) * y, 0 * y])
     hidden = case.A[1][1]
@@ -185,28 +187,33 @@ def test_a_bar_for_a_tilde() -> None:
 
 
 def test_the_equations_referred_to_are_others() -> None:
-    """The text before the display of Remark 4.22 names (7); the degrees are said to be of (15)."""
+    """The text before the display of Remark 4.22 names (7); what is transformed is (8)."""
     case = van_der_pol()
     z = list(variables(2))
     # (7), x^ = T(z), holds for any T by definition; what is transformed is (8), and that tells
     # the right T from another one.
     assert lowest_degree(case.residual_of_t(transformation(case, 5), 5)) > 5
     assert lowest_degree(case.residual_of_t(z, 5)) == 3
-    # (15) defines f_i^(m) for a generator of any degree; (21) holds for one of degree 2 only.
-    generic = random_case(1, 2, 1)
-    problem = generic.problem(3)
-    lie = lie_transform(problem, solver_for(problem))
-    U = to_polynomials(PolynomialMap(problem.basis, lie.U))
-    right = bracket(times(generic.A, z), [parts(p, 2, 2) for p in U])
-    gain = to_polynomials(PolynomialMap(problem.basis, lie.L))
-    linear = [parts(p, 1, 1) for p in generic.w]
-    fed = [
-        parts(generic.f[c], 2, 2)
-        + parts(generic.w[c], 2, 2)
-        + sum((parts(gain[2 * c + i], 1, 1) * linear[i] for i in range(2)), 0 * x1)
-        for c in range(2)
-    ]
-    assert right == fed  # ad_Ax U_0 = f_1
-    for d in (1, 3):
-        other = [2 * monomial(z, (d, 0)), monomial(z, (0, d))]
-        assert lowest_degree(bracket(times(generic.A, z), other)) == d
+
+
+@pytest.mark.parametrize(("case", "degree"), [(van_der_pol(), 5), (random_case(1, 2, 1), 3)])
+def test_the_terms_are_taken_at_the_transformed_state(case: Case, degree: int) -> None:
+    """ad_Az T~ = f(T) + L(T) L0 h(T) - A T; with z for T on the right it is another equation."""
+    T = transformation(case, degree)
+    z = list(T[0].ring.gens)
+    left = [parts(p, 2, degree) for p in bracket(times(case.A, z), difference(T, z))]
+    gain = slopes(T)  # L at T(z)
+
+    def terms(at: Polynomials, gain: list[Polynomials]) -> Polynomials:
+        fed = times(gain, composed(case.w, at, degree))
+        return [
+            parts(f + w - linear, 2, degree)
+            for f, w, linear in zip(
+                composed(case.f, at, degree), fed, times(case.A, at), strict=True
+            )
+        ]
+
+    assert left == terms(T, gain)
+    flat = composed([entry for row in gain for entry in row], inverted(T, degree), degree)
+    at_z = [flat[:2], flat[2:]]  # L with z for its argument
+    assert lowest_degree(difference(terms(z, at_z), left)) == degree

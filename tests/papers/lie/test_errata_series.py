@@ -336,7 +336,8 @@ def test_the_eigenvalues_of_lemma_4_17_when_they_are_complex() -> None:
     assert max(distances.min(axis=0).max(), distances.min(axis=1).max()) < 1e-6
 
 
-def test_remark_4_19_is_not_needed() -> None:
+def test_a_singular_ad_is_no_obstacle_once_the_gain_is_unknown() -> None:
+    """Remark 4.19 is about a given gain; eliminated, it puts F in place of one A."""
     case = van_der_pol((-5, -7))
     ad = matrix_of_ad(case.A, 3)
     assert ad.rank() == ad.rows - 1  # 3 (-1) - (-3) = 0

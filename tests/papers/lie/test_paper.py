@@ -20,7 +20,10 @@ from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.pipeline.evaluation import Evaluator
+from reobserve.power_series.maps import PolynomialMap
 from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.synthesis.normal_form.direct_s import solve_s
+from reobserve.synthesis.normal_form.solver import solver_for
 from reobserve.timeseries.series import Series
 from tests.observers.test_normal_form_observers import (
     START,
@@ -28,11 +31,21 @@ from tests.observers.test_normal_form_observers import (
     as_function,
     exact_gain,
     exact_series,
+    gradient,
     identity_right,
     injected,
     integrated,
+    slope,
 )
-from tests.synthesis.normal_form.systems import fraction, inverted
+from tests.synthesis.normal_form.systems import (
+    QQ,
+    Case,
+    fraction,
+    inverted,
+    to_polynomials,
+    van_der_pol,
+    variables,
+)
 
 Array = NDArray[np.float64]
 
@@ -55,7 +68,9 @@ def error_of(observer: str) -> Array:
     times = np.arange(round(HORIZON / STEP) + 1) * STEP
     start = np.zeros(2)
     reads: Callable[[Array], Array] = lambda x: x  # noqa: E731
-    if observer in ("constant", "order4", "jacobian4", "composed4"):
+    if observer == "cubic4":
+        right = cubic_right(-QQ(9, 10), QQ(7, 10))
+    elif observer in ("constant", "order4", "jacobian4", "composed4"):
         kind = {"jacobian4": "jacobian", "composed4": "composed"}.get(observer, "series")
         right = identity_right(kind, 0 if observer == "constant" else 4)
     elif observer == "injection":
@@ -69,11 +84,27 @@ def error_of(observer: str) -> Array:
     return estimates - both[:, :2]
 
 
-OBSERVERS = ["constant", "order4", "jacobian4", "composed4", "injection", "transformed4"]
+def cubic_right(*coefficients: Any) -> Callable[[Array, Array], Array]:
+    """The identity form of order 4, gain (dS/dx)^-1, with l = L0 y + these coefficients of y^3."""
+    linear, (y,) = van_der_pol(), variables(1)
+    case = Case(
+        linear.f, linear.h, [p + c * y**3 for p, c in zip(linear.l, coefficients, strict=True)]
+    )
+    problem = case.problem(5)
+    S = to_polynomials(PolynomialMap(problem.basis, solve_s(problem, solver_for(problem))))
+    slope_of_s, l = as_function(gradient(S)), as_function(case.l)  # noqa: E741
+
+    def right(x: Array, e: Array) -> Array:
+        return slope(e) + np.linalg.solve(slope_of_s(e).reshape(2, 2), l(e[:1]) - l(x[:1]))
+
+    return right
+
+
+OBSERVERS = ["constant", "order4", "jacobian4", "composed4", "injection", "transformed4", "cubic4"]
 
 
 def figure_of(observer: str) -> dict[tuple[str, str], float]:
-    return measured("fig1" if observer == "injection" else "fig1_forms")
+    return measured({"injection": "fig1", "cubic4": "fig1_injections"}.get(observer, "fig1_forms"))
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)

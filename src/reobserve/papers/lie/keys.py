@@ -170,7 +170,23 @@ class DomainStudy:
     title: str = ""
 
 
-Study = OrdersStudy | EnsembleStudy | DomainStudy
+@dataclass(frozen=True)
+class InjectionsStudy:
+    """Injections with a cubic term against the constant gain, over a square of coefficients."""
+
+    method: Literal["injections"]
+    scenario: str
+    design: str
+    observers: Names
+    largest: Positive
+    coefficients: Annotated[int, within(2, 101)]
+    half_width: Positive
+    points: Annotated[int, within(2, 1000)]
+    sampling_period: Positive
+    title: str = ""
+
+
+Study = OrdersStudy | EnsembleStudy | DomainStudy | InjectionsStudy
 
 
 @dataclass(frozen=True)
@@ -203,15 +219,27 @@ class Theory:
     cases: Annotated[int, within(1, 10_000)]
     case_degree: Annotated[int, within(3, MOST_DEGREE)]
     initial_state: State
-    injection_form: Literal["transformed", "series", "jacobian", "composed"]
+    printed_eigenvalue: Annotated[list[float], vector(2)]
+    lie_derivative: Literal["of U along p", "of p along U"]
     near_share: Positive
     near_duration: Positive
     spectrum_degree: Annotated[int, within(2, MOST_DEGREE)]
-    singular_injection: Polynomial
-    regular_dynamics: Polynomial
-    regular_injection: Polynomial
+    scalar_dynamics: Polynomial
+    scalar_injection: Polynomial
+    siegel_dynamics: Polynomial
+    siegel_injection: Polynomial
+    siegel_degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
     poles: Annotated[list[float], vector(2)]
     choices: Count
+    tries: Annotated[int, within(1, 1000)]
+    margin: Positive
+    compared_order: Order
+    compared_gain: Gain
+    compared_half_width: Positive
+    compared_points: Annotated[int, within(2, 1000)]
+    compared_duration: Positive
+    compared_band: Positive
+    compared_period: Positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,6 +248,7 @@ class Responses(types.Figure):
 
     layout: Literal["errors", "forms"]
     study: str
+    shown: Positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,6 +256,14 @@ class OfStudy(types.StudyFigure):
     """A study."""
 
     layout: Literal["orders", "ensemble", "domain"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfInjections(types.StudyFigure):
+    """A study of injections, and errors over time."""
+
+    layout: Literal["injections"]
+    shown: Positive
 
 
 @dataclass(frozen=True)
@@ -241,4 +278,4 @@ class Ledger:
     tables: Mapping[str, Table]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Responses | OfStudy]
+    figures: Mapping[str, Responses | OfStudy | OfInjections]

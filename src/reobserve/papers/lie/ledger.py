@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, located
 from reobserve.ledger.check import Checks
 from reobserve.ledger.types import Job
 from reobserve.numerics.matrices import as_vector
-from reobserve.papers.lie import keys, plant, theory
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.papers.lie import keys, plant, theory_conditions
 from reobserve.papers.lie.setup import build_observer, build_problem
 from reobserve.papers.lie.study import check_study
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
@@ -29,7 +30,10 @@ def _theory(job: Job, forms: Mapping[str, NormalForm]) -> None:
         if name not in forms:
             raise InputError("designs", f"must have {name!r}")
     as_vector("initial_state", job.theory.initial_state, forms["linear"].S.variables)
-    theory.conditions(job.plant, job.theory)
+    theory_conditions.scalar(job.theory)
+    theory_conditions.siegel(job.theory)
+    with located("compared_order"):
+        IdentityObserver(forms["linear"], job.theory.compared_order, 1.0)
 
 
 CHECKS = Checks(
@@ -43,6 +47,11 @@ CHECKS = Checks(
     about={
         keys.OrdersStudy: {"injection": keys.Observer},
         keys.EnsembleStudy: {"constant": keys.Observer},
-        keys.Theory: {"injection": keys.Observer, "order4": keys.Observer},
+        keys.InjectionsStudy: {"constant": keys.Identity, "cubic4": keys.Identity},
+        keys.Theory: {
+            "constant": keys.Identity,
+            "injection": keys.Observer,
+            "order4": keys.Observer,
+        },
     },
 )

@@ -2,9 +2,9 @@
 
 e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
 at an order or a degree summarise the study behind it, where the observer column holds the reading
-of the gain, the series or `cycle`, the limit cycle. From `eigenvalue_<part>` on they
-are those of the theory, where it holds the injection, the kind of systems or the formula that is
-judged. `nan` means that it never happens.
+of the gain, `transformed`, the series, `cubic` for a set of injections, or `cycle` for the limit
+cycle. From `eigenvalue_<part>` on they are those of the theory, where it holds the injection, the
+form, the kind of systems or the formula that is judged. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.lie.comparison import ratios, share_better
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import error_of
@@ -26,7 +27,6 @@ MEANINGS = {
     "peak_error_<component>": "the same of one component",
     "final_error": "|e| at the end",
     "settling_time": "until |e| stays below two per cent of its first value",
-    "decay_rate": "mean slope of log |e| over a turn of the limit cycle",
     "floquet_exponent": "largest one of a small error on the limit cycle",
     "period": "of the limit cycle",
     "mean_square_output": "mean of y^2 over the limit cycle",
@@ -42,11 +42,12 @@ MEANINGS = {
     "median_ise_ratio order=<order>": "median of `ise` over that of the constant gain",
     "least_ise_ratio order=<order>": "the same from the initial state where it is least",
     "distance": "of the limit cycle from the origin",
-    "outside_share": "of points at the edge of the domain of convergence of S, or outside",
+    "<extreme>_growth": "factor by which the parts of S grow; below 1 it converges there",
     "radius degree=<degree>": "estimated radius of convergence of S from its parts up to a degree",
     "largest_error degree=<degree>": "of S(x) or T(z), cut off at a degree, on the limit cycle",
     "eigenvalue_<part>": "real and largest imaginary part of the eigenvalues of A",
-    "largest_real_part": "of the eigenvalues of a small error's dynamics",
+    "eigenvalue_error": "largest distance of one of the two from what is printed",
+    "largest_real_part": "of the eigenvalues of A",
     "coefficients_printed": "how many coefficients of T(z) the paper prints",
     "coefficients_agreeing": "how many exact ones round to them",
     "imaginary_part": "largest left over of a real part of S or T, relative to its size",
@@ -55,16 +56,22 @@ MEANINGS = {
     "deviation": "of z - S(x) from e^(A t) times its first value, relative to that",
     "form_difference": "largest distance between estimates in z and in identity form",
     "inverse_radius": "of the ball where S converges; 0 where the series ends",
-    "ise_ratio": "`ise` of the nonlinear injection over that of order 4",
     "first_wrong_degree": "of T by (22), on the example",
-    "first_wrong_degree_random": "the same on a random system with terms of all degrees",
     "spectrum_difference": "largest from an eigenvalue of ad_A to those of Lemma 4.17",
     "off_diagonal": "largest entry of ad_A beside its diagonal for a diagonal A",
-    "lowest_degree_<series>": "of the terms beyond x, for a system with quadratic terms",
     "share_unobservable": "of random systems, with a mode that the output does not show",
     "smallest_eigenvalue": "of ad_A in absolute value",
     "solvable": "1 where the equation for S has one solution, else 0",
-    "share": "of blind choices of poles, with divisors above a hundredth of their terms",
+    "share": "of random linear parts, with poles found whose divisors are above a margin",
+    "share_siegel": "1 where the eigenvalues of F are in the Siegel domain, else 0",
+    "smallest_divisor": "|lambda - m.alpha| up to the degree",
+    "decay_rate": "mean slope of log |e| over a turn of the limit cycle; of the theory, of |xi|",
+    "share_better": "of initial states, with an `ise` below that of the constant gain",
+    "share_settled": "of initial states, from which e settles within the run",
+    "latest_settling_time": "largest `settling_time` over initial states; `nan` if one is",
+    "largest_improvement": "on the `ise` of the constant gain, from the state where it is largest",
+    "share_mostly_better": "of cubic injections, better than the constant gain from most states",
+    "median_ise_ratio": "median over initial states of `ise` over that of the constant gain",
 }
 
 
@@ -128,14 +135,32 @@ def _ensemble(data: FigureData) -> Iterator[Metric]:
         ise, settled, diverged = (
             rows.where(quantity=quantity)["value"] for quantity in ("ise", "settled", "diverged")
         )
-        with np.errstate(invalid="ignore"):
-            better = ise < reference
-        for what, states in (("better", better), ("settled", settled), ("diverged", diverged)):
-            yield Metric.at(form, (f"share_{what}", float(np.mean(states)), "1"), order=order)
-        ratios = np.where(np.isnan(ise), np.inf, ise) / reference
-        for name, ratio in (("median", np.median(ratios)), ("least", np.min(ratios))):
+        shares = {
+            "better": share_better(ise, reference),
+            "settled": float(np.mean(settled)),
+            "diverged": float(np.mean(diverged)),
+        }
+        for what, share in shares.items():
+            yield Metric.at(form, (f"share_{what}", share, "1"), order=order)
+        found = ratios(ise, reference)
+        for name, ratio in (("median", np.median(found)), ("least", np.min(found))):
             value = float(ratio) if np.isfinite(ratio) else float("nan")
             yield Metric.at(form, (f"{name}_ise_ratio", value, "1"), order=order)
 
 
-_FROM_STUDY = {"orders": _orders, "ensemble": _ensemble, "domain": _domain}
+def _injections(data: FigureData) -> Iterator[Metric]:
+    """The study's observers, and of the cubic injections the share that wins from most states."""
+    study = data.study
+    for name in data.job.study.observers:
+        for (quantity,), rows in study.where(form=name).groups("quantity"):
+            yield Metric(name, quantity, rows.value(), "1")
+    shares = study.where(form="cubic", quantity="share_better")["value"]
+    yield Metric("cubic", "share_mostly_better", float(np.mean(shares > 0.5)), "1")
+
+
+_FROM_STUDY = {
+    "orders": _orders,
+    "ensemble": _ensemble,
+    "domain": _domain,
+    "injections": _injections,
+}

@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, TRUTH, WIDTH, add_note, decades
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.lie.styles import EDGE
+from reobserve.papers.lie.words import vector
 from reobserve.scoring.study_table import StudyTable
 
 
@@ -24,7 +26,7 @@ def draw(data: FigureData) -> Figure:
         plant["state"][:, 0], plant["state"][:, 1], **STYLES[0].line(), label="the run of Fig. 1"
     )
     plane.fill(*_closed(edge), color="0.9", zorder=0)
-    plane.plot(*_closed(edge), **STYLES[1].line(), label="S converges inside (estimate)")
+    plane.plot(*_closed(edge), **EDGE.line(), label="S converges inside, by the estimate")
     plane.plot(0, 0, color="0.3", marker="+")
     plane.set_aspect("equal")
     plane.set_xlabel("x₁")
@@ -32,9 +34,7 @@ def draw(data: FigureData) -> Figure:
     plane.set_title("(a) plane of states")
     plane.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13))
 
-    for style, (name, label) in zip(
-        STYLES, (("S", "S(x), cut off"), ("T", "T(z), cut off")), strict=False
-    ):
+    for style, name, label in ((STYLES[0], "S", "S(x), cut off"), (EDGE, "T", "T(z), cut off")):
         errors.semilogy(*_by_degree(study, name, "largest_error"), **style.points(), label=label)
     decades(errors.yaxis)
     errors.set_xlabel("degree")
@@ -55,7 +55,7 @@ def draw(data: FigureData) -> Figure:
         figure,
         f"Series of S up to degree {data.job.study.degree}; radius and boundary from its parts in "
         "the upper half of the degrees.\nThe true S on the cycle is the periodic solution of "
-        "ż = A z − L₀ x₁(t).",
+        f"ż = A z − ℓ(x₁(t)), ℓ(y) = {vector(data.job.designs[data.job.study.design].injection)}.",
     )
     return figure
 

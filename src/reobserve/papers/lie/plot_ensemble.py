@@ -1,74 +1,69 @@
-"""Every order against the constant gain, over initial states."""
+"""Every order of both forms against the constant gain, over initial states."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note
+from reobserve.drawing.figures import WIDTH, add_note
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.lie.styles import FORMS, style_of
+from reobserve.papers.lie.words import pair
 from reobserve.scoring.study_table import StudyTable
-
-MAPPED = 4  # the order of the paper's Fig. 1
-
-_SHARES = (
-    ("share_better", "smaller ISE than with the constant gain"),
-    ("share_settled", "settles within the run"),
-    ("share_diverged", "leaves all bounds"),
-)
 
 
 def draw(data: FigureData) -> Figure:
-    """Shares by order, the median of the ISE ratio, and where order 4 is better."""
-    job, numbers = data.job, data.metrics
-    orders = job.study.orders
+    """Shares by order that settle and that are better, and where the order of Fig. 1 is better."""
+    job = data.job
+    mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
     figure = Figure(figsize=(WIDTH, 4.9))
     axes = figure.subplot_mosaic(
-        [["shares", "plane"], ["ratio", "plane"]],
-        width_ratios=(1.0, 1.1),
-        height_ratios=(1.35, 1.0),
+        [["settled", "plane"], ["better", "plane"]], height_ratios=(1.45, 1.0)
     )
-    shares, ratio, plane = axes["shares"], axes["ratio"], axes["plane"]
-    for style, (name, label) in zip(STYLES, _SHARES, strict=False):
-        values = [100 * numbers.at("series", name, order=order) for order in orders]
-        shares.plot(orders, values, **style.points(), label=label)
-    shares.set_xticks(orders)
-    shares.set_ylabel("share of initial states [%]")
-    shares.set_ylim(-4, 155)
-    shares.set_yticks([0, 25, 50, 75, 100])
-    shares.set_title("(a) identity form by order")
-    shares.legend(loc="upper right")
-    medians = [numbers.at("series", "median_ise_ratio", order=order) for order in orders]
-    ratio.plot(orders, medians, **STYLES[0].points())
-    ratio.axhline(1.0, color="0.4", linewidth=0.8)
-    ratio.set_ylabel("median ratio of the ISE")
-    ratio.set_xlabel("order of the gain")
-    ratio.set_xticks(orders)
-    ratio.set_title("(b) ratio to the constant gain")
+    settled, better, plane = axes["settled"], axes["better"], axes["plane"]
+    _shares(settled, data, "share_settled")
+    settled.set_title(f"(a) settles within {job.plant.horizon:g} s")
+    settled.set_ylim(-4, 190)
+    settled.set_yticks([0, 25, 50, 75, 100])
+    settled.legend(loc="upper right")
+    _shares(better, data, "share_better")
+    better.set_title("(b) smaller ISE than the constant gain")
+    better.set_ylim(-2, 52)
+    better.set_xlabel("order")
 
-    states, better = _compare(data.study, MAPPED)
-    for chosen, color, marker, label in (
-        (better, STYLES[0].color, "o", "order 4 is better"),
-        (~better, STYLES[1].color, "x", "the constant gain is better"),
+    states, smaller = _compare(data.study, mapped)
+    for chosen, observer, marker, label in (
+        (smaller, "order4", "o", f"order {mapped} has the smaller ISE"),
+        (~smaller, "constant", "x", "the constant gain has it"),
     ):
         plane.plot(
-            *states[chosen].T, linestyle="", markersize=4, color=color, marker=marker, label=label
-        )
+            *states[chosen].T, linestyle="", markersize=4, marker=marker, label=label,
+            color=style_of(observer).color,
+        )  # fmt: skip
     plane.set_aspect("equal")
     plane.set_xlabel("x₁(0)")
     plane.set_ylabel("x₂(0)")
-    plane.set_title("(c) order 4 by initial state")
+    plane.set_title(f"(c) order {mapped}, series of L, by initial state")
     plane.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13))
     add_note(
         figure,
-        f"{len(states)} initial states on a square of half width "
-        f"{job.study.half_width:g}, estimate at the origin, "
-        f"{job.plant.horizon:g} s. Grid, size and steps are chosen here.\n"
-        "A gap in (b): most runs diverge.",
+        f"{len(states)} initial states on a square of half width {job.study.half_width:g}, "
+        f"x̂(0) = {pair(estimate)}, {job.plant.horizon:g} s. Grid, size and steps are chosen here.\n"
+        f"Settled: |e| stays within {100 * job.metrics.settling_band:g} % of its first value.",
     )
     return figure
+
+
+def _shares(axes: Axes, data: FigureData, quantity: str) -> None:
+    orders = data.job.study.orders
+    for form, (style, label) in FORMS.items():
+        values = [100 * data.metrics.at(form, quantity, order=order) for order in orders]
+        axes.plot(orders, values, **style.points(), label=label)
+    axes.set_xticks(orders)
+    axes.set_ylabel("initial states [%]")
 
 
 def _compare(study: StudyTable, order: int) -> tuple[Any, Any]:

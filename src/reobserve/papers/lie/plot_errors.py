@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,81 +11,94 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.drawing.figures import (
-    STYLES,
     TRUTH,
     add_note,
     decades,
     headroom,
     new_figure,
     thin,
-    time_axis,
 )
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job
+from reobserve.papers.lie.styles import style_of
+from reobserve.papers.lie.words import starts, vector
 from reobserve.scoring.responses import error_of
 
 Array = NDArray[np.float64]
 
-LOWEST = 1e-12  # of the errors shown
+LOWEST = 1e-9  # of the errors shown: below it the step of integration shows
 
 
 def responses(data: FigureData) -> Figure:
     """Both error components and the size of the error, for every observer of the figure."""
     figure, (first, second, size) = new_figure((1.8, 1.8, 1.8))
-    for index, (name, estimate) in enumerate(data.estimates.items()):
-        line = {**STYLES[index].line(), "label": data.job.observers[name].label}
-        error = error_of(data.plant, estimate, "state")
+    for time, error, line in errors(data):
         for component, axes in enumerate((first, second)):
-            axes.plot(*thin(estimate.time, error[:, component]), **line)
-        _size(size, estimate.time, error, line)
+            axes.plot(*thin(time, error[:, component]), **line)
+    draw_sizes(size, data)
     first.set_ylabel("error of x₁")
-    first.set_title("(a) error of the measured state, x̂₁ − x₁")
+    first.set_title("(a) error of x₁, x̂₁ − x₁")
     first.legend(loc="lower right")
     second.set_ylabel("error of x₂")
-    second.set_title("(b) error of the other state, x̂₂ − x₂")
+    second.set_title("(b) error of x₂, x̂₂ − x₂")
     size.set_title("(c) size of the error")
-    _finish(data, figure, size)
+    size.set_xlabel("time [s]")
+    add_note(figure, _note(data))
     return figure
 
 
 def forms(data: FigureData) -> Figure:
-    """The size of the error of every observer, and the second state as they see it."""
-    figure, (state, size) = new_figure((2.2, 2.2))
+    """The second state as every observer sees it, and the size of its error."""
+    figure, (state, size) = new_figure((2.4, 2.2))
     true = thin(data.plant.time, data.plant["state"][:, 1])
     state.plot(*true, **TRUTH.line(), label="Van der Pol's oscillator")
-    for index, (name, estimate) in enumerate(data.estimates.items()):
-        line = {**STYLES[index].line(), "label": data.job.observers[name].label}
-        state.plot(*thin(estimate.time, estimate["state"][:, 1]), **line)
-        _size(size, estimate.time, error_of(data.plant, estimate, "state"), line)
+    for name, estimate in data.estimates.items():
+        label = data.job.observers[name].label
+        state.plot(
+            *thin(estimate.time, estimate["state"][:, 1]), **style_of(name).line(), label=label
+        )
     state.set_ylabel("x₂ and its estimates")
-    state.set_title("(a) the state that is not measured")
+    state.set_title("(a) x₂")
+    headroom(state, 0.75)
     state.legend(loc="upper right", ncols=2)
-    headroom(state, 0.3)
+    draw_sizes(size, data)
     size.set_title("(b) size of the error")
-    _finish(data, figure, size)
+    size.set_xlabel("time [s]")
+    add_note(figure, _note(data))
     return figure
 
 
-def _size(axes: Axes, time: Array, error: Array, line: dict[str, Any]) -> None:
-    axes.semilogy(*thin(time, np.linalg.norm(error, axis=1), 600), **line)
+def errors(data: FigureData) -> Iterator[tuple[Array, Array, dict[str, Any]]]:
+    """Time, error and line of every observer of a figure."""
+    for index, (name, estimate) in enumerate(data.estimates.items()):
+        line = {**style_of(name, index).line(), "label": data.job.observers[name].label}
+        yield estimate.time, error_of(data.plant, estimate, "state"), line
 
 
-def _finish(data: FigureData, figure: Figure, axes: Axes) -> None:
+def draw_sizes(axes: Axes, data: FigureData) -> None:
+    """The size of every observer's error, over as much time as the figure shows."""
+    for time, error, line in errors(data):
+        axes.semilogy(*thin(time, np.linalg.norm(error, axis=1), 600), **line)
     axes.set_ylabel("|x̂ − x|")
-    low, high = axes.get_ylim()
-    axes.set_ylim(max(low, LOWEST), high)
+    axes.set_xlim(0.0, data.job.figure.shown)
+    seen = [
+        np.linalg.norm(error, axis=1)[time <= data.job.figure.shown]
+        for time, error, _ in errors(data)
+    ]
+    least, most = (float(f([f(size) for size in seen])) for f in (np.min, np.max))
+    axes.set_ylim(max(0.5 * least, LOWEST), 2.0 * most)
     decades(axes.yaxis)
-    time_axis(axes, data.plant.time)
-    add_note(figure, _note(data.job))
 
 
-def _note(job: Job) -> str:
-    start = ", ".join(f"{value:g}" for value in job.scenario.initial_state)
+def _note(data: FigureData) -> str:
+    job = data.job
     first = next(iter(job.observers.values()))
-    estimate = ", ".join(f"{value:g}" for value in first.initial_estimate)
+    injections = f"ℓ(y) = {vector(job.designs[first.design].injection)}"
+    for observer in job.observers.values():
+        if observer.design != first.design:
+            other = vector(job.designs[observer.design].injection)
+            injections += f"; {observer.label}: ℓ(y) = {other}"
     return (
-        f"x(0) = ({start}), x̂(0) = ({estimate}), L₀ = (−2, −4)ᵀ as in the paper. Chosen here: "
-        f"output y = x₁, horizon {job.plant.horizon:g} s,\n"
-        f"Runge-Kutta steps of {1000 * first.sampling_period:g} ms, and the nonlinear injection "
-        "ℓ(y) = L₀ y + (1/3, 1/3)ᵀ y³, which makes the error exactly linear."
+        f"{starts(job)}, {injections}.\n"
+        f"Simulated for {job.plant.horizon:g} s in Runge-Kutta steps of "
+        f"{1000 * first.sampling_period:g} ms."
     )

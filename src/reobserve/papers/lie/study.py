@@ -4,6 +4,7 @@ The ``method`` of a study in the ledger is one of
 
     orders      errors of the identity form over order and gain, and its Floquet exponents
     ensemble    every order against the constant gain over a grid of initial states
+    injections  cubic injections against the constant gain over such a grid
     domain      where the series converge, and what they are worth on the limit cycle
 """
 
@@ -15,7 +16,13 @@ from typing import Any
 from reobserve.errors import located
 from reobserve.ledger.types import Settings, read_job
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.papers.lie import keys, study_domain, study_ensemble, study_orders
+from reobserve.papers.lie import (
+    keys,
+    study_domain,
+    study_ensemble,
+    study_injections,
+    study_orders,
+)
 from reobserve.papers.lie.study_rows import HEADER, KINDS, Row
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.timeseries.series import Series
@@ -25,6 +32,7 @@ __all__ = ["HEADER", "KINDS", "run"]
 METHODS = {
     "orders": study_orders.run,
     "ensemble": study_ensemble.run,
+    "injections": study_injections.run,
     "domain": study_domain.run,
 }
 
@@ -44,7 +52,7 @@ def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[di
 
 def check_study(study: keys.Study, form: NormalForm) -> None:
     """Raise the `InputError` that the study would raise for its orders."""
-    if not isinstance(study, keys.DomainStudy):
+    if isinstance(study, keys.OrdersStudy | keys.EnsembleStudy):
         for order in study.orders:
             with located("orders"):
                 IdentityObserver(form, order, 1.0)

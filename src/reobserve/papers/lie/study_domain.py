@@ -53,8 +53,8 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     states = plant["state"][:: max(1, len(plant.time) // 2000)]
     rows = [
         summary("cycle", 0, "distance", distance, "1"),
-        summary("cycle", 0, "outside_share", float(np.mean(domain.outside(x))), "1"),
-        summary("plant", 0, "outside_share", float(np.mean(domain.outside(states))), "1"),
+        *_growth("cycle", domain.growth(x)),
+        *_growth("plant", domain.growth(states)),
         *_points("cycle", 0, "point", x),
         *_points("S", degree, "boundary", _boundary(domain, count)),
     ]
@@ -70,6 +70,14 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
             for d in range(1, series.degree + 1, 2)
         ]
     return rows
+
+
+def _growth(form: str, growth: Array) -> list[Row]:
+    """The least and the largest factor by which the parts of S grow with their degree."""
+    return [
+        summary(form, 0, "least_growth", float(np.min(growth)), "1"),
+        summary(form, 0, "largest_growth", float(np.max(growth)), "1"),
+    ]
 
 
 def _points(form: str, order: int, quantity: str, points: Array) -> list[Row]:

@@ -12,11 +12,13 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver, State
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.observers.run import Run
-from reobserve.papers.lie.scoring import integral_of_squares
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 Array = NDArray[np.float64]
+
+_NEAR, _WHILE = 0.01, 5.0  # of each state, and for how long [s] its decay is watched
 
 
 class Case(NamedTuple):
@@ -75,13 +77,24 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
     return float(np.max(np.linalg.norm(runs[0]["state"] - runs[1]["state"], axis=1)))
 
 
-def squared_error(observer: NormalFormObserver, case: Case) -> float:
-    """The integral of |x^ - x|^2 over time [s]; nan if the observer diverges."""
-    states, output = case.record(observer.normal_form)
-    run = _run(observer, output, case)
-    if run.diverged_at is not None:
-        return float("nan")
-    return float(integral_of_squares(run["state"] - states[::2], observer.sampling_period).sum())
+def decay_rate(problem: NormalFormProblem) -> float:
+    """The mean slope [1/s] of log |xi| near the origin for xi' = gamma(xi, 0) of Definition 2.1.
+
+    gamma(xi, y) = f(xi) + l(h(xi)) - l(y), which satisfies its conditions if A is stable.
+    """
+    from scipy.integrate import solve_ivp
+
+    system = problem.system
+
+    def slope(_: float, xi: Array) -> Array:
+        fed = problem.injection(system.output(xi))
+        found: Array = np.asarray(system.dynamics(xi) + fed, dtype=np.float64)
+        return found
+
+    start = np.full(system.states, _NEAR)
+    flow = solve_ivp(slope, (0, _WHILE), start, rtol=1e-10, atol=1e-14)
+    sizes = np.linalg.norm(flow.y[:, [0, -1]], axis=0)
+    return float(np.log(sizes[1] / sizes[0])) / _WHILE
 
 
 def _run(observer: NormalFormObserver, output: Array, case: Case) -> Run[State]:

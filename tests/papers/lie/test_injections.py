@@ -1,0 +1,77 @@
+"""Injections with a cubic term over a square of coefficients, and how figures tell of them."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.papers.lie import design as design_stage
+from reobserve.papers.lie import study as study_stage
+from reobserve.papers.lie.comparison import ratios, share_better
+from reobserve.papers.lie.styles import FORMS, OBSERVERS
+from reobserve.papers.lie.words import pair, vector
+from reobserve.timeseries.series import Series
+from tests.papers.lie.test_paper import evaluator
+
+
+@cache
+def small_study() -> list[dict[str, Any]]:
+    """Coefficients -1/3, 0 and 1/3, eight initial states, five seconds."""
+    settings = deepcopy(evaluator().ledger.settings("study", "injections"))
+    settings["study"].update(largest=1 / 3, coefficients=3, points=3, half_width=1.5)
+    settings["plant"]["horizon"] = 5.0
+    design = {"plant": settings["plant"], "design": settings["designs"]["linear"]}
+    return study_stage.run(settings, Series(np.zeros(1), {}), design_stage.compute(design))
+
+
+def found(form: str, quantity: str, *cubic: float) -> float:
+    (value,) = [
+        row["value"]
+        for row in small_study()
+        if (row["form"], row["quantity"]) == (form, quantity)
+        and (not cubic or np.allclose((row["x1"], row["x2"]), cubic))
+    ]
+    return float(value)
+
+
+def test_the_injection_that_is_exact_errs_as_its_transformed_form_does() -> None:
+    """With (1/3, 1/3) y^3 the series end, and both forms are one."""
+    ratio = found("cubic", "median_ise_ratio", 1 / 3, 1 / 3)
+    assert ratio == pytest.approx(found("injection", "median_ise_ratio"), rel=1e-4)
+    assert ratio > 1
+    share = found("cubic", "share_better", 1 / 3, 1 / 3)
+    assert share == found("injection", "share_better")
+
+
+def test_a_coefficient_below_zero_does_better() -> None:
+    for second in (-1 / 3, 0.0, 1 / 3):
+        shares = [found("cubic", "share_better", first, second) for first in (-1 / 3, 1 / 3)]
+        assert shares[0] >= 0.5 > shares[1]
+    assert len([row for row in small_study() if row["form"] == "cubic"]) == 2 * 9
+    assert found("constant", "median_ise_ratio") == 1
+    assert found("constant", "share_better") == 0
+
+
+def test_a_run_that_diverges_is_no_better_and_of_no_ratio() -> None:
+    ise, reference = [1.0, np.nan, 4.0], [2.0, 2.0, 2.0]
+    assert share_better(ise, reference) == pytest.approx(1 / 3)
+    assert ratios(ise, reference).tolist() == [0.5, np.inf, 2.0]
+
+
+def test_settings_as_drawings_write_them() -> None:
+    terms = [(1, 1, -2), (2, 1, -4), (1, 3, 0.3333333333333333), (2, 3, -0.9)]
+    injection = [{"component": c, "powers": [p], "coefficient": v} for c, p, v in terms]
+    assert vector(injection) == "(−2 y + 1/3 y³, −4 y − 0.9 y³)"
+    assert pair([2.0, 0.5]) == "(2, 0.5)"
+
+
+def test_every_observer_has_a_line_of_its_own() -> None:
+    assert set(OBSERVERS) == set(evaluator().ledger.tree["observers"])
+    for kept in (OBSERVERS.values(), [style for style, _ in FORMS.values()]):
+        styles = list(kept)
+        assert len({style.color for style in styles}) == len(styles)
+        assert len({str(style.linestyle) for style in styles}) == len(styles)
