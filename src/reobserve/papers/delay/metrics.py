@@ -17,7 +17,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.delay.scoring import constant_segments, errors, ripple, turned_over_at
+from reobserve.papers.delay.scoring import (
+    constant_segments,
+    errors,
+    near_and_away,
+    ripple,
+    turned_over_at,
+)
 from reobserve.papers.delay.setup import UNITS
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import root_mean_square, window
@@ -117,6 +123,10 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     moving = off[window(time, *rules.varying)]
     yield "varying_rms_delay_error", float(root_mean_square(moving)), "s"
     yield "varying_peak_delay_error", float(np.max(np.abs(moving))), "s"
+    near, _ = near_and_away(plant, time, rules.away)
+    if near:
+        peaks = [float(np.max(np.abs(off[chosen]))) for chosen in near]
+        yield "singular_peak_delay_error", float(np.mean(peaks)), "s"
     for number, start, end in constant_segments(plant, rules.ripple):
         chosen = window(time, start, end)
         yield f"ripple_{number}", ripple(time[chosen], estimate["delay"][chosen]), "s"

@@ -12,6 +12,7 @@ from reobserve.papers.delay import (
     theory_gains,
     theory_runs,
 )
+from reobserve.papers.delay.scoring import near_and_away
 from reobserve.scoring.metrics import Metric
 
 
@@ -27,7 +28,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """
     job = read_job(keys.Ledger, settings)
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
-    away = theory_runs.near_and_away(job, sine, sine.time)[1]
+    away = near_and_away(sine, sine.time, job.metrics.away)[1]
     return [
         *theory_conditions.measure(job, ramp, sine),
         *theory_gains.measure(job, ramp, sine),
