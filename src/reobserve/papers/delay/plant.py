@@ -94,8 +94,8 @@ def simulate(settings: Settings) -> Series:
     noises = {}
     for name, size in zip(("measured", "measured_input"), sizes, strict=True):
         if size > 0:
-            unit = noise.drawn(plant, random_stream(job.seed, "delay", name), len(time))
-            noises[name] = size * unit[0], size * unit[1]
+            one, before = noise.drawn(plant, random_stream(job.seed, "delay", name), len(time))
+            noises[name] = size * one, size * before
     if noises and plant.noisy_input == "applied":
         state = run(noise.on_top(control, noises["measured_input"][0], step))
     channels = {

@@ -161,7 +161,8 @@ def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
     first = min(ramp.events["jumps"], default=ramp.time[-1])
     y = np.ascontiguousarray(ramp["state"][::every, 0])
     u = np.column_stack([ramp["input"], ramp["input_derivatives"]])[::every, : body.order + 1]
-    found, late = [], []
+    found: list[Array] = []
+    late: list[Array] = []
     for _ in range(job.theory.cases):
         rho = stream.uniform(1.0, 10.0)
         start = stream.normal(size=2), stream.uniform(least, most)
@@ -176,7 +177,7 @@ def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
     yield Metric("projection", "share_at_bounds", float(np.mean(_met(delays, bounds))), "1")
     met = kept_delays[_met(kept_delays, bounds), -1]
     off = np.abs(met - ramp["delay"][2 * every * (kept_delays.shape[1] - 1)])
-    yield Metric("projection", "late_delay_error", float(np.max(off)) if len(off) else 0.0, "s")
+    yield Metric("projection", "late_delay_error", float(np.max(off)) if len(off) else np.nan, "s")
 
 
 def _met(delays: Array, bounds: tuple[float, float]) -> NDArray[np.bool_]:
