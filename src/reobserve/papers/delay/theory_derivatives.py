@@ -33,7 +33,7 @@ def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
         "sine", Signal.parse("sine", terms, 1), keys.MOST_DERIVATIVES + 1
     )
     truth = np.column_stack([s(time)[:, 0] for s in signals[:-1]])
-    late = time >= job.metrics.start
+    late = time >= 0.5 * sine.time[-1]  # when any finite time after the start is over
     sizes = root_mean_square(truth[late])
     shares = root_mean_square(_errors(body, truth, np.zeros(len(time)))[late]) / sizes
     for i in range(1, keys.MOST_DERIVATIVES + 1):

@@ -18,7 +18,7 @@ from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
 from reobserve.papers.delay.scoring import constant_segments, errors, near_and_away
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.papers.delay.theory_gains import error_matrix, noise_gain
+from reobserve.papers.delay.theory_gains import FIGURES, error_matrix, noise_gain
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.grid import stride
@@ -81,7 +81,7 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
 def _decay(job: Job, ramp: Series) -> Iterator[Metric]:
     """How fast the error of a constant delay falls, over what the linear error system says."""
     stiffness, friction, _ = build_model(job.plant, "pendulum").parameters
-    for name in ("order2", "order2_noise"):
+    for name in FIGURES:
         rho = job.observers[name].rho
         time, error = _delay_error(job, name, ramp, threshold=0.0)
         first, last = (float(error[np.searchsorted(time, at)]) for at in DECAY)
@@ -109,7 +109,7 @@ def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
 
 def _faster(job: Job, sine: Series) -> Iterator[Metric]:
     """Remark 4.1: the error with a faster input and a delay that is shorter by as much, over the
-    one without, for m = 2 from where the last jump is forgotten.
+    one without, for m = 2 and the gains of the figures, from where the last jump is forgotten.
     """
     factor, name = job.theory.faster, ORDERS[2]
     short = [_scaled(term, 1 / factor, ("size", "amplitude")) for term in job.plant.delay]
@@ -118,7 +118,7 @@ def _faster(job: Job, sine: Series) -> Iterator[Metric]:
     fast = record(changed, quick)
     step = job.observers[name].sampling_period
     begin = max(sine.events["jumps"], default=0.0) + job.metrics.away
-    for rho in job.theory.rhos:
+    for rho in dict.fromkeys(job.observers[of].rho for of in FIGURES):
         found = []
         for plant in (sine, fast):
             time, error = _delay_error(job, name, plant, rho=rho, sampling_period=step)
