@@ -12,14 +12,24 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.papers.delay import theory_gains
+from reobserve.ledger.types import read_job
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.papers.delay.theory_derivatives import taylor_delay
 from reobserve.papers.delay.theory_gains import error_matrix, least_proved_rho, noise_gain
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A, Case, observed, record
+from tests.observers.test_extended_high_gain import (
+    G_OVER_L,
+    GAIN,
+    A,
+    Case,
+    observed,
+    observer,
+    record,
+)
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
@@ -289,3 +299,25 @@ def test_each_derivative_is_harder_in_noise() -> None:
     quiet = evaluated({"theory": {"noise_share": 0.0}})
     third = quiet["levant", "relative_rms_error_3_in_noise"]
     assert third < 0.1 * shares[2]
+
+
+def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
+    """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
+    ledger = Ledger.load(ROOT, "delay")
+    job = read_job(keys.Ledger, ledger.settings("theory"))
+    start = [*job.theory.initial_state, 0.3]
+    time = np.linspace(0, 10, 41)
+    found = theory_state_gain.simulate(job, 0.0, start, 0.6, time)
+    built = observer(Case("ramp", 5.0, 1), 5e-3)
+    y, u = record("ramp", 5e-3, 10.0)
+    begin = built.init(start[:2], 0.3)
+    run = run_on_halves(built, y, np.ascontiguousarray(u[:, :2]), state=begin)
+    assert found[:, 4] == pytest.approx(run["delay"][::50], abs=1e-5)
+    assert found[:, 2:4] == pytest.approx(run["state"][::50], abs=1e-5)
+
+
+def test_a_gain_that_swings_with_the_rate_is_no_obstacle() -> None:
+    for share in (0.2, 0.9):
+        found = evaluated({"theory": {"gain_of_rate": share}})
+        assert 0 < found["state_gain", "late_delay_error"] < 1e-5
+        assert found["state_gain", "late_rate_error"] < 1e-5

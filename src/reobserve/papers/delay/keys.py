@@ -207,6 +207,7 @@ class Theory:
     derivative_errors: Levels
     noises: Levels
     faster: Positive
+    gain_of_rate: NotNegative
     accuracy: Literal["absolute", "relative"]
     sampling_period: Positive
     cases: Count

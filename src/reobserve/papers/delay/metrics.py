@@ -84,6 +84,8 @@ MEANINGS = {
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"
     ),
+    "late_delay_error": "largest error of a constant delay long after the start",
+    "late_rate_error": "largest error of the rate there",
     "decay_over_pole": "rate at which the error of a constant delay falls, over the slow pole's",
     "share_at_bounds": "share of runs from random starts that meet a bound of the delay",
     "singular_peak_delay_error": "mean over singular instants of the largest error near them",

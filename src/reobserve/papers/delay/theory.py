@@ -11,6 +11,7 @@ from reobserve.papers.delay import (
     theory_derivatives,
     theory_gains,
     theory_runs,
+    theory_state_gain,
 )
 from reobserve.papers.delay.scoring import near_and_away
 from reobserve.scoring.metrics import Metric
@@ -34,4 +35,5 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
         *theory_gains.measure(job, ramp, sine),
         *theory_derivatives.measure(job, sine, away),
         *theory_runs.measure(job, ramp, sine),
+        *theory_state_gain.measure(job, ramp),
     ]
