@@ -43,7 +43,7 @@ def draw(data: FigureData) -> Figure:
     add_note(
         figure,
         "The methods of [9], [12] and [26] are reconstructions: the paper cites them without "
-        "equations. Their tuning is chosen here, and decides the\nranking (fig3_tuning). "
+        "equations. Their tuning is chosen here; fig3_tuning has others.\n"
         "The method of [12] is given the state and its derivative, the others the state.",
     )
     return figure
