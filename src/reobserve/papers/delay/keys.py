@@ -65,6 +65,7 @@ class Scenario:
     model: Model
     initial_state: State
     input: Scalar
+    past: Literal["continued", "zero"]
     noise_share: NotNegative
     title: str = ""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,16 @@ def build(settings: Settings) -> Setup:
     with located("scenario"):
         as_vector("initial_state", scenario.initial_state, model.states)
         control = Signal.parse("input", scenario.input, 1)
+        if scenario.past == "zero":
+            control = _from_zero(control)
         inputs = input_and_derivatives("input", control, keys.MOST_DERIVATIVES)
     return Setup(DelayedInputPlant(model), inputs, delay, scenario.noise_share)
+
+
+def _from_zero(control: Signal) -> Signal:
+    """The same from t = 0 on, and zero before."""
+    terms = (replace(term, onset=max(term.onset, 0.0)) for term in control.terms)
+    return Signal(control.axes, tuple(terms))
 
 
 def simulate(settings: Settings) -> Series:

@@ -53,7 +53,7 @@ NEEDED: dict[str, type] = {
 def record(job: Job, terms: Any) -> Series:
     """The pendulum's record under an input, without noise."""
     start = job.theory.initial_state
-    return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, 0.0)))
+    return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0)))
 
 
 def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The noise of Fig. 2: its size in every reading of the paper, how it is held, where it goes."""
+"""The record: noise in every reading of the paper, how it is held, and the past of the input."""
 
 from __future__ import annotations
 
@@ -82,3 +82,19 @@ def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
     time = np.array([-0.5, 0.0, 0.05, 0.15, 0.2, 0.39])
     off = control(time)[:, 0] - SINE(time)[:, 0]
     assert off == pytest.approx([0, 0.3, 0.3, 0.3, -0.1, -0.1])
+
+
+@pytest.mark.parametrize("name", ["ramp", "sine"])
+def test_an_input_without_a_past_is_the_same_from_zero_on(name: str) -> None:
+    settings = Ledger.load(ROOT, "delay").settings("plant", name)
+    stated = read_job(keys.Ledger, settings)
+    cut = replace(stated, scenario=replace(stated.scenario, past="zero"))
+    whole, late = plant.simulate(stated), plant.simulate(cut)
+    for channel in ("input", "input_derivatives"):
+        assert np.array_equal(whole[channel], late[channel])
+    before = whole.time < 1.5  # a greatest delay earlier that is before t = 0
+    assert np.all(late["past_input"][before] == 0)
+    assert np.array_equal(whole["past_input"][~before], late["past_input"][~before])
+    arrives = round(0.6 / whole.step)
+    assert np.all(late["delayed_input"][:arrives] == 0)
+    assert np.array_equal(whole["delayed_input"][arrives:], late["delayed_input"][arrives:])
