@@ -261,7 +261,7 @@ BAD_CONFIG: list[Any] = [
         {"plant": {"delay_bounds": [1.5, 0]}},
         "plant.delay_bounds: [1.5, 0] must be 0 or more",
     ),
-    ({"plant": {"noise_period": 1e-3}}, "plant.noise_period: 0.001 s must be a multiple of 0.005"),
+    ({"plant": {"noise_period": 7e-3}}, "plant.noise_period: 0.007 s must be a multiple of 0.005"),
     ({"plant": {"noise_period": 0}}, "plant.noise_period: 0 must be greater than zero"),
     ({"plant": {"horizon": 120.001}}, "plant.horizon: 120.001 s must be a whole multiple of the"),
     ({"plant": {"horizon": 1e9}}, "plant.horizon: 1e+09 s is 4e+11 steps, must be 5e+06 at most"),
@@ -271,7 +271,10 @@ BAD_CONFIG: list[Any] = [
         "plant.length: 0 must be greater than zero",
     ),
     ({"scenarios": {"sine": {"model": "penduum"}}}, "scenarios.sine.model: 'penduum' must be one"),
-    ({"scenarios": {"sine": {"output_noise": -1}}}, "scenarios.sine.output_noise: -1 must not be"),
+    (
+        {"scenarios": {"sine": {"noise_share": -1}}},
+        "scenarios.sine.noise_share: -1 must not be",
+    ),
     ({"observrs": {}}, "observrs: unknown key; did you mean 'observers'?"),
     (changed("order2", model="penduum"), "observers.order2.model: 'penduum' must be one of pend"),
     (

@@ -130,6 +130,26 @@ def test_the_determinant_of_the_observability_jacobian(n: int) -> None:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("n", [1, 2])
+def test_one_more_derivative_sees_the_delay_where_the_input_turns(n: int) -> None:
+    """Theorem 1 says only if: with y to y^(n+1) the rank is full at u' = 0, u'' != 0, tau' != 1."""
+    rate, *u = sympy.symbols("eta u0 u1 u2 u3")
+    x = sympy.symbols(f"x1:{n + 1}")
+    last = -sympy.sin(x[0]) - sum(x[1:])
+    drift = [*x[1:], last + u[0]]
+    outputs = [x[0]]
+    for _ in range(n + 1):  # t - tau moves with 1 - tau'
+        y = outputs[-1]
+        moved = sum(y.diff(a) * b for a, b in zip(x, drift, strict=True))
+        outputs.append(moved + (1 - rate) * sum(y.diff(u[i]) * u[i + 1] for i in range(3)))
+    by_delay = [-sum(y.diff(u[i]) * u[i + 1] for i in range(3)) for y in outputs]
+    jacobian = sympy.Matrix(outputs).jacobian(list(x)).row_join(sympy.Matrix(by_delay))
+    turning = jacobian.subs({u[1]: 0})
+    assert turning[: n + 1, :].det() == 0  # what the proof looks at
+    others = turning.extract([*range(n), n + 1], list(range(n + 1)))
+    assert sympy.simplify(others.det() + (1 - rate) * u[2]) == 0
+
+
 # --- Errata -------------------------------------------------------------------------------------
 
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay.theory_gains import lag_per_rate
-from reobserve.synthesis.high_gain import lyapunov_matrix
+from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
 from tests.papers.delay.test_delay_theory import bound, remainder
 from tests.papers.delay.test_errata import delay_error, seconds
-from tests.plants.test_delayed_plants import RAMP, SINE
+from tests.plants.test_delayed_plants import PENDULUM, RAMP, SINE
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,13 @@ def test_without_the_first_derivative_of_the_output_the_rank_is_not_full() -> No
     assert np.linalg.matrix_rank(np.array(list(rows.values()))) == 3
 
 
+def test_the_drift_of_the_pendulum_has_two_rows() -> None:
+    """The printed F is one number; f of (1) has one for each state, the first of them zero."""
+    f, x = np.empty(2), np.array([0.3, -1.0])
+    PENDULUM.model.drift(x, PENDULUM.model.parameters, f)
+    assert f.tolist() == pytest.approx([0.0, -G_OVER_L * np.sin(0.3) + A])
+
+
 def test_before_t_0_the_expansion_asks_for_an_input_that_is_not_defined() -> None:
     """u is given from -tau_max on, so u(t - tau) is from t = 0 on and not from -tau_max."""
     early, later = np.array([-1.0]), np.array([0.0])
@@ -90,6 +98,31 @@ def test_the_change_of_coordinates_wants_the_other_decomposition(size: int) -> N
     change, error = extended(size, estimated) - extended(size, true), estimate - state
     assert change @ estimate + extended(size, true) @ error == pytest.approx(whole)
     assert change @ state + extended(size, estimated) @ error == pytest.approx(whole)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_error_system_holds_with_the_delay_in_gamma(order: int) -> None:
+    """(14) with numbers: (21) and (23) have an h that nobody defines in the place of tau."""
+    t, tau, other, rate, rho = 70.0, 0.9, 0.4, 0.09, 2.5
+    x, estimate = np.array([0.4, -0.7, tau]), np.array([0.5, -0.3, 1.2])
+    u = [np.sin(0.2 * t), 0.2 * np.cos(0.2 * t), -0.04 * np.sin(0.2 * t)]
+
+    def xi(delay: float) -> float:
+        return GAIN * (-u[1] + (0.5 * delay * u[2] if order == 2 else 0.0))
+
+    def drift(x: Array) -> Array:
+        return np.array([0.0, -G_OVER_L * np.sin(x[0]) - A * x[1], 0.0])
+
+    forced = np.array([0.0, GAIN, 0.0])
+    gain = np.linalg.solve(scaling(3, xi(1.2)), high_gain(3, rho))
+    true = extended(3, 0.0) @ x + drift(x) + forced * np.sin(0.2 * (t - tau)) + [0, 0, rate]
+    found = extended(3, xi(1.2)) @ estimate + drift(estimate) + forced * u[0]
+    found -= gain * (estimate[0] - x[0])
+    for delay, holds in ((tau, True), (other, False)):
+        gamma = forced * remainder(SINE, order, np.array([t]), delay)[0] + [0, 0, rate]
+        system = extended(3, xi(1.2)) @ estimate - extended(3, xi(tau)) @ x
+        system += drift(estimate) - drift(x) - gain * (estimate[0] - x[0]) - gamma
+        assert np.allclose(found - true, system, rtol=0, atol=1e-12) == holds
 
 
 def test_vector_functions_have_no_single_point_of_the_mean_value_theorem() -> None:
@@ -186,3 +219,14 @@ def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
     assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
     assert hanging[2.5] == pytest.approx((11.25 + 18.75 + 19.62) / 15.625)
     assert hanging[2.5] > 3 * hanging[5.0]
+
+
+def test_a_differentiator_of_sliding_order_two_has_no_second_derivative() -> None:
+    """That of 1993; (37) needs z2, and is the second member of the family of 2003."""
+    time = np.arange(0.0, 60.0, 1e-3)
+    for order, lambdas in ((1, (1.5, 1.0)), (2, (3.0, 1.5, 1.0))):
+        law = LevantDifferentiator(0.11, 1e-3, order, lambdas)
+        found = law.run(np.sin(0.2 * time), state=law.init(np.zeros(order + 1)))["derivatives"]
+        assert found.shape[1] == order + 1
+        assert found[-1, 1] == pytest.approx(0.2 * np.cos(12.0), abs=2e-3)
+    assert found[-1, 2] == pytest.approx(-0.04 * np.sin(12.0), abs=2e-3)

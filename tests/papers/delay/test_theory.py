@@ -12,14 +12,24 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.papers.delay import theory_gains
+from reobserve.ledger.types import read_job
+from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.papers.delay.theory_derivatives import taylor_delay
 from reobserve.papers.delay.theory_gains import error_matrix, least_proved_rho, noise_gain
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A, Case, observed, record
+from tests.observers.test_extended_high_gain import (
+    G_OVER_L,
+    GAIN,
+    A,
+    Case,
+    observed,
+    observer,
+    record,
+)
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
@@ -67,8 +77,6 @@ def test_derivatives_and_singular_instants_of_the_inputs() -> None:
     assert found["sine", "least_rate"] == found["ramp", "singular_instants"] == 0
     assert found["ramp", "least_rate"] == 0.009
     assert found["ramp", "breaks"] == found["sine", "breaks"] == 0
-    # cos(0.2 * 10.47) = -1/2.
-    assert found["sine", "least_rate_at_printed_instants"] == pytest.approx(0.5)
 
 
 def test_an_input_that_starts_at_zero_breaks_the_smoothness() -> None:
@@ -87,15 +95,6 @@ def test_remainders_of_the_sine_in_closed_form() -> None:
         assert 0.99 < found.at("sine", "remainder_over_bound", order=order) <= 1
         assert found.at("ramp", "remainder", order=order) < 1e-14
         assert ("ramp", f"remainder_over_bound order={order}") not in found
-
-
-def test_xi_passes_zero_once_in_half_a_period_for_both_orders() -> None:
-    """tan(0.2 t) = -0.1 tau for m = 2 and cos(0.2 t) = 0 for m = 1, from 60 to 120 s."""
-    tau = lambda t: 0.8 + 0.45 * np.sin(0.2 * t)  # noqa: E731
-    time = np.linspace(60.0, 120.0, 60001)
-    second = np.cos(0.2 * time) + 0.1 * tau(time) * np.sin(0.2 * time)
-    assert numbers()["order_2", "xi_zeros"] == np.count_nonzero(np.diff(np.sign(second))) == 4
-    assert numbers()["order_1", "xi_zeros"] == 4
 
 
 # --- Gains --------------------------------------------------------------------------------------
@@ -166,22 +165,13 @@ def test_the_delay_of_the_expansion_is_a_root_of_it(order: int) -> None:
         assert abs(d - tau) < 0.1
 
 
-def test_time_that_runs_faster_leaves_the_relative_bias() -> None:
-    for order in (1, 2):
-        bias = numbers()[f"order_{order}", "relative_rms_bias"]
-        faster = numbers()[f"order_{order}", "relative_rms_bias_faster"]
-        assert faster == pytest.approx(bias, rel=1e-9)
-
-
 def test_the_differentiator_is_the_one_of_its_own_tests() -> None:
-    """There: errors of 0.1166 T^2 and 0.0842 T with L, some 8 and 30 times the signal without."""
+    """There: errors of 0.1166 T^2 and 0.0842 T."""
     found, size, period = numbers(), 0.2 / np.sqrt(2), 2.5e-3
     expected = (0.1166 * period**2 / size, 0.0842 * period / (0.2 * size))
     for i, share in enumerate(expected, start=1):
         assert found["levant", f"relative_rms_error_{i}"] == pytest.approx(share, rel=0.05)
         assert found["levant", f"noise_exponent_{i}"] == pytest.approx(1 - i / 3, abs=0.02)
-    assert found["levant_printed", "relative_rms_error_1"] > 7.5
-    assert found["levant_printed", "relative_rms_error_2"] > 25
     assert found["levant", "bound_share"] == pytest.approx(0.008 / 0.11)
 
 
@@ -265,7 +255,68 @@ def test_the_mean_delay_is_wrong_by_its_distance() -> None:
     assert found == pytest.approx(np.sqrt(swing), rel=1e-3)
 
 
-def test_noise_in_per_cent_of_the_turns_is_radians() -> None:
-    found = numbers()
-    assert found["literal_noise", "output_noise"] == pytest.approx(0.05 * 51.866, rel=1e-4)
-    assert found["literal_noise", "rms_delay_error"] > found["mean_delay", "rms_delay_error"]
+def test_a_constant_delay_is_left_with_the_slow_pole() -> None:
+    for name in ("order2", "order2_noise"):
+        assert numbers()[name, "decay_over_pole"] == pytest.approx(1, rel=2e-3)
+
+
+def test_runs_that_meet_a_bound_converge_all_the_same() -> None:
+    """Over the 20 s before the first jump with the slow pole of Fig. 1, -1.28: by e^-25."""
+    assert 0 < numbers()["projection", "late_delay_error"] < 1e-9
+
+
+def test_a_faster_input_with_a_shorter_delay_is_the_same_at_a_factor_of_one() -> None:
+    same = evaluated({"theory": {"faster": 1.0}})
+    for rho in (2.5, 5):
+        assert same.at("order_2", "rms_delay_error_faster", rho=rho) == 1
+
+
+def test_a_shorter_delay_has_less_error_in_seconds_and_more_in_its_own_measure() -> None:
+    """The lag goes with the rate, so a delay of half the size has half of it, the same share of the
+    delay. There are twice as many singular instants, which add to both.
+    """
+    absolute, relative = numbers(), evaluated({"theory": {"accuracy": "relative"}})
+    for rho in (2.5, 5):
+        name = "rms_delay_error_faster"
+        assert 0.5 < absolute.at("order_2", name, rho=rho) < 0.75
+        assert 1.1 < relative.at("order_2", name, rho=rho) < 1.4
+
+
+def test_noise_adds_to_the_error_by_squares() -> None:
+    """5 % of a radian, and a standard deviation; a third of it for a peak."""
+    for overrides, size in ((None, 0.05), ({"plant": {"noise_size": "peak"}}, 0.05 / 3)):
+        found = evaluated(overrides)
+        for rho in (2.5, 40):
+            clean = found.at("order_2", "rms_delay_error", rho=rho)
+            added = size * found.at("order2_noise", "noise_gain", rho=rho)
+            whole = found.at("order_2", "rms_delay_error_in_noise", rho=rho)
+            assert whole == pytest.approx(np.hypot(clean, added))
+
+
+def test_each_derivative_is_harder_in_noise() -> None:
+    shares = [numbers()["levant", f"relative_rms_error_{i}_in_noise"] for i in (1, 2, 3)]
+    assert np.all(np.diff(shares) > 0)
+    quiet = evaluated({"theory": {"noise_share": 0.0}})
+    third = quiet["levant", "relative_rms_error_3_in_noise"]
+    assert third < 0.1 * shares[2]
+
+
+def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
+    """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
+    ledger = Ledger.load(ROOT, "delay")
+    job = read_job(keys.Ledger, ledger.settings("theory"))
+    start = [*job.theory.initial_state, 0.3]
+    found = theory_state_gain.simulate(job, 0.0, start, 0.6, 10.0)
+    built = observer(Case("ramp", 5.0, 1), 5e-3)
+    y, u = record("ramp", 5e-3, 10.0)
+    begin = built.init(start[:2], 0.3)
+    run = run_on_halves(built, y, np.ascontiguousarray(u[:, :2]), state=begin)
+    assert found[:, 4] == pytest.approx(run["delay"][::2], abs=1e-5)
+    assert found[:, 2:4] == pytest.approx(run["state"][::2], abs=1e-5)
+
+
+def test_a_gain_that_swings_with_the_rate_is_no_obstacle() -> None:
+    for share in (0.2, 0.9):
+        found = evaluated({"theory": {"gain_of_rate": share}})
+        assert 0 < found["state_gain", "late_delay_error"] < 1e-5
+        assert found["state_gain", "late_rate_error"] < 1e-5

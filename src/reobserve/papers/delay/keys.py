@@ -52,17 +52,21 @@ class Plant:
     horizon: Positive
     step: Positive
     noise_period: Positive
+    noise_size: Literal["deviation", "peak"]
+    noise_amplitude: Literal["swing", "wrapped", "turns"]
+    swing: Positive
+    noisy_input: Literal["measured", "applied"]
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A system, its input and the noise."""
+    """A system, its input and the noise, as a share of the amplitudes of y and u."""
 
     model: Model
     initial_state: State
     input: Scalar
-    output_noise: NotNegative
-    input_noise: NotNegative
+    past: Literal["continued", "zero"]
+    noise_share: NotNegative
     title: str = ""
 
 
@@ -174,7 +178,6 @@ class Tuning(types.Study):
     method: Literal["tuning"]
     rhos: Levels
     forgetting: Levels
-    gain_per_forgetting: Positive
     relay_gains: Levels
 
 
@@ -185,10 +188,11 @@ Study = Tradeoff | Tuning
 class Metrics:
     """How estimates are judged."""
 
-    start: Positive
+    start: NotNegative
     late: Positive
     ripple: Positive
     varying: Window
+    away: Positive
 
 
 @dataclass(frozen=True)
@@ -199,13 +203,13 @@ class Theory:
     sine: Scalar
     initial_state: State
     noise_share: NotNegative
-    printed_singular: Annotated[list[float], vector(3)]
-    away: Positive
     small_threshold: Positive
     rhos: Levels
     derivative_errors: Levels
     noises: Levels
     faster: Positive
+    gain_of_rate: NotNegative
+    accuracy: Literal["absolute", "relative"]
     sampling_period: Positive
     cases: Count
 

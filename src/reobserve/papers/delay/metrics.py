@@ -1,13 +1,13 @@
 """Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
 
-Errors are estimates minus the truth. They count from five seconds on (the ledger's
-`metrics.start`), or `_from_start`; a number at the end of a state's error is its component, at the
-end of a delay's the segment before which jump of the delay. `nan` means that it never happens.
+Errors are estimates minus the truth. They count from the ledger's `metrics.start` on, or
+`_from_start`; the other windows are the ledger's, too (`late`, `varying`, `ripple`, `away`). A
+number at the end of a state's error is its component, at the end of a delay's the segment before
+which jump of the delay. `nan` means that it never happens.
 
 In the theory the observer column holds what is judged: the pendulum, the delay, an input, the order
-of the expansion, the differentiator with L in its last line (`levant`) and without, random starts
-(`projection`), the average delay as an estimate, noise as the paper puts it; and errors of runs are
-without noise but in that case.
+of the expansion, the differentiator with L in its last line (`levant`), random starts
+(`projection`), the average delay as an estimate; and errors of runs are without noise.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.delay.scoring import constant_segments, errors, ripple, turned_over_at
+from reobserve.papers.delay.scoring import (
+    constant_segments,
+    errors,
+    near_and_away,
+    ripple,
+    turned_over_at,
+)
 from reobserve.papers.delay.setup import UNITS
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import root_mean_square, window
@@ -30,10 +36,10 @@ MEANINGS = {
     "rms_error_<component>_from_start": "the same from t = 0 on",
     "rms_delay_error": "root mean square error of the delay",
     "rms_delay_error_from_start": "the same from t = 0 on",
-    "late_delay_error_<jump>": "largest error in the last five seconds before a jump",
-    "varying_rms_delay_error": "root mean square error from 80 to 105 s, where the delay varies",
+    "late_delay_error_<jump>": "largest error in the last seconds before a jump",
+    "varying_rms_delay_error": "root mean square error where the delay varies",
     "varying_peak_delay_error": "largest error there",
-    "ripple_<jump>": "of the estimate in the last two seconds before a jump, its slope taken out",
+    "ripple_<jump>": "of the estimate in the last seconds before a jump, its slope taken out",
     "least_delay": "least estimate of the run",
     "greatest_delay": "greatest estimate of the run",
     "off_share": "share of the run in which the gain is switched off",
@@ -55,12 +61,8 @@ MEANINGS = {
     "least_rate": "least |u'|, zero where it changes its sign",
     "singular_instants": "how often u' changes its sign",
     "singular_share": "share of the time with u' = 0",
-    "least_rate_at_printed_instants": (
-        "least |u'| where the paper says it is zero, over its greatest"
-    ),
     "remainder order=<order>": "largest remainder of the expansion (6)",
     "remainder_over_bound order=<order>": "the same over its bound (7), at the worst delay",
-    "xi_zeros": "how often xi with the true delay passes zero after the last jump",
     "slow_pole": "of the linear error system, hanging pendulum",
     "slow_pole_upright": "the same, upright",
     "rho_over_proved": "rho over the least one with which the proof of Theorem 2 goes through",
@@ -73,12 +75,22 @@ MEANINGS = {
         "of the delay with which the expansion gives u(t - tau), away from singular instants"
     ),
     "relative_rms_bias": "the same over the delay",
-    "relative_rms_bias_faster": "the same with a faster input and a shorter delay",
+    "rms_delay_error_faster rho=<level>": (
+        "error with a faster input and a shorter delay over that without, by the ledger's measure"
+    ),
+    "rms_delay_error_in_noise rho=<level>": (
+        "error without noise, and what the noise of Fig. 2 adds by the linear error system"
+    ),
+    "relative_rms_error_<order>_in_noise": (
+        "the same on the noisy input of Fig. 2, by a differentiator of order three"
+    ),
+    "late_delay_error": "largest error of a constant delay long after the start",
+    "late_rate_error": "largest error of the rate there",
+    "decay_over_pole": "rate at which the error of a constant delay falls, over the slow pole's",
     "share_at_bounds": "share of runs from random starts that meet a bound of the delay",
     "singular_peak_delay_error": "mean over singular instants of the largest error near them",
     "other_peak_delay_error": "largest error away from them",
     "<which>_peak_delay_error_hardly_off": "the same with a small threshold",
-    "output_noise": "five per cent of the largest angle",
 }
 
 
@@ -117,6 +129,10 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     moving = off[window(time, *rules.varying)]
     yield "varying_rms_delay_error", float(root_mean_square(moving)), "s"
     yield "varying_peak_delay_error", float(np.max(np.abs(moving))), "s"
+    near, _ = near_and_away(plant, time, rules.away)
+    if near:
+        peaks = [float(np.max(np.abs(off[chosen]))) for chosen in near]
+        yield "singular_peak_delay_error", float(np.mean(peaks)), "s"
     for number, start, end in constant_segments(plant, rules.ripple):
         chosen = window(time, start, end)
         yield f"ripple_{number}", ripple(time[chosen], estimate["delay"][chosen]), "s"

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.errors import located
 from reobserve.ledger.types import Settings, read_job
 from reobserve.numerics.matrices import as_vector
-from reobserve.numerics.random_streams import held_normal, random_stream
-from reobserve.papers.delay import keys
+from reobserve.numerics.random_streams import random_stream
+from reobserve.papers.delay import keys, noise
 from reobserve.papers.delay.setup import (
     UNITS,
     build_model,
@@ -19,20 +20,20 @@ from reobserve.papers.delay.setup import (
     input_and_derivatives,
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
-from reobserve.timeseries.grid import noise_hold
 from reobserve.timeseries.series import Channel, Series
 from reobserve.timeseries.signals import Signal
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A scenario, checked: the plant, u with its derivatives, tau, and the noise deviations."""
+    """A scenario, checked: the plant, u with its derivatives, tau, and the share of noise."""
 
     plant: DelayedInputPlant
     inputs: list[Signal]
     delay: Signal
-    output_noise: float
-    input_noise: float
+    noise_share: float
 
 
 def build(settings: Settings) -> Setup:
@@ -46,7 +47,7 @@ def build(settings: Settings) -> Setup:
     job = read_job(keys.Ledger, settings)
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
-    noise_hold(plant)
+    noise.hold(plant)
     with located("plant"):
         delay = Signal.parse("delay", plant.delay, 1)
     check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)
@@ -54,9 +55,16 @@ def build(settings: Settings) -> Setup:
     with located("scenario"):
         as_vector("initial_state", scenario.initial_state, model.states)
         control = Signal.parse("input", scenario.input, 1)
+        if scenario.past == "zero":
+            control = _from_zero(control)
         inputs = input_and_derivatives("input", control, keys.MOST_DERIVATIVES)
-    deviations = scenario.output_noise, scenario.input_noise
-    return Setup(DelayedInputPlant(model), inputs, delay, *deviations)
+    return Setup(DelayedInputPlant(model), inputs, delay, scenario.noise_share)
+
+
+def _from_zero(control: Signal) -> Signal:
+    """The same from t = 0 on, and zero before."""
+    terms = (replace(term, onset=max(term.onset, 0.0)) for term in control.terms)
+    return Signal(control.axes, tuple(terms))
 
 
 def simulate(settings: Settings) -> Series:
@@ -79,31 +87,38 @@ def simulate(settings: Settings) -> Series:
     job = read_job(keys.Ledger, settings)
     setup = build(job)
     plant, (steps, step) = job.plant, grid(job.plant)
-    state = setup.plant.simulate(
-        job.scenario.initial_state, setup.inputs[0], setup.delay, step, steps
-    )
+
+    def run(control: Signal) -> Array:
+        start = job.scenario.initial_state
+        return setup.plant.simulate(start, control, setup.delay, step, steps)
+
     time = np.arange(steps + 1, dtype=np.float64) * step
     past = time - delay_bounds(plant)[1]
     whole, output, torque, rates = UNITS[job.scenario.model]
-    u, rate = setup.inputs[0](time)[:, 0], np.hstack([s(time) for s in setup.inputs[1:]])
+    control = setup.inputs[0]
+    u, rate = control(time)[:, 0], np.hstack([s(time) for s in setup.inputs[1:]])
+    state = run(control)
+    sizes = noise.deviations(plant, setup.noise_share, state[:, 0], u)
+    noises = {}
+    for name, size in zip(("measured", "measured_input"), sizes, strict=True):
+        if size > 0:
+            one, before = noise.drawn(plant, random_stream(job.seed, "delay", name), len(time))
+            noises[name] = size * one, size * before
+    if noises and plant.noisy_input == "applied":
+        state = run(noise.on_top(control, noises["measured_input"][0], step))
     channels = {
         "state": Channel(state, whole),
         "delay": Channel(setup.delay(time)[:, 0], "s"),
         "delay_before": Channel(setup.delay(time, before=True)[:, 0], "s"),
-        "delayed_input": Channel(delayed(setup.inputs[0], setup.delay, time), torque),
+        "delayed_input": Channel(delayed(control, setup.delay, time), torque),
         "input": Channel(u, torque),
         "input_derivatives": Channel(rate, rates),
-        "past_input": Channel(setup.inputs[0](past)[:, 0], torque),
+        "past_input": Channel(control(past)[:, 0], torque),
         "past_derivatives": Channel(np.hstack([s(past) for s in setup.inputs[1:]]), rates),
     }
-    hold = noise_hold(plant)
-    for name, clean, deviation, unit in (
-        ("measured", state[:, 0], setup.output_noise, output),
-        ("measured_input", u, setup.input_noise, torque),
-    ):
-        if deviation > 0:
-            stream = random_stream(job.seed, "delay", name)
-            noise, before = held_normal(stream, len(time), hold)
-            channels[name] = Channel(clean + deviation * noise, unit)
-            channels[f"{name}_before"] = Channel(clean + deviation * before, unit)
+    for name, clean, unit in (("measured", state[:, 0], output), ("measured_input", u, torque)):
+        if name in noises:
+            right, left = noises[name]
+            channels[name] = Channel(clean + right, unit)
+            channels[f"{name}_before"] = Channel(clean + left, unit)
     return Series(time, channels, {"jumps": tuple(t for t in setup.delay.jumps if t < time[-1])})

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import (
-    STYLES,
     TRUTH,
     add_note,
     decades,
@@ -17,6 +16,7 @@ from reobserve.drawing.figures import (
 )
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.plot_states import BIN, upright
+from reobserve.papers.delay.styles import style_of
 from reobserve.scoring.responses import error_of
 
 
@@ -25,8 +25,9 @@ def draw(data: FigureData) -> Figure:
     plant = data.plant
     figure, (delay, error) = new_figure((2.7, 2.2))
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")
-    for style, (name, estimate) in zip(STYLES, data.estimates.items(), strict=False):
-        line = {**style.line(), "label": data.job.observers[name].label}
+    for name, estimate in data.estimates.items():
+        observer = data.job.observers[name]
+        line = {**style_of(observer).line(), "label": observer.label}
         delay.plot(*thin(estimate.time, estimate["delay"]), **line)
         size = np.abs(error_of(plant, estimate, "delay"))
         error.semilogy(*envelope(estimate.time, size, BIN), **line)
@@ -42,7 +43,7 @@ def draw(data: FigureData) -> Figure:
     add_note(
         figure,
         "The methods of [9], [12] and [26] are reconstructions: the paper cites them without "
-        "equations. Their tuning is chosen here, and decides the\nranking (see the further "
-        "figure). The method of [12] is given the state and its derivative, the others the state.",
+        "equations. Their tuning is chosen here; fig3_tuning has others.\n"
+        "The method of [12] is given the state and its derivative, the others the state.",
     )
     return figure

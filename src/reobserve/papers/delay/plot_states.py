@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import (
-    STYLES,
     TRUTH,
     add_note,
     decades,
@@ -19,51 +18,59 @@ from reobserve.drawing.figures import (
     time_axis,
 )
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job
-from reobserve.papers.delay.scoring import errors, turned_over_at
+from reobserve.papers.delay.notes import note
+from reobserve.papers.delay.scoring import errors, singular_instants, turned_over_at
+from reobserve.papers.delay.styles import style_of
 from reobserve.timeseries.series import Series
 
 BIN = 0.2  # [s], of which the largest error is drawn
+BELOW = 0.76  # of a panel's height, that its legend leaves to the lines
+STRIP = 0.06  # height of a bar that says where a gain is off, of the panel's
 
 
 def draw(data: FigureData) -> Figure:
-    """Delay, both states, and the errors of delay and angle."""
+    """Delay, both states, and the errors of all three."""
     job, plant, estimates = data.job, data.plant, data.estimates
-    figure, axes = new_figure((1.6, 1.35, 1.35, 1.35, 1.35))
-    delay, angle, rate, delay_error, angle_error = axes
-    labels = {name: job.observers[name].label for name in estimates}
+    figure, axes = new_figure((1.6, 1.2, 1.2, 1.35, 1.2, 1.2))
+    delay, angle, rate, delay_error, *state_errors = axes
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")
     for i, panel in enumerate((angle, rate)):
         panel.plot(*thin(plant.time, plant["state"][:, i]), **TRUTH.line(), label="pendulum")
-    for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
-        error, line = errors(plant, estimate), style.line()
+    for name, estimate in estimates.items():
+        observer = job.observers[name]
+        line = {**style_of(observer).line(), "label": observer.label}
+        error = errors(plant, estimate)
         if "delay" in error:
-            delay.plot(*thin(estimate.time, estimate["delay"]), **line, label=labels[name])
+            delay.plot(*thin(estimate.time, estimate["delay"]), **line)
             delay_error.plot(*thin(estimate.time, error["delay"]), **line)
         for i, panel in enumerate((angle, rate)):
-            panel.plot(*thin(estimate.time, estimate["state"][:, i]), **line, label=labels[name])
-        size = np.abs(error["state"][:, 0])
-        angle_error.semilogy(*envelope(estimate.time, size, BIN), **line, label=labels[name])
-    delay.set_ylabel("delay [s]")
+            panel.plot(*thin(estimate.time, estimate["state"][:, i]), **line)
+        for i, panel in enumerate(state_errors):
+            size = np.abs(error["state"][:, i])
+            panel.semilogy(*envelope(estimate.time, size, BIN), **line)
+    delay.set(ylabel="delay [s]", ylim=(-0.1, 2.3))
     delay.set_title("(a) delay and its estimates")
-    delay.set_ylim(-0.1, 2.3)
     delay.legend(loc="upper left", ncols=3)
     angle.set_ylabel("angle x₁ [rad]")
-    angle.set_title("(b) angle, not wrapped: a turn adds 2π")
+    angle.set_title("(b) angle, not wrapped: a turn adds 2π; grey: the pendulum")
     rate.set_ylabel("rate x₂ [rad/s]")
-    rate.set_title("(c) rate")
-    delay_error.set_ylabel("error [s]")
-    delay_error.set_ylim(-1.0, 1.0)
+    rate.set_title("(c) rate; grey: the pendulum")
+    delay_error.set(ylabel="error [s]", ylim=(-1.0, 1.0))
     delay_error.set_title("(d) error of the delay")
-    angle_error.set_ylabel("|error| [rad]")
-    angle_error.set_title("(e) size of the error of the angle (largest in each fifth of a second)")
-    decades(angle_error.yaxis)
-    angle_error.legend(loc="upper right", ncols=3)
-    low, high = angle_error.get_ylim()
-    angle_error.set_ylim(low, 30 * high)
-    time_axis(angle_error, plant.time)
+    each = "(largest in each fifth of a second)"
+    for panel, letter, word, unit in zip(
+        state_errors, "ef", ("angle", "rate"), ("rad", "rad/s"), strict=True
+    ):
+        panel.set_ylabel(f"|error| [{unit}]")
+        panel.set_title(f"({letter}) size of the error of the {word} {each}")
+        decades(panel.yaxis)
+    low, high = state_errors[0].get_ylim()
+    state_errors[0].set_ylim(low, high * (high / low) ** 0.45)
+    state_errors[0].legend(loc="upper right", ncols=3)
+    time_axis(state_errors[-1], plant.time)
     _mark_turn(angle, rate, plant)
-    add_note(figure, _note(job))
+    _mark_singular(delay_error, (delay, *state_errors), data)
+    add_note(figure, note(job))
     return figure
 
 
@@ -94,24 +101,34 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
             before = plant["state"][plant.time <= turned, i]
             room = 0.15 * float(np.ptp(before))
             axes.set_ylim(float(before.min()) - room, float(before.max()) + room)
-    angle.axvline(turned, color="0.4", linewidth=0.8, linestyle=":")
+    angle.axvline(turned, color="0.4", linewidth=0.8, linestyle="-.")
     angle.annotate(
         text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left", fontsize=7,
         xycoords=("data", "axes fraction"), textcoords="offset points", color="0.3",
     )  # fmt: skip
 
 
-def _note(job: Job) -> str:
-    scenario = job.scenario
-    first = next(iter(job.observers.values()))
-    noise = "no noise"
-    if scenario.output_noise > 0 or scenario.input_noise > 0:
-        noise = (
-            f"noise of {scenario.output_noise:g} rad and {scenario.input_noise:g} N m, "
-            f"held for {1000 * job.plant.noise_period:g} ms"
-        )
-    return (
-        f"ρ = {first.rho:g}, τ̂(0), x(0), x̂(0), S(0) of Table I. Chosen here: {noise},\n"
-        f"the dynamic equation of S, Runge-Kutta steps of {1000 * first.sampling_period:g} ms, and "
-        "that below the threshold only the gain of the delay is switched off."
-    )
+def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> None:
+    """Dotted: where the input does not change. Bars: where an observer's gain is off."""
+    instants = singular_instants(data.plant)
+    for axes in (told, *others):
+        top = 1.0 if axes.get_legend() is None else BELOW
+        for at in instants:
+            axes.axvline(at, ymax=top, color="0.4", linewidth=0.8, linestyle=":")
+    if len(instants):
+        told.annotate(
+            "u′ = 0", (instants[0], 0.86), (3, 0), fontsize=7, color="0.3",
+            xycoords=("data", "axes fraction"), textcoords="offset points",
+        )  # fmt: skip
+    bars = 0
+    for name, estimate in data.estimates.items():
+        if "off" not in estimate.channels or not estimate["off"].any():
+            continue
+        bottom = 0.02 + bars * (STRIP + 0.02)
+        told.fill_between(
+            estimate.time, bottom, bottom + STRIP, where=estimate["off"] > 0, linewidth=0,
+            color=style_of(data.job.observers[name]).color, transform=told.get_xaxis_transform(),
+        )  # fmt: skip
+        bars += 1
+    if bars:
+        told.annotate("← gain off", (0.08, 0.05), xycoords="axes fraction", fontsize=7, color="0.3")

@@ -1,53 +1,95 @@
-"""Error of the delay against rho: lag, Taylor remainder and noise."""
+"""Error of the delay against rho: lag, Taylor remainder and noise, and the orders by each other."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.drawing.figures import add_note, few_ticks, new_figure
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.delay.notes import noise
+from reobserve.papers.delay.styles import style_of
 
 _PANELS = (
     ("rms_delay_error", "RMS error [s]", "(a) delay"),
     ("rms_angle_error", "RMS error [rad]", "(b) angle"),
 )
+_KINDS = (("rho", "no noise", "none"), ("noise_rho", "noise", None))  # and how markers are filled
 
 
 def draw(data: FigureData) -> Figure:
     """Without noise as lines, with noise as the median of the runs and the band of nine in ten."""
     job, study = data.job, data.study
-    figure, panels = new_figure((2.4, 2.2), share_time=True)
-    for axes, (quantity, unit, title) in zip(panels, _PANELS, strict=True):
-        for index, name in enumerate(job.observers):
-            label = job.observers[name].label.rpartition(", ")[2]
+    figure, panels = new_figure((2.2, 2.0, 1.7), share_time=True)
+    for axes, (quantity, unit, title) in zip(panels[:2], _PANELS, strict=True):
+        for name, observer in job.observers.items():
+            label, style = _m(data, name), style_of(observer)
             mine = study.where(observer=name, quantity=quantity)
-            clean, noisy = (
-                mine.where(sweep=sweep).by_level("level") for sweep in ("rho", "noise_rho")
-            )
-            rhos = list(clean)
-            axes.loglog(
-                rhos, [value for (value,) in clean.values()], **STYLES[2 * index].points(),
-                label=f"{label}, no noise",
-            )  # fmt: skip
-            low, middle, high = np.percentile(list(noisy.values()), (5, 50, 95), axis=1)
-            style = STYLES[2 * index + 1]
-            axes.loglog(rhos, middle, **style.points(), label=f"{label}, noise")
-            axes.fill_between(rhos, low, high, color=style.color, alpha=0.2, linewidth=0)
-        few_ticks(axes, rhos)
+            for sweep, kind, face in _KINDS:
+                runs = mine.where(sweep=sweep).by_level("level")
+                rhos = list(runs)
+                low, middle, high = np.percentile(list(runs.values()), (5, 50, 95), axis=1)
+                filled = {"markerfacecolor": face or style.color}
+                axes.loglog(rhos, middle, **style.points(), **filled, label=f"{label}, {kind}")
+                if face is None:
+                    axes.fill_between(rhos, low, high, color=style.color, alpha=0.2, linewidth=0)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.set_ylabel(unit)
         axes.set_title(title)
+    _compare(panels[2], data)
+    few_ticks(panels[2], rhos)
     panels[0].legend(loc="upper center", ncols=2)
-    low_, high_ = panels[0].get_ylim()
-    panels[0].set_ylim(low_, 4 * high_)
+    least, most = panels[0].get_ylim()
+    panels[0].set_ylim(least, 5 * most)
     panels[-1].set_xlabel("gain parameter ρ [1/s]")
-    scenario = job.scenario
     add_note(
         figure,
-        f"u = sin 0.2 t, exact derivatives, {job.study.runs:g} runs with noise of "
-        f"{scenario.output_noise:g} rad and {scenario.input_noise:g} N m; bands hold nine "
-        "in ten. Counted where the delay varies,\n"
-        f"{job.study.away:g} s from where the input does not change.",
+        f"{noise(job)}.\n"
+        f"{job.study.runs:g} runs with it; bands hold nine in ten. Derivatives exact. Counted "
+        f"where the delay varies, {job.study.away:g} s from where the input does not change.",
     )
     return figure
+
+
+def _compare(axes: Axes, data: FigureData) -> None:
+    """The error of each observer over that of the last one, run by run; and rho of the figure."""
+    observers = data.job.observers
+    *others, last = observers
+    for name in others:
+        style = style_of(observers[name])
+        for sweep, kind, face in _KINDS:
+            above, below = (
+                data.study.where(observer=one, quantity="rms_delay_error", sweep=sweep).by_level(
+                    "level"
+                )
+                for one in (name, last)
+            )
+            ratios = [float(np.median(np.divide(above[rho], below[rho]))) for rho in above]
+            filled = {"markerfacecolor": face or style.color}
+            axes.loglog(
+                list(above), ratios, **style.points(), **filled, label=f"{_m(data, name)}, {kind}"
+            )
+    axes.axhline(1.0, color="0.4", linewidth=0.8)
+    for rho in dict.fromkeys(body.rho for body in observers.values()):
+        axes.axvline(rho, color="0.4", linewidth=0.8, linestyle="-.")
+        axes.annotate(
+            "ρ of Fig. 2",
+            (rho, 0.08),
+            (3, 0),
+            fontsize=7,
+            color="0.3",
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+        )
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("")
+    axes.set_yticks([0.2, 0.5, 1.0])
+    axes.set_ylabel("ratio")
+    axes.set_title(f"(c) error of the delay over that for {_m(data, last)}")
+    axes.legend(loc="lower left")
+
+
+def _m(data: FigureData, name: str) -> str:
+    """What tells an observer from the other: m = 1 or m = 2."""
+    return str(data.job.observers[name].label.rpartition(", ")[2])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note, decades, few_ticks
+from reobserve.drawing.figures import WIDTH, add_note, decades, few_ticks
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.delay.styles import style_of
 
 _SWEPT = {
     "extended_lag": ("rho", "ρ [1/s]"),
@@ -13,9 +14,10 @@ _SWEPT = {
     "adaptive": ("forgetting", "forgetting [1/s]"),
     "relay": ("relay_gain", "gain M [1/s²]"),
 }
+# What is drawn, and whether its markers are filled.
 _QUANTITIES = (
-    ("resting_rms_delay_error", "delay at rest"),
-    ("varying_rms_delay_error", "delay varying"),
+    ("resting_rms_delay_error", "delay at rest", False),
+    ("varying_rms_delay_error", "delay varying", True),
 )
 
 
@@ -26,9 +28,11 @@ def draw(data: FigureData) -> Figure:
     panels = figure.subplots(2, 2, sharey=True)
     for axes, (name, (parameter, label)) in zip(panels.ravel(), _SWEPT.items(), strict=True):
         runs = data.study.where(observer=name, sweep=parameter)
-        for style, (quantity, text) in zip(STYLES, _QUANTITIES, strict=False):
+        style = style_of(job.observers[name])
+        for quantity, text, filled in _QUANTITIES:
             found = runs.where(quantity=quantity)
-            axes.loglog(found["level"], found["value"], **style.points(), label=text)
+            face = {"markerfacecolor": style.color if filled else "none"}
+            axes.loglog(found["level"], found["value"], **style.points(), **face, label=text)
         chosen = getattr(job.observers[name], parameter)
         if chosen > 0:
             axes.axvline(chosen, color="0.4", linewidth=0.8, linestyle=":")
@@ -42,9 +46,9 @@ def draw(data: FigureData) -> Figure:
     panels[0, 0].legend(loc="lower left")
     add_note(
         figure,
-        "Dotted: the tuning of Fig. 3 (least squares: none, left of the scale). At rest: the last "
-        f"{job.metrics.late:g} s before each jump of the delay. The gain of the\n"
-        f"adaptive method is {job.study.gain_per_forgetting:g} times its forgetting "
-        "here. The methods with a number are reconstructions.",
+        "Dotted: the tuning of Fig. 3 (left of the scale where there is no forgetting). "
+        f"At rest: the last {job.metrics.late:g} s before each jump of the delay. The gain of the\n"
+        "adaptive method goes along with its forgetting, in proportion. The methods with a number "
+        "are reconstructions.",
     )
     return figure

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from reobserve.errors import located
 from reobserve.ledger.types import Job
-from reobserve.numerics.random_streams import held_normal, random_stream
+from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.delay import noise
 from reobserve.papers.delay.observe import build_extended
+from reobserve.papers.delay.plant import simulate
 from reobserve.scoring.responses import root_mean_square
-from reobserve.timeseries.grid import noise_hold, stride
+from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
@@ -43,6 +45,9 @@ def run(job: Job, plant: Series) -> list[Row]:
         If a setting cannot be used.
     """
     study = job.study
+    if job.scenario.noise_share > 0 and job.plant.noisy_input == "applied":
+        # Each run draws noise of its own, and it stays with what is measured.
+        plant = simulate(replace(job, scenario=replace(job.scenario, noise_share=0.0)))
     tasks = []
     for (name, body), rho in product(job.observers.items(), study.rhos):
         # Errors are counted long after the dynamic gain has come to rest at the algebraic one.
@@ -99,13 +104,16 @@ def _measured(
     job: Job, plant: Series, number: int, every: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """y and u of a run, each with its limits from the left; run 0 has no noise."""
+    sizes = noise.deviations(
+        job.plant, job.scenario.noise_share, plant["state"][:, 0], plant["input"]
+    )
     found = []
-    for name, clean in (("output", plant["state"][:, 0]), ("input", plant["input"])):
+    cleans = plant["state"][:, 0], plant["input"]
+    for name, clean, size in zip(("output", "input"), cleans, sizes, strict=True):
         right = left = np.ascontiguousarray(clean[::every])
         if number:
             stream = random_stream(job.seed, "delay", "tradeoff", name, str(number))
-            noise = held_normal(stream, len(plant.time), noise_hold(job.plant))
-            size = getattr(job.scenario, f"{name}_noise")
-            right, left = ((clean + size * part)[::every] for part in noise)
+            unit = noise.drawn(job.plant, stream, len(plant.time), 2 * every)
+            right, left = ((clean + size * part)[::every] for part in unit)
         found.append((right, left))
     return found[0], found[1]

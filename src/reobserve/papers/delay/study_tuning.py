@@ -42,7 +42,8 @@ def run(job: Job, plant: Series) -> list[Row]:
         for level in getattr(study, levels):
             changed = {parameter: level}
             if name == "adaptive":
-                changed["adaptation_gain"] = study.gain_per_forgetting * level
+                # In proportion, so that the forgetting decides, and through the tuning of Fig. 3.
+                changed["adaptation_gain"] = stated.adaptation_gain * level / stated.forgetting
             with located(f"studies.tuning.{levels}, {name}"):
                 found = estimate(Job(job.plant, observer=replace(stated, **changed)), plant)
             for quantity, value in _scores(rules, plant, found):

@@ -11,7 +11,9 @@ from reobserve.papers.delay import (
     theory_derivatives,
     theory_gains,
     theory_runs,
+    theory_state_gain,
 )
+from reobserve.papers.delay.scoring import near_and_away
 from reobserve.scoring.metrics import Metric
 
 
@@ -27,10 +29,11 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """
     job = read_job(keys.Ledger, settings)
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
-    away = theory_runs.near_and_away(job, sine, sine.time)[1]
+    away = near_and_away(sine, sine.time, job.metrics.away)[1]
     return [
         *theory_conditions.measure(job, ramp, sine),
         *theory_gains.measure(job, ramp, sine),
         *theory_derivatives.measure(job, sine, away),
         *theory_runs.measure(job, ramp, sine),
+        *theory_state_gain.measure(job, ramp),
     ]

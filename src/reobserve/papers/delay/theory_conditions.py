@@ -32,8 +32,6 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
         signals = input_and_derivatives(name, _signal(job, name), max(ORDERS) + 1)
         yield from _input(job, name, signals, plant)
         yield from _remainder(job, name, signals, plant)
-    yield from _printed_instants(job, sine)
-    yield from _xi(job, sine)
 
 
 def _signal(job: Job, name: str) -> Signal:
@@ -155,25 +153,3 @@ def _remainder(job: Job, name: str, signals: list[Signal], plant: Series) -> Ite
         yield Metric.at(name, ("remainder", max(sizes), "N m"), order=order)
         if largest:
             yield Metric.at(name, ("remainder_over_bound", max(ratios), "1"), order=order)
-
-
-def _printed_instants(job: Job, sine: Series) -> Iterator[Metric]:
-    """|u'| where the paper says that it is zero, over its greatest value."""
-    frequency, phase, period = job.theory.printed_singular
-    instants = np.pi * np.arange(phase, frequency * sine.time[-1] / np.pi, period) / frequency
-    rate = _signal(job, "sine").derivative("sine")
-    size = float(np.max(np.abs(rate(sine.time))))
-    share = float(np.min(np.abs(rate(instants)))) / size
-    yield Metric("sine", "least_rate_at_printed_instants", share, "1")
-
-
-def _xi(job: Job, sine: Series) -> Iterator[Metric]:
-    """How often xi of (10) passes zero with the true delay where that varies smoothly."""
-    model = build_model(job.plant, "pendulum")
-    smooth = sine.time > max(sine.events["jumps"], default=0.0)
-    tau, rates = sine["delay"], sine["input_derivatives"]
-    for order in ORDERS:
-        terms = [(-1) ** i * tau ** (i - 1) / factorial(i) * rates[:, i - 1] for i in (1, 2)]
-        xi = _gain(model, 0.0) * np.sum(terms[:order], axis=0)
-        passed = np.count_nonzero(np.diff(np.sign(xi[smooth])))
-        yield Metric(f"order_{order}", "xi_zeros", float(passed), "1")

@@ -13,20 +13,21 @@ from reobserve.ledger.types import Job, named
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
-from reobserve.papers.delay import keys
+from reobserve.papers.delay import keys, noise
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.plant import simulate
-from reobserve.papers.delay.scoring import constant_segments, errors
+from reobserve.papers.delay.scoring import constant_segments, errors, near_and_away
 from reobserve.papers.delay.setup import build_model, delay_bounds
+from reobserve.papers.delay.theory_gains import FIGURES, error_matrix, noise_gain
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SEED = 0
+DECAY = (5.0, 10.0)  # [s], when the fast part of the start is over and the delay has not jumped yet
 ORDERS = {1: "order1_noise", 2: "order2_noise"}  # the observers of Fig. 2, by m
 
 
@@ -34,10 +35,12 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Numbers from runs on the record of the ramp and on that of the sine, both without noise."""
     yield from _radius_on_the_ramp(job, ramp)
     yield from _wrong_derivatives(job, ramp)
+    yield from _decay(job, ramp)
     yield from _projection(job, ramp)
     yield from _radius_on_the_sine(job, sine)
     yield from _singular_peaks(job, sine)
-    yield from _noise_of_the_amplitude(job, sine)
+    yield from _faster(job, sine)
+    yield from _mean_delay(job, sine)
 
 
 # The observers that runs beside the figures are about, by name and form.
@@ -47,36 +50,10 @@ NEEDED: dict[str, type] = {
 }
 
 
-def record(job: Job, terms: Any, output_noise: float = 0, input_noise: float = 0) -> Any:
-    """The pendulum's record under an input; deviations of the noise in rad and N m."""
-    scenario = keys.Scenario(
-        model="pendulum",
-        initial_state=job.theory.initial_state,
-        input=terms,
-        output_noise=output_noise,
-        input_noise=input_noise,
-    )
-    return simulate(Job(job.plant, SEED, scenario))
-
-
-def singular_instants(plant: Series) -> Array:
-    """When u' changes its sign [s], by straight lines between samples."""
-    time, rate = plant.time, plant["input_derivatives"][:, 0]
-    last = np.flatnonzero(rate[:-1] * rate[1:] < 0)
-    share = rate[last] / (rate[last] - rate[last + 1])
-    found: Array = np.concatenate([time[last] + share * plant.step, time[rate == 0]])
-    return np.sort(found)
-
-
-def near_and_away(job: Job, plant: Series, time: Array) -> tuple[list[Mask], Mask]:
-    """Around each singular instant, and away from all; both after the last jump is forgotten."""
-    away = job.theory.away
-    settled = time > max(plant.events["jumps"], default=0.0) + away
-    near = [settled & (np.abs(time - at) < away) for at in singular_instants(plant)]
-    others = settled.copy()
-    for chosen in near:
-        others &= ~chosen
-    return [chosen for chosen in near if chosen.any()], others
+def record(job: Job, terms: Any) -> Series:
+    """The pendulum's record under an input, without noise."""
+    start = job.theory.initial_state
+    return simulate(Job(job.plant, SEED, keys.Scenario("pendulum", start, terms, "continued", 0.0)))
 
 
 def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
@@ -101,13 +78,59 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
         yield Metric.at("order2", ("varying_peak_delay_error", peak, "s"), rho=rho)
 
 
+def _decay(job: Job, ramp: Series) -> Iterator[Metric]:
+    """How fast the error of a constant delay falls, over what the linear error system says."""
+    stiffness, friction, _ = build_model(job.plant, "pendulum").parameters
+    for name in FIGURES:
+        rho = job.observers[name].rho
+        time, error = _delay_error(job, name, ramp, threshold=0.0)
+        first, last = (float(error[np.searchsorted(time, at)]) for at in DECAY)
+        slow = np.max(np.linalg.eigvals(error_matrix(rho, stiffness, friction)).real)
+        rate = np.log(last / first) / (DECAY[1] - DECAY[0])
+        yield Metric(name, "decay_over_pole", float(rate / slow), "1")
+
+
 def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
+    stiffness, friction, gain = build_model(job.plant, "pendulum").parameters
+    angle, u = sine["state"][:, 0], sine["input"]
+    size, _ = noise.deviations(job.plant, job.theory.noise_share, angle, u)
+    xi = gain * float(np.max(np.abs(sine["input_derivatives"][:, 0])))
     for order, name in ORDERS.items():
         step = job.observers[name].sampling_period
         for rho in job.theory.rhos:
             time, error = _delay_error(job, name, sine, rho=rho, sampling_period=step)
-            value = float(root_mean_square(error[near_and_away(job, sine, time)[1]]))
+            value = float(root_mean_square(error[near_and_away(sine, time, job.metrics.away)[1]]))
             yield Metric.at(f"order_{order}", ("rms_delay_error", value, "s"), rho=rho)
+            # Noise adds what the linear error system makes of it where it harms least.
+            share = noise_gain(rho, stiffness, friction, xi, job.plant.noise_period)
+            whole = float(np.hypot(value, size * share))
+            yield Metric.at(f"order_{order}", ("rms_delay_error_in_noise", whole, "s"), rho=rho)
+
+
+def _faster(job: Job, sine: Series) -> Iterator[Metric]:
+    """Remark 4.1: the error with a faster input and a delay that is shorter by as much, over the
+    one without, for m = 2 and the gains of the figures, from where the last jump is forgotten.
+    """
+    factor, name = job.theory.faster, ORDERS[2]
+    short = [_scaled(term, 1 / factor, ("size", "amplitude")) for term in job.plant.delay]
+    quick = [_scaled(term, factor, ("frequency", "slope")) for term in job.theory.sine]
+    changed = replace(job, plant=replace(job.plant, delay=short))
+    fast = record(changed, quick)
+    step = job.observers[name].sampling_period
+    begin = max(sine.events["jumps"], default=0.0) + job.metrics.away
+    for rho in dict.fromkeys(job.observers[of].rho for of in FIGURES):
+        found = []
+        for plant in (sine, fast):
+            time, error = _delay_error(job, name, plant, rho=rho, sampling_period=step)
+            if job.theory.accuracy == "relative":
+                error = error / plant["delay"][:: round((len(plant.time) - 1) / (len(time) - 1))]
+            found.append(float(root_mean_square(error[time >= begin])))
+        yield Metric.at("order_2", ("rms_delay_error_faster", found[1] / found[0], "1"), rho=rho)
+
+
+def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict[str, Any]:
+    """A term of a signal with some of its numbers multiplied."""
+    return {key: factor * value if key in keys_ else value for key, value in term.items()}
 
 
 def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
@@ -125,28 +148,42 @@ def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
 
 
 def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
-    """Random starts and gains, the algebraic S that peaks most: is the interval kept (Lemma 1)?"""
+    """Random starts and gains, the algebraic S that peaks most: is the interval kept (Lemma 1)?
+
+    And with the gain of Fig. 1, does the error vanish where the projection has acted, as it does
+    without (Remark 3.2)?
+    """
     stream = random_stream(SEED, "delay", "theory", "projection")
     bounds = least, most = delay_bounds(job.plant)
     body = named(job.observers, "order2", keys.Extended)
-    step = job.theory.sampling_period
+    model, step = build_model(job.plant, body.model), job.theory.sampling_period
     every = stride(job.plant, step)
-    rows = slice(0, 2 * every * round(2.0 / step) + 1, every)
-    y = np.ascontiguousarray(ramp["state"][rows, 0])
-    u = np.column_stack([ramp["input"], ramp["input_derivatives"]])[rows, : body.order + 1]
-    found = []
+    first = min(ramp.events["jumps"], default=ramp.time[-1])
+    y = np.ascontiguousarray(ramp["state"][::every, 0])
+    u = np.column_stack([ramp["input"], ramp["input_derivatives"]])[::every, : body.order + 1]
+    found: list[Array] = []
+    late: list[Array] = []
     for _ in range(job.theory.cases):
         rho = stream.uniform(1.0, 10.0)
-        built = ExtendedHighGainObserver(
-            build_model(job.plant, body.model), step, rho, body.order, bounds
-        )
-        start = built.init(stream.normal(size=2), stream.uniform(least, most))
-        found.append(run_on_halves(built, y, u, state=start)["delay"])
-    delays = np.array(found)
+        start = stream.normal(size=2), stream.uniform(least, most)
+        for gain, end, kept in ((rho, 2.0, found), (body.rho, first - step, late)):
+            rows = 2 * round(end / step) + 1
+            built = ExtendedHighGainObserver(model, step, gain, body.order, bounds)
+            run = run_on_halves(built, y[:rows], u[:rows], state=built.init(*start))
+            kept.append(run["delay"])
+    delays, kept_delays = np.array(found), np.array(late)
     yield Metric("projection", "least_delay", float(np.min(delays)), "s")
     yield Metric("projection", "greatest_delay", float(np.max(delays)), "s")
-    touched = np.mean(np.any((delays == least) | (delays == most), axis=1))
-    yield Metric("projection", "share_at_bounds", float(touched), "1")
+    yield Metric("projection", "share_at_bounds", float(np.mean(_met(delays, bounds))), "1")
+    met = kept_delays[_met(kept_delays, bounds), -1]
+    off = np.abs(met - ramp["delay"][2 * every * (kept_delays.shape[1] - 1)])
+    yield Metric("projection", "late_delay_error", float(np.max(off)) if len(off) else np.nan, "s")
+
+
+def _met(delays: Array, bounds: tuple[float, float]) -> NDArray[np.bool_]:
+    """The runs that meet a bound of the delay."""
+    found: NDArray[np.bool_] = np.any(np.isin(delays, bounds), axis=1)
+    return found
 
 
 def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
@@ -155,7 +192,7 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
         small = job.theory.small_threshold
         for when, threshold in (("", stated), ("_hardly_off", small)):
             time, error = _delay_error(job, name, sine, threshold=threshold)
-            near, others = near_and_away(job, sine, time)
+            near, others = near_and_away(sine, time, job.metrics.away)
             size = np.abs(error)
             peaks = float(np.mean([np.max(size[chosen]) for chosen in near]))
             yield Metric(f"order_{order}", f"singular_peak_delay_error{when}", peaks, "s")
@@ -163,22 +200,10 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
             yield Metric(f"order_{order}", f"other_peak_delay_error{when}", rest, "s")
 
 
-def _noise_of_the_amplitude(job: Job, sine: Series) -> Iterator[Metric]:
-    """Noise of a share of what the measured signals reach in this very record."""
-    share = job.theory.noise_share
-    sizes = [share * float(np.max(np.abs(s))) for s in (sine["state"][:, 0], sine["input"])]
-    noisy = record(job, job.theory.sine, *sizes)
-    body = job.observers["order2_noise"]
-    found = estimate(Job(job.plant, observer=body), noisy)
-    later = window(found.time, job.metrics.start, np.inf)
-    error = errors(noisy, found)
-    yield Metric("literal_noise", "output_noise", sizes[0], "rad")
-    value = float(root_mean_square(error["delay"][later]))
-    yield Metric("literal_noise", "rms_delay_error", value, "s")
-    deviation = noisy["delay"] - named(job.observers, "standard_noise", keys.Standard).mean_delay
-    later = window(noisy.time, job.metrics.start, np.inf)
-    value = float(root_mean_square(deviation[later]))
-    yield Metric("mean_delay", "rms_delay_error", value, "s")
-    later = window(noisy.time, *job.metrics.varying)
-    value = float(root_mean_square(deviation[later]))
-    yield Metric("mean_delay", "varying_rms_delay_error", value, "s")
+def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
+    """How wrong the average delay is as an estimate."""
+    mean = named(job.observers, "standard_noise", keys.Standard).mean_delay
+    for when, span in (("", (job.metrics.start, np.inf)), ("varying_", job.metrics.varying)):
+        deviation = (sine["delay"] - mean)[window(sine.time, *span)]
+        value = float(root_mean_square(deviation))
+        yield Metric("mean_delay", f"{when}rms_delay_error", value, "s")

@@ -1,0 +1,25 @@
+"""One colour and dash for each observer, in all figures: m = 1 is blue, as the paper has it."""
+
+from __future__ import annotations
+
+from reobserve.drawing.figures import STYLES, Style
+from reobserve.papers.delay import keys
+
+_BLACK, _ORANGE, _BLUE, _PURPLE, _GREEN = STYLES
+_RED = Style("#b3265e", (0, (3, 1, 1, 1, 1, 1)), 1.2, "p")
+
+
+def style_of(observer: keys.Observer) -> Style:
+    """The style of an observer, by what it is and not by where it stands in a figure."""
+    match observer:
+        case keys.Extended(order=1):
+            return _BLUE
+        case keys.Extended():
+            return _BLACK
+        case keys.Standard():
+            return _ORANGE
+        case keys.LeastSquares():
+            return _PURPLE
+        case keys.Adaptive():
+            return _GREEN
+    return _RED

@@ -1,0 +1,100 @@
+"""The record: noise in every reading of the paper, how it is held, and the past of the input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.types import Job, read_job
+from reobserve.numerics.random_streams import random_stream
+from reobserve.papers.delay import keys, noise, plant
+from reobserve.timeseries.series import Series
+from tests.plants.test_delayed_plants import SINE
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[3]
+
+
+def job(**changes: Any) -> Job:
+    """The record of Fig. 2, some values of the plant changed."""
+    settings = Ledger.load(ROOT, "delay", seed=3).settings("plant", "sine")
+    stated = read_job(keys.Ledger, settings)
+    return replace(stated, plant=replace(stated.plant, **changes))
+
+
+def record(**changes: Any) -> Series:
+    return plant.simulate(job(**changes))
+
+
+@pytest.mark.parametrize(
+    ("reading", "amplitude"), [("swing", 1.0), ("wrapped", np.pi), ("turns", 51.866)]
+)
+def test_the_amplitude_of_the_angle_is_a_reading(reading: str, amplitude: float) -> None:
+    states, u = record()["state"][:, 0], record()["input"]
+    stated = job(noise_amplitude=reading).plant
+    found = noise.deviations(stated, 0.05, states, u)
+    assert found == pytest.approx((0.05 * amplitude, 0.05), rel=1e-3)
+    peak = noise.deviations(replace(stated, noise_size="peak"), 0.05, states, u)
+    assert peak == pytest.approx(np.divide(found, 3))
+
+
+def test_noise_is_held_and_has_its_deviation() -> None:
+    series = record(noise_period=0.02)
+    for name, clean in (("measured", series["state"][:, 0]), ("measured_input", series["input"])):
+        off = series[name] - clean
+        held = off[:-1].reshape(-1, 8)
+        assert np.ptp(held, axis=1) == pytest.approx(0, abs=1e-12)
+        assert np.std(held[:, 0]) == pytest.approx(0.05, rel=0.05)
+
+
+def test_noise_that_changes_within_a_step_enters_by_its_mean() -> None:
+    """The mean of five independent numbers has the deviation of one over the root of five."""
+    stated = job(noise_period=1e-3).plant
+    assert noise.hold(stated) == (2, pytest.approx(1 / np.sqrt(5)))
+    assert noise.hold(stated, 4) == (4, pytest.approx(1 / np.sqrt(10)))
+    assert noise.hold(job(noise_period=5e-3).plant) == (2, 1.0)
+    assert noise.hold(job(noise_period=1e-2).plant) == (4, 1.0)
+    value, before = noise.drawn(stated, random_stream(1, "noise"), 40_001)
+    assert np.std(value) == pytest.approx(1 / np.sqrt(5), rel=0.02)
+    assert np.array_equal(value[:-1], before[1:])
+
+
+def test_noise_of_the_input_that_is_applied_reaches_the_pendulum() -> None:
+    """Late by the delay, and nothing of it before t = tau."""
+    clean, noisy = record(), record(noisy_input="applied")
+    assert np.array_equal(clean["measured_input"], noisy["measured_input"])
+    apart = np.abs(clean["state"] - noisy["state"]).max(axis=1)
+    first = round(0.6 / clean.step)
+    assert np.all(apart[: first + 1] == 0)
+    assert np.all(apart[first + 2 : first + 40] > 0)
+
+
+def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
+    added = np.array([0.3, 0.3, -0.1, -0.1])
+    control = noise.on_top(SINE, added, 0.1)
+    time = np.array([-0.5, 0.0, 0.05, 0.15, 0.2, 0.39])
+    off = control(time)[:, 0] - SINE(time)[:, 0]
+    assert off == pytest.approx([0, 0.3, 0.3, 0.3, -0.1, -0.1])
+
+
+@pytest.mark.parametrize("name", ["ramp", "sine"])
+def test_an_input_without_a_past_is_the_same_from_zero_on(name: str) -> None:
+    settings = Ledger.load(ROOT, "delay").settings("plant", name)
+    stated = read_job(keys.Ledger, settings)
+    cut = replace(stated, scenario=replace(stated.scenario, past="zero"))
+    whole, late = plant.simulate(stated), plant.simulate(cut)
+    for channel in ("input", "input_derivatives"):
+        assert np.array_equal(whole[channel], late[channel])
+    before = whole.time < 1.5  # a greatest delay earlier that is before t = 0
+    assert np.all(late["past_input"][before] == 0)
+    assert np.array_equal(whole["past_input"][~before], late["past_input"][~before])
+    arrives = round(0.6 / whole.step)
+    assert np.all(late["delayed_input"][:arrives] == 0)
+    assert np.array_equal(whole["delayed_input"][arrives:], late["delayed_input"][arrives:])
