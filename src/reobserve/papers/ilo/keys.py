@@ -106,6 +106,7 @@ class Matching(types.Study):
     integral_gains: Levels
     damping_ratio: Positive
     noise_levels: Annotated[list[NotNegative], items()]
+    shown_noise: NotNegative
     noise_runs: Count
 
 
@@ -114,6 +115,7 @@ class Metrics:
     """How estimates are judged."""
 
     axis: Annotated[int, within(1, 3)]
+    reading: Literal["sampled", "continuous", "forgetting"]
     settling_skip: Positive
     late_window: Positive
     residual_threshold: Positive
