@@ -141,6 +141,16 @@ class Theory:
     start_rate: Vector
     jump_hold: Positive
     jump_size: Positive
+    jump_settling: Share
+    aperiodic: Torque
+    noise: Positive
+    inertia_error: Annotated[float, within(-0.9, 9.0)]
+    adaptive_gain: Positive
+    damping_ratio: Positive
+    disturbance_frequency: Positive
+    identity_reading: Literal["sampled", "continuous"]
+    integration: Literal["euler", "runge_kutta"]
+    periods_per_update: Count
     lyapunov_window: Positive
 
 
