@@ -56,7 +56,7 @@ MEANINGS = {
         "factor to the largest stable K2, v updated at a multiple of the interval"
     ),
     "noise_gain multiple=<multiple>": (
-        "standard deviation of the estimate over that of a noise drawn at each update"
+        "standard deviation of v over that of a noise drawn at each update and held"
     ),
     "unstable_roots": "characteristic roots in the right half-plane",
     "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",

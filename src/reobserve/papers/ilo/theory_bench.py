@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,13 +42,13 @@ class Bench:
             name: build_observer(plant, named(job.observers, name, kind))
             for name, kind in NEEDED.items()
         }
-        stuck = simulate(Job(plant, scenario=keys.Scenario(job.theory.stuck)))
+        stuck = _record(plant, job.theory.stuck, 0)
         return cls(replace(job, plant=plant), built, stuck)
 
     def record(self, fault: Terms, noise: float = 0.0) -> Series:
         """The plant under another fault, measured with noise of this standard deviation."""
         plant = replace(self.job.plant, noise=noise)
-        return simulate(Job(plant, self.job.theory.random_seed, scenario=keys.Scenario(fault)))
+        return _record(plant, fault, self.job.theory.random_seed)
 
     def estimate(self, name: str, record: Series, **start: list[float]) -> Series:
         """By an observer of the ledger, from another start if one is given."""
@@ -73,6 +75,17 @@ class Bench:
         """The constant [N m s] that Assumption 2 needs on the record."""
         inertia = known_body(self.job.plant).inertia
         return gyroscopic_eta(inertia, float(np.max(np.linalg.norm(self.stuck["rate"], axis=1))))
+
+
+def _record(plant: keys.Plant, fault: Terms, seed: int) -> Series:
+    return _simulated(json.dumps([asdict(plant), fault, seed]))
+
+
+@lru_cache(maxsize=8)
+def _simulated(stated: str) -> Series:
+    """Records stay as they are while gains are drawn, which is done many times."""
+    plant, fault, seed = json.loads(stated)
+    return simulate(Job(keys.Plant(**plant), seed, scenario=keys.Scenario(fault)))
 
 
 def rate_and_error(plant: Series, estimate: Series) -> tuple[Array, Array]:

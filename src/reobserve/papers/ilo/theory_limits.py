@@ -91,17 +91,17 @@ def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metr
 
 
 def _noise_gain(law: LearningLaw, axis: int) -> float:
-    """Standard deviation of v over that of a white noise on the rates at the updates.
+    """Standard deviation of v over that of a noise on the rates, drawn and held at the updates.
 
-    The noise n enters v_k = K1 v_{k-1} + K2 (w~_k + n_k) and, through v_k, the next w~.
+    The noise n enters v_k = K1 v_{k-1} + K2 (w~_k + n_k) and, through v_k and Lambda, the next w~.
     """
     from scipy.linalg import solve_discrete_lyapunov
 
-    _, drive = held_blocks(law)
+    decay, drive = held_blocks(law)
     size = len(drive)
     # v in units of K2 per rate, lest the covariance be badly scaled.
     scale = np.repeat([1.0, 1.0 / np.linalg.norm(law.K2, 2)], size)
-    entry = scale[:, None] * np.vstack([-drive @ law.K2, law.K2])
+    entry = scale[:, None] * np.vstack([decay - np.eye(size) - drive @ law.K2, law.K2])
     step = scale[:, None] * sampled_map(law) / scale
     covariance = solve_discrete_lyapunov(step, entry @ entry.T)
     return float(np.sqrt(covariance[size + axis, size + axis]) / scale[-1])
