@@ -59,14 +59,13 @@ MEANINGS = {
         "standard deviation of v over that of a noise drawn at each update and held"
     ),
     "unstable_roots": "characteristic roots in the right half-plane",
-    "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",
+    "worst_round_gain": "largest factor on an error from one interval to the next",
     "growth_rate K1=<gain>": "of errors with this K1",
     "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "sine_error_slope": "of its logarithm over that of the interval",
     "largest_interval frequency=<frequency>": (
         "longest interval that keeps it below 5 %, half a period at most"
     ),
-    "stable": "one if the linearised errors do not grow",
     "slowest_decay": "of the slowest pole of the errors, v held",
     "damping_ratio": "the least of these poles",
     "distance_from_integrator": (

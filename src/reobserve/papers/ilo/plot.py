@@ -89,9 +89,9 @@ def matching(data: FigureData) -> Figure:
     figure, (gains, noise, growth) = new_figure((2.1, 2.1, 1.7), share_time=False)
 
     families = (
-        ("integral", "adaptive", "integral (adaptive observer)"),
+        ("integral", "adaptive", "integral"),
         ("proportional_integral", "matched", "proportional-integral, Kₚ = Γτ/2"),
-        ("ilo", "continuous", "ILO, continuous, K₁ = I, K₂ = Γτ"),
+        ("ilo", "continuous", "ILO, continuous, K₂ = Γτ"),
     )
     for family, like, label in families:
         _sweep(gains, study, "integral_gain", family, styles[like], label)

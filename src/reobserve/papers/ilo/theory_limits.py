@@ -52,7 +52,6 @@ def measure(job: Job) -> Iterator[Metric]:
         count = stability.unstable_roots
         yield Metric(name, "unstable_roots", float("nan") if count is None else count, "1")
         yield Metric(name, "worst_round_gain", stability.worst_round_gain, "1")
-        yield Metric(name, "stable", float(stability.verdict != "unstable"), "1")
     for name, law in laws.items():
         held = name == "sampled"
         distance = _distance(law, held, theory.frequency, axis)
@@ -85,7 +84,8 @@ def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metr
         yield Metric.at("sampled", ("noise_gain", gain, "N m s/rad"), multiple=multiple)
     factors = np.linalg.eigvals(sampled_map(law)).astype(np.complex128)
     poles = np.log(factors[np.abs(factors) > 0]) / law.update_interval
-    yield Metric("sampled", "stable", float(sampled_stability(law).verdict != "unstable"), "1")
+    radius = sampled_stability(law).spectral_radius
+    yield Metric("sampled", "worst_round_gain", radius, "1")
     yield Metric("sampled", "slowest_decay", -float(np.max(poles.real)), "1/s")
     yield Metric("sampled", "damping_ratio", float(np.min(-poles.real / np.abs(poles))), "1")
 
