@@ -58,7 +58,7 @@ def test_a_bare_value_replaces_the_value_and_says_so() -> None:
 
 
 def test_an_override_may_bring_its_own_source() -> None:
-    over = {"plant": {"horizon": {"value": 5, "source": "our rig"}}}
+    over = {"plant": {"horizon": {"value": 12, "source": "our rig"}}}
     assert entry(load(over), "plant.horizon")["source"] == "our rig"
     with pytest.raises(InputError, match=r"ilo\.plant\.horizon\.unit: 'ms' must be 's'"):
         load({"plant": {"horizon": {"value": 5000, "unit": "ms"}}})

@@ -99,7 +99,7 @@ def test_a_pattern_moves_its_keys_together() -> None:
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
     assert gains != {2000.0}
-    assert ILO.section("observers", "sampled")["K2"] == 2000.0  # untouched
+    assert ILO.section("observers", "sampled")["K2"] == 5000.0  # untouched
 
 
 def test_the_seed_can_be_drawn() -> None:

@@ -23,7 +23,7 @@ from reobserve.scoring.metrics import Metric
 
 ROOT = Path(__file__).parents[3]
 ILO = Ledger.load(ROOT, "ilo", seed=1)
-GAIN = "observers.sampled.K2"  # 2000, from 500 to 5000: logarithmic
+GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
 DAMPING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
 
 
@@ -35,7 +35,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
         calls.append(figure)
         observers = evaluator.ledger.section("observers")
-        gain = observers["sampled"]["K2"]
+        gain = observers["continuous"]["K2"]
         if figure == "fig2" and gain < 1000:
             raise DivergenceError("it", 1.0)
         if figure == "fig3" and gain < 1000:

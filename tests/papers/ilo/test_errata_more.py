@@ -8,6 +8,7 @@ import pytest
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.observers.ilo import ILO
 from reobserve.plants.satellite import Satellite
 from reobserve.synthesis.ilo_theorem import certify, lemma1_sides, theorem1
 from reobserve.timeseries.signals import Signal
@@ -26,6 +27,28 @@ def test_printed_norm_of_assumption_1_violates_17() -> None:
     decay = -design.rho1 * derivative
     assert derivative > decay + design.epsilon3 * np.linalg.norm(d, np.inf) ** 2
     assert derivative <= decay + design.epsilon3 * np.linalg.norm(d, 2) ** 2
+
+
+def test_what_10_bounds_enters_7_with_a_minus() -> None:
+    # K2 w~ = (1, 0, 0) and d = (-2, 0, 0): the left side of (10) is -4, that in (7) is +4.
+    learned, d = np.array([1.0, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0])
+    for gamma3 in (0.1, 1.0, 2.0, 30.0):
+        bound = gamma3 * learned @ learned + d @ d / gamma3
+        assert 2 * learned @ d <= bound  # as printed, which says nothing here
+        assert -2 * learned @ d <= bound  # as (7) needs it: (10) with -d
+    error = -learned + d  # e(t - tau) = 0
+    assert error @ error == learned @ learned + d @ d - 2 * learned @ d == 9.0
+
+
+def test_the_input_of_3_is_the_estimate() -> None:
+    step, steps, delay = 1e-3, 4000, 10
+    nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
+    rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
+    observer = ILO(RigidBody(INERTIA), step, 0.9, 2000.0, 10.0, delay * step)
+    run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
+    v, seen = run["fault"], 2000.0 * (rate[::2] - run["rate"])
+    assert v[delay:] == pytest.approx(0.9 * v[:-delay] + seen[delay:], abs=1e-9)
+    assert abs(v[-1, 0] - 0.5) < 1e-3
 
 
 def test_inequality_12_fails_for_some_positive_constants() -> None:

@@ -106,6 +106,7 @@ class Matching(types.Study):
     integral_gains: Levels
     damping_ratio: Positive
     noise_levels: Annotated[list[NotNegative], items()]
+    shown_noise: NotNegative
     noise_runs: Count
 
 
@@ -114,6 +115,7 @@ class Metrics:
     """How estimates are judged."""
 
     axis: Annotated[int, within(1, 3)]
+    reading: Literal["sampled", "continuous", "forgetting"]
     settling_skip: Positive
     late_window: Positive
     residual_threshold: Positive
@@ -139,6 +141,16 @@ class Theory:
     start_rate: Vector
     jump_hold: Positive
     jump_size: Positive
+    jump_settling: Share
+    aperiodic: Torque
+    noise: Positive
+    inertia_error: Annotated[float, within(-0.9, 9.0)]
+    adaptive_gain: Positive
+    damping_ratio: Positive
+    disturbance_frequency: Positive
+    identity_reading: Literal["sampled", "continuous"]
+    integration: Literal["euler", "runge_kutta"]
+    periods_per_update: Count
     lyapunov_window: Positive
 
 

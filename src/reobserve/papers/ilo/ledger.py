@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from reobserve.errors import InputError
 from reobserve.ledger.check import Checks
+from reobserve.ledger.types import Job
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
-from reobserve.papers.ilo.theory_runs import NEEDED
+from reobserve.papers.ilo.theory_bench import NEEDED
 from reobserve.timeseries.grid import noise_hold
+
+
+def _study(job: Job) -> None:
+    levels, shown = job.study.noise_levels, job.study.shown_noise
+    if shown not in levels:
+        raise InputError("shown_noise", f"{shown:g} must be one of the noise_levels, {levels}")
+
 
 _MATCHED = {"continuous": keys.Continuous, "adaptive": keys.Adaptive}
 
@@ -14,6 +23,7 @@ CHECKS = Checks(
     build={
         "plant": lambda job: noise_hold(job.plant),
         "scenario": plant.build,
+        "study": _study,
         "observer": lambda job: build_observer(job.plant, job.observer),
     },
     about={

@@ -2,8 +2,10 @@
 
 e is the fault torque minus its estimate on the faulty axis. Scores start one second (the ledger's
 `metrics.settling_skip`) after every onset; `nan` means that it never happens, or that there is
-none. The lower part is the theory's, in `theory.metrics.csv`: there the observer column may hold
-what is judged, the stuck fault is that of Fig. 1, and an interval is tau.
+none. The observer `learning` is the reading of (3) that the ledger names. The lower part is the
+theory's, in `theory.metrics.csv`: there the observer column may hold what is judged (`identity` is
+the reading with K1 = I that the ledger names, `integral` an integral law), the stuck fault is that
+of Fig. 1, and an interval is tau.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.ilo.prediction import predicted_error
+from reobserve.papers.ilo.reading import READINGS, of_reading
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import first_crossing, peak, settling_time
@@ -53,19 +56,24 @@ MEANINGS = {
         "factor to the largest stable K2, v updated at a multiple of the interval"
     ),
     "noise_gain multiple=<multiple>": (
-        "standard deviation of the estimate over that of a noise drawn at each update"
+        "standard deviation of v over that of a noise drawn at each update and held"
     ),
     "unstable_roots": "characteristic roots in the right half-plane",
-    "worst_round_gain": "largest factor on an error from one interval to the next, over frequency",
+    "worst_round_gain": "largest factor on an error from one interval to the next",
     "growth_rate K1=<gain>": "of errors with this K1",
     "sine_error interval=<interval>": "amplitude of e over that of sin 10 t, linear theory",
     "sine_error_slope": "of its logarithm over that of the interval",
     "largest_interval frequency=<frequency>": (
         "longest interval that keeps it below 5 %, half a period at most"
     ),
+    "slowest_decay": "of the slowest pole of the errors, v held",
+    "damping_ratio": "the least of these poles",
     "distance_from_integrator": (
-        "of the transfer to e from that with the integrator K2 / tau, over its size"
+        "of the transfer to e under sin 10 t from that with the integrator K2 / tau, over its size"
     ),
+    "distance_from_matched": "the same with the proportional part K2 / 2",
+    "disturbance_gain": "largest part of a high-frequency torque that shows in the estimate",
+    "operations": "multiplications and additions of the estimation law a sampling period",
     "decay_rate_at_rest": "slowest of the adaptive observer's errors, without torques",
     "residual_after_other_start": (
         "largest estimate in the second before the fault, if the observer starts from zero rate"
@@ -79,15 +87,21 @@ MEANINGS = {
     "relative_error slowdown=<factor>": "the same from when updates become rarer by a factor",
     "rising_share": "of the times at which V exceeds what it was an interval before, once d = 0",
     "largest_rise": "largest relative change of V over an interval",
-    "relative_error_under_jumps": "root mean square of e over a fault that takes random values",
-    "relative_rate_error_under_jumps": "the same of the rate, all axes",
+    "relative_error": "root mean square of e over the aperiodic fault; integral law of one gain",
+    "relative_error_between_jumps": "the same for a fault that holds random values, jumps left out",
+    "relative_error_under_random_fault": "the same for a fault that joins these values by lines",
+    "relative_error_under_noise": "the same for the aperiodic fault, measured with noise",
+    "relative_error_with_wrong_inertia": "the same without noise, the observer's inertia off",
+    "relative_rate_error_under_jumps": "root mean square of the error of the rate, over the rate",
 }
 
 
 def measure(data: FigureData) -> Iterator[Metric]:
     """The numbers of a figure, observer by observer; see `MEANINGS`."""
-    for name in data.estimates:
-        yield from scores_of(name, _scores(data, name))
+    scores = [one for name in data.estimates for one in scores_of(name, _scores(data, name))]
+    yield from scores
+    if READINGS.keys() <= data.estimates.keys():
+        yield from of_reading(scores, data.job.metrics.reading)
     score = "relative_rms_error"
     if data.study:  # the mean over the runs at each level
         for (observer, sweep, level), runs in data.study.groups("observer", "sweep", "level"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -26,73 +27,86 @@ from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.scoring.study_table import StudyTable
 
+# One observer, one line in all figures; observers of the user's own take these in turn.
+_LINES = dict(
+    zip(("sampled", "continuous", "forgetting", "adaptive", "matched"), STYLES, strict=True)
+)
+_LEAST = 1e-12  # [N m] rounding is below
+
+
+def _styles(names: Iterable[str]) -> dict[str, Style]:
+    return {name: _LINES.get(name, STYLES[k % len(STYLES)]) for k, name in enumerate(names)}
+
 
 def estimation(data: FigureData) -> Figure:
     """The fault and its estimate by the first observer, its error, and the size of all errors."""
     job, plant, estimates = data.job, data.plant, data.estimates
     axis = job.metrics.axis
     labels = {name: job.observers[name].label for name in estimates}
-    main = next(iter(estimates))
+    styles, main = _styles(estimates), next(iter(estimates))
     figure, (above, middle, below) = new_figure((1.9, 1.35, 1.75))
 
     fault, found = (
         thin(series.time, series["fault"][:, axis - 1]) for series in (plant, estimates[main])
     )
     above.plot(*fault, **TRUTH.line(), label=f"fault of thruster {axis}")
-    above.plot(*found, **STYLES[0].line(), label=f"estimate v: {labels[main]}")
+    above.plot(*found, **styles[main].line(), label=f"estimate v: {labels[main]}")
     above.set_ylabel("torque [N m]")
     above.set_title("(a) fault and its estimate")
     above.legend(loc="upper left", ncols=2)
     headroom(above, 0.28)
 
-    for index, (name, estimate) in enumerate(estimates.items()):
+    least = 1.0
+    for name, estimate in estimates.items():
         errors = Errors.of(plant, estimate, axis - 1)
         if name == main:
-            middle.plot(*thin(errors.time, errors.start), **STYLES[0].line())
+            middle.plot(*thin(errors.time, errors.start), **styles[name].line())
         with np.errstate(divide="ignore"):
             size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
-        below.semilogy(
-            *envelope(errors.time, size, 0.01), **STYLES[index].line(), label=labels[name]
-        )
+        time, largest = envelope(errors.time, size, 0.01)
+        below.semilogy(time, largest, **styles[name].line(), label=labels[name])
+        faulty = largest[time > min(plant.events["onsets"], default=0.0) - 1e-9]
+        least = min(least, float(np.nanmin(faulty, initial=least)))
     middle.set_ylabel("error e [N m]")
     middle.set_title(f"(b) estimation error e = fault − v: {labels[main]}")
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
-    below.set_ylim(1e-12, 10)
+    # From what the faulty part shows on; two decades more above hold the legend.
+    below.set_ylim(max(_LEAST, 10.0 ** np.floor(np.log10(least))), 100)
     decades(below.yaxis)
     time_axis(below, plant.time)
-    below.legend(loc="center right", bbox_to_anchor=(1.0, 0.34))
+    below.legend(loc="upper center", ncols=3)
     add_note(figure, _note(job))
     return figure
 
 
 def matching(data: FigureData) -> Figure:
-    """Errors over the integral gain and over noise, and those of the ILO and its match in time."""
-    job, plant, study = data.job, data.plant, data.study
+    """Errors over the integral gain and over noise, and how they grow under noise in time."""
+    job, study = data.job, data.study
     names = job.study.observers
     labels = {name: job.observers[name].label for name in names}
-    styles = dict(zip(names, STYLES, strict=False))
-    axis = job.metrics.axis
-    figure, (gains, noise, trace) = new_figure((2.1, 2.1, 1.5), share_time=False)
+    styles = _styles(names)
+    figure, (gains, noise, growth) = new_figure((2.1, 2.1, 1.7), share_time=False)
 
     families = (
-        ("integral", "adaptive", "integral (adaptive observer)"),
+        ("integral", "adaptive", "integral"),
         ("proportional_integral", "matched", "proportional-integral, Kₚ = Γτ/2"),
-        ("ilo", "continuous", "ILO, continuous, K₁ = I, K₂ = Γτ"),
+        ("ilo", "continuous", "ILO, continuous, K₂ = Γτ"),
     )
     for family, like, label in families:
         _sweep(gains, study, "integral_gain", family, styles[like], label)
     gains.set_xlabel("integral gain Γ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
-    for name, place in (("adaptive", "Fig. 4"), ("matched", "ILO of Fig. 3")):
+    for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "continuous ILO", -3)):
         gain = named(job.observers, name, keys.Adaptive).integral_gain
-        gains.axvline(gain, color="0.5", linewidth=0.8, linestyle=":")
+        gains.axvline(gain, ymax=0.8, color="0.5", linewidth=0.8, linestyle=":")
         gains.annotate(
-            place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(3, 0),
-            textcoords="offset points", fontsize=7, color="0.3",
+            place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(side, 0),
+            textcoords="offset points", ha="left" if side > 0 else "right", fontsize=7, color="0.3",
         )  # fmt: skip
-    gains.legend(loc="lower left", bbox_to_anchor=(0.02, 0.1))
+    gains.legend(loc="upper center", ncols=3)
+    gains.set_ylim(top=20 * gains.get_ylim()[1])
 
     for name in names:
         _sweep(noise, study, "noise", name, styles[name], labels[name])
@@ -102,15 +116,16 @@ def matching(data: FigureData) -> Figure:
     noise.legend(loc="upper left", ncols=2)
     noise.set_ylim(top=30 * noise.get_ylim()[1])
 
-    for name in ("continuous", "matched"):
-        onset = plant.events["onsets"][0]
-        errors = Errors.of(plant, data.estimates[name], axis - 1).window(onset - 0.1, onset + 2.5)
-        trace.plot(*thin(errors.time, errors.start), **styles[name].line(), label=labels[name])
-    trace.set_xlabel("time [s]")
-    trace.set_ylabel("error e [N m]")
-    trace.set_ylim(-0.06, 0.06)
-    trace.set_title("(c) error of the ILO and of its match, without noise")
-    trace.legend(loc="upper right")
+    for name in names:
+        if name != "adaptive":  # its error is that without noise
+            _sweep(growth, study, "time", name, styles[name], labels[name])
+    growth.set_xscale("linear")
+    growth.xaxis.set_major_formatter("{x:g}")
+    growth.set_xlabel("end of the second over which the error is taken [s]")
+    growth.set_ylabel("relative RMS error [%]")
+    growth.set_title(f"(c) error over time, noise of {job.study.shown_noise:g} rad/s")
+    growth.legend(loc="upper left", ncols=2)
+    growth.set_ylim(top=30 * growth.get_ylim()[1])
     add_note(figure, _note(job))
     return figure
 

@@ -7,6 +7,8 @@ families over Gamma on the same fault, then all observers of the ledger over the
     integral                Kp = 0, Lambda for a stated damping ratio of axis 1
     proportional_integral   Kp = Gamma tau / 2, Lambda and tau of the continuous ILO
     ilo                     K1 and Lambda of the continuous ILO, K2 = Gamma tau
+
+At one level of the noise it also follows the error over time, second by second.
 """
 
 from __future__ import annotations
@@ -39,7 +41,10 @@ KINDS = {
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
-    """One row for each run, with the columns of `HEADER`; ``level`` is Gamma or the noise.
+    """One row for each run, with the columns of `HEADER`.
+
+    ``level`` is Gamma, the noise, or the time at the end of the second [s] over which e is taken
+    while it is relative to the fault over the scored window, as everywhere.
 
     Raises
     ------
@@ -72,8 +77,8 @@ def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
         for name, observer in families.items():
             with located(f"studies.integral_gains, {gain:g}"):
                 built = build_observer(job.plant, observer)
-                score = _score(job, plant, plant, built, observer)
-            yield _row("integral_gain", name, gain, 0, score)
+                score = _scored(job, plant, _errors(job, plant, plant, built, observer))
+            yield _row("integral_gain", name, gain, 0, score.relative_root_mean_square)
 
 
 def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
@@ -90,8 +95,14 @@ def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
             noisy = _with_noise(plant, level, noise)
             for name, observer in observers.items():
                 with located(f"observers.{name}"):
-                    score = _score(job, plant, noisy, built[name], observer)
-                yield _row("noise", name, level, run, score)
+                    errors = _errors(job, plant, noisy, built[name], observer)
+                score = _scored(job, plant, errors)
+                yield _row("noise", name, level, run, score.relative_root_mean_square)
+                if level == study.shown_noise:
+                    fault = score.root_mean_square / score.relative_root_mean_square
+                    for second in range(1, int(job.plant.horizon) + 1):
+                        size = errors.window(second - 1, second).root_mean_square
+                        yield _row("time", name, second, run, size / fault)
 
 
 def _with_noise(plant: Series, level: float, noise: tuple[Array, Array]) -> Series:
@@ -104,15 +115,18 @@ def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dic
     return dict(zip(HEADER, (sweep, observer, float(level), run, score), strict=True))
 
 
-def _score(
+def _errors(
     job: Job,
     plant: Series,
     record: Series,
     built: RigidBodyObserver,
     observer: keys.Observer,
-) -> float:
-    """RMS of e over that of u_f on ``record``, by the windows of the figures' metrics."""
+) -> Errors:
+    """Those of the observer on ``record``, which differs from ``plant`` by noise only."""
     estimated = observe(built, Job(job.plant, observer=observer), record)
-    axis, skip = job.metrics.axis - 1, job.metrics.settling_skip
-    errors = scored(Errors.of(plant, estimated, axis), plant.events["onsets"], skip)
-    return errors.relative_root_mean_square
+    return Errors.of(plant, estimated, job.metrics.axis - 1)
+
+
+def _scored(job: Job, plant: Series, errors: Errors) -> Errors:
+    """By the windows of the figures' metrics."""
+    return scored(errors, plant.events["onsets"], job.metrics.settling_skip)

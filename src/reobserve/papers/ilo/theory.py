@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.models.rigid_body import RigidBody
 from reobserve.numerics.random_streams import random_stream
-from reobserve.papers.ilo import keys, theory_limits, theory_runs
+from reobserve.papers.ilo import keys, theory_cost, theory_faults, theory_limits, theory_runs
+from reobserve.papers.ilo.reading import of_reading
 from reobserve.papers.ilo.setup import known_body
+from reobserve.papers.ilo.theory_bench import Bench
 from reobserve.scoring.metrics import Metric
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
@@ -42,12 +44,16 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     job = read_job(keys.Ledger, settings)
     plant = job.plant
     body = (plant.inertia, plant.input_matrix, plant.fault_matrix)
-    return [
+    bench = Bench.of(job)
+    found = [
         *_without_observers(json.dumps([asdict(job.theory), plant.initial_rate, *body])),
         *_certificates(job),
         *theory_limits.measure(job),
-        *theory_runs.measure(job),
+        *theory_cost.measure(job),
+        *theory_runs.measure(bench),
+        *theory_faults.measure(bench),
     ]
+    return [*found, *of_reading(found, job.metrics.reading)]
 
 
 @lru_cache(maxsize=4)

@@ -1,81 +1,28 @@
-"""Runs of the ledger's observers that no figure shows: other starts, rates, faults, (13), (18)."""
+"""Runs under the stuck fault that no figure shows: other starts and rates, (13), (18)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from reobserve.ledger.conditions import Terms
-from reobserve.ledger.types import Job, named
-from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
-from reobserve.papers.ilo import keys
-from reobserve.papers.ilo.observe import observe
-from reobserve.papers.ilo.plant import simulate
-from reobserve.papers.ilo.scoring import Errors
-from reobserve.papers.ilo.setup import build_observer, known_body, stride
+from reobserve.observers.rigid_body_observer import State
+from reobserve.papers.ilo.reading import READINGS
+from reobserve.papers.ilo.setup import known_body, stride
+from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.responses import peak, root_mean_square_of_steps
-from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
+from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
 from reobserve.synthesis.ilo_theorem import bound18, certify
-from reobserve.timeseries.series import Series
-
-Array = NDArray[np.float64]
 
 _HARDLY_ANY = 1e-9  # a damping [N m s/rad] that is certified for no gains here
-_LEARNING = {
-    "sampled": keys.Sampled,
-    "continuous": keys.Continuous,
-    "forgetting": keys.Continuous,
-}
-NEEDED = {**_LEARNING, "adaptive": keys.Adaptive}  # observers, by name and form
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """The ledger without noise, its observers built once, and the record of the stuck fault."""
-
-    job: Job
-    built: dict[str, RigidBodyObserver]
-    stuck: Series
-
-    @classmethod
-    def of(cls, job: Job) -> _Bench:
-        plant = replace(job.plant, noise=0.0)
-        built = {
-            name: build_observer(plant, named(job.observers, name, kind))
-            for name, kind in NEEDED.items()
-        }
-        stuck = _record(plant, job.theory.stuck)
-        return cls(replace(job, plant=plant), built, stuck)
-
-    def estimate(self, name: str, record: Series, **start: list[float]) -> Series:
-        observer = replace(self.job.observers[name], **start)
-        return observe(self.built[name], Job(self.job.plant, observer=observer), record)
-
-    def errors(self, estimate: Series, record: Series) -> Errors:
-        return Errors.of(record, estimate, self.job.metrics.axis - 1)
-
-    def late(self, errors: Errors) -> float:
-        """Relative error in the last window of the run."""
-        window = self.job.metrics.late_window
-        late = errors.window(float(self.stuck.time[-1]) - window)
-        return late.relative_root_mean_square
-
-    @property
-    def eta(self) -> float:
-        """The constant [N m s] that Assumption 2 needs on the record."""
-        inertia = known_body(self.job.plant).inertia
-        return gyroscopic_eta(inertia, float(np.max(np.linalg.norm(self.stuck["rate"], axis=1))))
-
-
-def measure(job: Job) -> Iterator[Metric]:
-    """The numbers of `reobserve.papers.ilo.theory` that need runs, all without noise.
+def measure(bench: Bench) -> Iterator[Metric]:
+    """The numbers of `reobserve.papers.ilo.theory` that need runs under the stuck fault.
 
     Raises
     ------
@@ -84,9 +31,12 @@ def measure(job: Job) -> Iterator[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    bench, theory = _Bench.of(job), job.theory
-    for name in _LEARNING:
-        yield from _other_start(bench, name)
+    theory = bench.job.theory
+    for name in READINGS:
+        scores = list(_other_start(bench, name))
+        yield from scores
+        if name == theory.identity_reading:
+            yield from (replace(score, observer="identity") for score in scores)
     adaptive = bench.errors(bench.estimate("adaptive", bench.stuck), bench.stuck)
     constant = bench.late(adaptive)
     yield Metric("adaptive", "late_relative_error_under_a_constant", constant, "1")
@@ -95,42 +45,9 @@ def measure(job: Job) -> Iterator[Metric]:
         yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
     yield from _lyapunov(bench)
     yield from _bound(bench)
-    fault = _jumps(theory, job.plant.horizon, job.metrics.axis)
-    jumping = _record(bench.job.plant, fault)
-    for name in _LEARNING:
-        yield from _under_jumps(bench, jumping, name)
 
 
-def _record(plant: keys.Plant, fault: Terms) -> Series:
-    return simulate(Job(plant, scenario=keys.Scenario(fault)))
-
-
-def _jumps(theory: keys.Theory, horizon: float, axis: int) -> Terms:
-    """A fault that takes a new normal value whenever the last one was held for ``jump_hold``."""
-    stream = random_stream(theory.random_seed, "ilo", "jumping fault")
-    hold = theory.jump_hold
-    begins = hold * np.arange(1, int(np.ceil(horizon / hold - 1e-9)))
-    sizes = theory.jump_size * stream.standard_normal(len(begins))
-    return [
-        {"kind": "constant", "axis": axis, "from": begin, "until": begin + hold, "size": size}
-        for begin, size in zip(begins.tolist(), sizes.tolist(), strict=True)
-    ]
-
-
-def _under_jumps(bench: _Bench, jumping: Series, name: str) -> Iterator[Metric]:
-    """Errors of fault and rate once the first jump is past, later jumps included."""
-    first = jumping.events["onsets"][0] + bench.job.metrics.settling_skip
-    estimate = bench.estimate(name, jumping)
-    found = bench.errors(estimate, jumping).window(first).relative_root_mean_square
-    yield Metric(name, "relative_error_under_jumps", found, "1")
-    kept = estimate.time > first - 1e-9
-    rates, _ = _rate_and_error(jumping, estimate)
-    true = jumping["rate"][:: round(estimate.step / jumping.step)]
-    rate = float(np.linalg.norm(rates[kept]) / np.linalg.norm(true[kept]))
-    yield Metric(name, "relative_rate_error_under_jumps", rate, "1")
-
-
-def _other_start(bench: _Bench, name: str) -> Iterator[Metric]:
+def _other_start(bench: Bench, name: str) -> Iterator[Metric]:
     """An observer that starts from another rate than the plant's: before and after the fault."""
     onset, window = bench.stuck.events["onsets"][0], bench.job.metrics.late_window
     start = bench.job.theory.start_rate
@@ -142,7 +59,7 @@ def _other_start(bench: _Bench, name: str) -> Iterator[Metric]:
     yield Metric(name, "late_relative_error_after_other_start", late, "1")
 
 
-def _slowed(bench: _Bench, factor: float) -> float:
+def _slowed(bench: Bench, factor: float) -> float:
     """Relative error after the sampled observer has gone over to a longer interval.
 
     It learns until half-way between the onset and the end, and goes on from that state; nan if it
@@ -171,12 +88,12 @@ def _slowed(bench: _Bench, factor: float) -> float:
     return root_mean_square_of_steps(*error) / root_mean_square_of_steps(truth[:-1], truth[1:])
 
 
-def _lyapunov(bench: _Bench) -> Iterator[Metric]:
+def _lyapunov(bench: Bench) -> Iterator[Metric]:
     """How (13) and its repair change over an interval under the stuck fault, K1 = I and d = 0."""
     job, plant = bench.job, bench.stuck
     observer = job.observers["continuous"]
     estimate = bench.estimate("continuous", plant)
-    rates, errors = _rate_and_error(plant, estimate)
+    rates, errors = rate_and_error(plant, estimate)
     step, interval = estimate.step, observer.update_interval
     samples = round(interval / step)
     first = round(plant.events["onsets"][0] / step)
@@ -197,16 +114,7 @@ def _lyapunov(bench: _Bench) -> Iterator[Metric]:
         yield Metric(name, "largest_rise", float(np.max(rises)), "1")
 
 
-def _rate_and_error(plant: Series, estimate: Series) -> tuple[Array, Array]:
-    """w~ [rad/s] and e [N m] on all axes at the steps of the estimate."""
-    every = round(estimate.step / plant.step)
-    return (
-        plant["rate"][::every] - estimate["rate"],
-        plant["fault"][::every] - estimate["fault"],
-    )
-
-
-def _bound(bench: _Bench) -> Iterator[Metric]:
+def _bound(bench: Bench) -> Iterator[Metric]:
     """Both sides of (18) for a certified design under the stuck fault."""
     job, plant = bench.job, bench.stuck
     fault, K1 = known_body(job.plant).fault_matrix, job.theory.learning_gains[0]
@@ -214,9 +122,8 @@ def _bound(bench: _Bench) -> Iterator[Metric]:
     design = certify(2 * least, fault, K1, K1, bench.eta)
     assert design.theorem is not None  # at twice the damping that is required
     observer = replace(job.observers["continuous"], K1=K1, K2=K1, damping=2 * least)
-    built = build_observer(job.plant, observer)
-    estimate = observe(built, Job(job.plant, observer=observer), plant)
-    rates, errors = _rate_and_error(plant, estimate)
+    estimate = bench.estimate_by(observer, plant)
+    rates, errors = rate_and_error(plant, estimate)
     # The mismatch is largest just after the onset, when it is the fault itself.
     k_d = float(np.max(np.linalg.norm(plant["fault"], axis=1)))
     found = bound18(design.theorem, rates, errors, k_d)

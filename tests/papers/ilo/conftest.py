@@ -1,0 +1,33 @@
+"""The settings of the theory stage, and its numbers, computed once."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reobserve.ledger.ledger import Ledger
+from reobserve.papers.ilo import theory
+from reobserve.scoring.metrics import Numbers, lookup
+
+
+@pytest.fixture(scope="package")
+def settings() -> dict[str, Any]:
+    ledger = Ledger.load(Path(__file__).parents[3], "ilo")
+    return copy.deepcopy(ledger.settings("theory"))
+
+
+@pytest.fixture(scope="package")
+def found(settings: dict[str, Any]) -> Numbers:
+    return lookup(theory.measure(settings, {}))
+
+
+@pytest.fixture
+def changed(settings: dict[str, Any]) -> dict[str, Any]:
+    """A copy that a test may change, with a run of 4 s to keep it short."""
+    mine = copy.deepcopy(settings)
+    mine["plant"]["horizon"] = 4.0
+    mine["theory"]["stuck"][0]["from"] = 2.0
+    return mine
