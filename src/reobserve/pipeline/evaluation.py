@@ -16,6 +16,7 @@ from reobserve.pipeline.common import compute, compute_design
 from reobserve.pipeline.figures import figure_data, measure
 from reobserve.pipeline.jobs import Graph, Job
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import only
 from reobserve.timeseries.series import Series
 
 
@@ -64,8 +65,10 @@ class Evaluator:
         self.made[job.name] = metrics
         return Evaluation(plant, estimates, study, metrics)
 
-    def theory(self) -> list[Metric]:
+    def theory(self, asked: frozenset[str] | None = None) -> list[Metric]:
         """The numbers of the paper's theory; none if the ledger has no section for it.
+
+        If only metrics of some names are ``asked`` for, others may be left out.
 
         Raises
         ------
@@ -74,7 +77,16 @@ class Evaluator:
         """
         if "theory" not in self.ledger.tree:
             return []
-        found: list[Metric] = self._once(self._job("theory"))
+        job = self._job("theory")
+        found: list[Metric]
+        if asked is None or self._key(job) in self._done:
+            found = self._once(job)
+            return found
+        key = f"{self._key(job)} {' '.join(sorted(asked))}"
+        if key not in self._done:
+            with only(asked):
+                self._done[key] = self._theory(job)
+        found = self._done[key]
         return found
 
     def table(self, table: str) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Figures show gains of the ledger; one diverges, one refuses; all calls are kept."""
     calls: list[str] = []
 
-    def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
+    def metrics_of(evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
         calls.append(figure)
         observers = evaluator.ledger.section("observers")
         gain = observers["continuous"]["K2"]

@@ -45,12 +45,13 @@ class Outcomes:
         numbers: dict[str, dict[tuple[str, str], float]] = {}
         diverged = set()
         outcomes: dict[str, Outcome] = {}
+        asked = frozenset(ref.metric for claim in claims for ref in claim.references(THEORY))
         for claim in claims:
             for figure in claim.figures:
                 if figure in numbers or figure in diverged:
                     continue
                 try:
-                    numbers[figure] = lookup(metrics_of(evaluator, figure))
+                    numbers[figure] = lookup(metrics_of(evaluator, figure, asked))
                 except DivergenceError:
                     diverged.add(figure)
             lost = diverged.intersection(claim.figures)
@@ -65,9 +66,11 @@ class Outcomes:
             return None
 
 
-def metrics_of(evaluator: Evaluator, figure: str) -> list[Metric]:
-    """The numbers behind a figure, or of the theory."""
-    return evaluator.theory() if figure == THEORY else evaluator.figure(figure).metrics
+def metrics_of(
+    evaluator: Evaluator, figure: str, asked: frozenset[str] | None = None
+) -> list[Metric]:
+    """The numbers behind a figure, or of the theory; of that perhaps those ``asked`` for only."""
+    return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).metrics
 
 
 def holds(claim: Claim, numbers: Numbers) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.evidence.claims.checks import THEORY, Check
+from reobserve.evidence.claims.checks import THEORY, Check, Reference
 from reobserve.evidence.claims.choices import Choice, find_choice
 from reobserve.ledger.config import Tree, check_schema, read_yaml
 from reobserve.ledger.ledger import Ledger
@@ -43,6 +43,11 @@ class Claim:
     def figures(self) -> list[str]:
         """The figures (or `THEORY`) whose numbers decide it, in order."""
         return list(dict.fromkeys(ref.figure for check in self.checks for ref in check.references))
+
+    def references(self, figure: str) -> list[Reference]:
+        """The numbers of one figure (or `THEORY`) that decide it."""
+        found = [ref for check in self.checks for ref in check.references]
+        return [ref for ref in found if ref.figure == figure]
 
     @property
     def keys(self) -> list[str]:

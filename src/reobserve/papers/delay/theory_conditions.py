@@ -14,6 +14,7 @@ from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve.plants.delayed_input import DelayedInputPlant
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.timeseries.series import Series
 from reobserve.timeseries.signals import Signal
 
@@ -24,6 +25,7 @@ ORDERS = (1, 2)
 DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central differences
 
 
+@part
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Numbers on Theorem 1, on Assumptions 1 to 4 and on the expansion (6) with its bound (7)."""
     yield from _pendulum(job)

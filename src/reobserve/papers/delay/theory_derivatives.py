@@ -14,6 +14,7 @@ from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys, noise
 from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.scoring.responses import root_mean_square
 from reobserve.timeseries.series import Series
 from reobserve.timeseries.signals import Signal
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 SEED = 0
 
 
+@part
 def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
     """Errors of derivatives, and of the delay that the expansion (6) makes; ``away`` is a mask."""
     body = named(job.observers, "order2_noise", keys.Extended).levant()

@@ -12,6 +12,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from reobserve.ledger.types import Job
 from reobserve.papers.delay.setup import build_model
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.scoring.responses import window
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve.timeseries.series import Series
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 
 
+@part
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Poles, the lag behind a varying delay, noise in the delay, and the rho that is proved."""
     stiffness, friction, gain = build_model(job.plant, "pendulum").parameters

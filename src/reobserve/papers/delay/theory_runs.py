@@ -20,6 +20,7 @@ from reobserve.papers.delay.scoring import constant_segments, errors, near_and_a
 from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.papers.delay.theory_gains import FIGURES, error_matrix, noise_gain
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.scoring.responses import root_mean_square, window
 from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Channel, Series
@@ -69,6 +70,7 @@ def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Ar
     return found.time, errors(plant, found)["delay"]
 
 
+@part
 def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
     step = job.observers["order2"].sampling_period
     for rho in job.theory.rhos:
@@ -78,6 +80,7 @@ def _radius_on_the_ramp(job: Job, ramp: Series) -> Iterator[Metric]:
         yield Metric.at("order2", ("varying_peak_delay_error", peak, "s"), rho=rho)
 
 
+@part
 def _decay(job: Job, ramp: Series) -> Iterator[Metric]:
     """How fast the error of a constant delay falls, over what the linear error system says."""
     stiffness, friction, _ = build_model(job.plant, "pendulum").parameters
@@ -90,6 +93,7 @@ def _decay(job: Job, ramp: Series) -> Iterator[Metric]:
         yield Metric(name, "decay_over_pole", float(rate / slow), "1")
 
 
+@part
 def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
     stiffness, friction, gain = build_model(job.plant, "pendulum").parameters
     angle, u = sine["state"][:, 0], sine["input"]
@@ -107,6 +111,7 @@ def _radius_on_the_sine(job: Job, sine: Series) -> Iterator[Metric]:
             yield Metric.at(f"order_{order}", ("rms_delay_error_in_noise", whole, "s"), rho=rho)
 
 
+@part
 def _faster(job: Job, sine: Series) -> Iterator[Metric]:
     """Remark 4.1: the error with a faster input and a delay that is shorter by as much, over the
     one without, for m = 2 and the gains of the figures, from where the last jump is forgotten.
@@ -133,6 +138,7 @@ def _scaled(term: dict[str, Any], factor: float, keys_: tuple[str, ...]) -> dict
     return {key: factor * value if key in keys_ else value for key, value in term.items()}
 
 
+@part
 def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
     """u' too large by a share: what is left of the error before the jumps (Remark 3.5)."""
     for share in job.theory.derivative_errors:
@@ -147,6 +153,7 @@ def _wrong_derivatives(job: Job, ramp: Series) -> Iterator[Metric]:
         yield Metric.at("order2", ("late_delay_error", peak, "s"), share=share)
 
 
+@part
 def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
     """Random starts and gains, the algebraic S that peaks most: is the interval kept (Lemma 1)?
 
@@ -186,6 +193,7 @@ def _met(delays: Array, bounds: tuple[float, float]) -> NDArray[np.bool_]:
     return found
 
 
+@part
 def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
     for order, name in ORDERS.items():
         stated = job.observers[name].threshold
@@ -200,6 +208,7 @@ def _singular_peaks(job: Job, sine: Series) -> Iterator[Metric]:
             yield Metric(f"order_{order}", f"other_peak_delay_error{when}", rest, "s")
 
 
+@part
 def _mean_delay(job: Job, sine: Series) -> Iterator[Metric]:
     """How wrong the average delay is as an estimate."""
     mean = named(job.observers, "standard_noise", keys.Standard).mean_delay

@@ -12,6 +12,7 @@ from reobserve.numerics.kernel import kernel
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import build_model, input_and_derivatives
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.high_gain import high_gain
 from reobserve.timeseries.series import Series
 from reobserve.timeseries.signals import Signal
@@ -19,6 +20,7 @@ from reobserve.timeseries.signals import Signal
 Array = NDArray[np.float64]
 
 
+@part
 def measure(job: Job, ramp: Series) -> Iterator[Metric]:
     """What is left of the errors in the last seconds before the first jump of the delay."""
     end = min(ramp.events["jumps"], default=float(ramp.time[-1]))

@@ -19,6 +19,7 @@ from reobserve.papers.ilo.reading import of_reading
 from reobserve.papers.ilo.setup import known_body
 from reobserve.papers.ilo.theory_bench import Bench
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_stability import continuous_stability
@@ -56,6 +57,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     return [*found, *of_reading(found, job.metrics.reading)]
 
 
+@part
 @lru_cache(maxsize=4)
 def _without_observers(stated: str) -> tuple[Metric, ...]:
     """What stays as it is while gains are drawn, which is done many times."""
@@ -140,6 +142,7 @@ def _unstable(body: RigidBody, damping: float, K1: Array, K2: Array, interval: f
     return continuous_stability(law).verdict != "stable"
 
 
+@part
 def _certificates(job: Job) -> Iterator[Metric]:
     """Whether Theorem 1 certifies the observers of the figures, and the damping it asks for."""
     fault = known_body(job.plant).fault_matrix

@@ -22,10 +22,12 @@ from reobserve.ledger.types import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 
 _AXES = 3
 
 
+@part
 def measure(job: Job) -> Iterator[Metric]:
     """Operations per sampling period of each reading, and of the integral law."""
     theory = job.theory

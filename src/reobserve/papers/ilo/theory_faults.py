@@ -16,6 +16,7 @@ from reobserve.papers.ilo.scoring import scored
 from reobserve.papers.ilo.setup import known_body
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.ilo_accuracy import matched_integrator
 from reobserve.timeseries.series import Series
 
@@ -87,6 +88,7 @@ def lines(theory: keys.Theory, begins: list[float], values: list[float], axis: i
     return terms
 
 
+@part
 def _under_jumps(bench: Bench, jumping: Series, name: str) -> Iterator[Metric]:
     """Errors between jumps, once each has settled, and of the rate throughout."""
     theory = bench.job.theory

@@ -15,6 +15,7 @@ from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.setup import known_body
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
@@ -75,6 +76,7 @@ def _law(body: RigidBody, observer: keys.Learning) -> LearningLaw:
     )  # fmt: skip
 
 
+@part
 def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metric]:
     for multiple in multiples:
         slower = replace(law, update_interval=multiple * law.update_interval)
@@ -107,6 +109,7 @@ def _noise_gain(law: LearningLaw, axis: int) -> float:
     return float(np.sqrt(covariance[size + axis, size + axis]) / scale[-1])
 
 
+@part
 def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
     """How the error under a sine follows the interval and the frequency."""
 
@@ -144,6 +147,7 @@ def _largest_interval(
     return float(np.pi / omega)
 
 
+@part
 def _resemblance(law: LearningLaw, omega: float, axis: int) -> Iterator[Metric]:
     """How far the errors of learning at every instant are from those of a matched observer."""
     learning = error_transfer(omega, law)[0, :, axis]

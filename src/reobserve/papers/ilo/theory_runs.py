@@ -14,6 +14,7 @@ from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.setup import known_body, stride
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.scoring.responses import peak, root_mean_square_of_steps
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
 from reobserve.synthesis.ilo_theorem import bound18, certify
@@ -47,6 +48,7 @@ def measure(bench: Bench) -> Iterator[Metric]:
     yield from _bound(bench)
 
 
+@part
 def _other_start(bench: Bench, name: str) -> Iterator[Metric]:
     """An observer that starts from another rate than the plant's: before and after the fault."""
     onset, window = bench.stuck.events["onsets"][0], bench.job.metrics.late_window
@@ -88,6 +90,7 @@ def _slowed(bench: Bench, factor: float) -> float:
     return root_mean_square_of_steps(*error) / root_mean_square_of_steps(truth[:-1], truth[1:])
 
 
+@part
 def _lyapunov(bench: Bench) -> Iterator[Metric]:
     """How (13) and its repair change over an interval under the stuck fault, K1 = I and d = 0."""
     job, plant = bench.job, bench.stuck
@@ -114,6 +117,7 @@ def _lyapunov(bench: Bench) -> Iterator[Metric]:
         yield Metric(name, "largest_rise", float(np.max(rises)), "1")
 
 
+@part
 def _bound(bench: Bench) -> Iterator[Metric]:
     """Both sides of (18) for a certified design under the stuck fault."""
     job, plant = bench.job, bench.stuck

@@ -21,6 +21,7 @@ from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import MODES, UNITS, bank, measured_columns, modes, run
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, simulate
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.timeseries.grid import multiple
 from reobserve.timeseries.signals import Signal
@@ -80,6 +81,7 @@ def corrected_radius(A: Array, H: Array) -> float:
     return float(np.abs(np.linalg.eigvals(left)).max())
 
 
+@part
 def _corrections(job: Job) -> Iterator[Metric]:
     """The largest radius of all modes, for each choice of outputs; no unit of states matters."""
     period = job.theory.period
@@ -91,6 +93,7 @@ def _corrections(job: Job) -> Iterator[Metric]:
         yield Metric("svsf_law", f"corrected_radius_{realisation}", radius, "1")
 
 
+@part
 def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
     """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank.
 
@@ -134,6 +137,7 @@ def error_variance(model: LinearModel, gain: Array) -> float:
     return float(np.trace(solve_discrete_lyapunov(moves, left @ Q @ left.T + gain @ R @ gain.T)))
 
 
+@part
 def _gains(job: Job, chosen: Observers) -> Iterator[Metric]:
     """How much larger the variance is at least with gains near Kalman's, of all modes."""
     rules = job.theory
@@ -161,6 +165,7 @@ def printed_weights(transition: Array, probabilities: Array) -> Array:
     return weights
 
 
+@part
 def _printed(job: Job, chosen: Observers) -> Iterator[Metric]:
     """What (8) and (15) give by the letter."""
     period = job.theory.period

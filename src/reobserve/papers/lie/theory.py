@@ -33,6 +33,7 @@ from reobserve.papers.lie.theory_series import (
 )
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver
@@ -61,6 +62,7 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
     ]
 
 
+@part
 def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 5 and Remark 4.23: eigenvalues, coefficients as printed, and what is imaginary."""
     theory, body = job.theory, job.designs["linear"]
@@ -82,6 +84,7 @@ def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     yield Metric("linear", "imaginary_part", solver.imaginary, "1")
 
 
+@part
 def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
     """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S and T."""
     theory, plant, observer = job.theory, job.plant, job.observers
@@ -110,6 +113,7 @@ def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
         yield Metric(name, "inverse_radius", _inverse_radius(form.S), "1")
 
 
+@part
 def _series(job: Job) -> Iterator[Metric]:
     """Section 4 on the example: Lie transform and direct roads, Lemma 4.17, the triangle (22)."""
     theory, body = job.theory, job.designs["linear"]
@@ -127,6 +131,7 @@ def _series(job: Job) -> Iterator[Metric]:
     yield Metric("ad", "off_diagonal", largest(diagonal - np.diag(diagonal.diagonal())), "1/s")
 
 
+@part
 @cache
 def _random_systems(seed: int, cases: int, degree: int) -> tuple[Metric, ...]:
     """Section 2.1, Proposition 3.10 and Remark 3.11 on systems with terms of all degrees."""

@@ -20,9 +20,11 @@ from reobserve.papers.lie.comparison import axis, ratios, records, share_better
 from reobserve.papers.lie.setup import build_system, stored_form
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.timeseries.grid import multiple
 
 
+@part
 def measure(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     """Shares of initial states, and by how much an order improves on the constant gain.
 

@@ -15,6 +15,7 @@ from reobserve.papers.lie.theory_series import solvable, sums_of_eigenvalues
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.monomials import monomials
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
@@ -24,6 +25,7 @@ from reobserve.synthesis.normal_form.solver import solver_for
 Array = NDArray[np.float64]
 
 
+@part
 def measure(theory: keys.Theory) -> Iterator[Metric]:
     """The numbers of the conditions; `InputError` if a value of the ledger cannot be used."""
     problem = scalar(theory)
