@@ -294,7 +294,7 @@ def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
     [
         ("depends_on: [gains]", "depends_on: [gains, seed]"),
         ("gains: [observers.slow.gains]", "gains: [observers.*.gains]"),
-        ("why: What better means.", "why: What better means.\n    draws_divided_by: 2"),
+        ("why: What better means.", "why: What better means.\n    expensive: true"),
     ],
 )
 def test_what_claims_are_drawn_over_makes_their_robustness_stale(

@@ -91,8 +91,8 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             "below, above, within, exists, falling, rising",
         ),
         (
-            {"draws_divided_by": 1},
-            "claims.ilo.one.draws_divided_by: 1 is less than the minimum of 2",
+            {"expensive": 2},
+            "claims.ilo.one.expensive: 2 is not of type 'boolean'",
         ),
         ({"place": ""}, "claims.ilo.one.place: '' should be non-empty"),
         (
@@ -186,7 +186,7 @@ def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
     [
         {"depends_on": ["gains"]},
         {"depends_on": ["gains", "plant.noise"]},
-        {"draws_divided_by": 2},
+        {"expensive": True},
     ],
 )
 def test_over_what_is_drawn_is_decisive(change: dict[str, Any]) -> None:

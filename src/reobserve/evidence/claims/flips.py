@@ -14,8 +14,8 @@ from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
 
 # Shares of the way from a value to an end of its range at which a flip is looked for, and how often
-# the first interval that holds one is halved. Claims on expensive figures look only at the ends
-# and narrow only the smallest of the changes.
+# the first interval that holds one is halved. Expensive claims are looked at the ends only, and
+# only the smallest of the changes is narrowed.
 _STEPS = (1 / 16, 1 / 4, 1.0)
 _HALVINGS = 4
 
@@ -63,7 +63,7 @@ def smallest_flips(
     for claim in claims:
         best: _Bracket | None = None
         ordered = sorted(brackets[claim.name], key=lambda one: (one.size, one.below))
-        for bracket in ordered[: None if claim.draws_divided_by == 1 else 1]:
+        for bracket in ordered[: 1 if claim.expensive else None]:
             if best is None or bracket.below < best.size:
                 narrowed = _narrow(ledger, outcomes, claim, stated[claim.name], bracket)
                 best = narrowed if best is None else min(best, narrowed, key=lambda one: one.size)
@@ -96,13 +96,12 @@ def _scan(
     waiting = list(claims)
     for step, (size, value) in enumerate(moves):
         last = step == len(moves) - 1
-        here = [claim for claim in waiting if last or claim.draws_divided_by == 1]
+        here = [claim for claim in waiting if last or not claim.expensive]
         if value != knob.value and here:
             held = _held(ledger, outcomes, knob, value, here)
             for claim in here:
                 if held.get(claim.name, stated[claim.name]) != stated[claim.name]:
-                    expensive = claim.draws_divided_by > 1
-                    lower = 0.0 if expensive or knob.words else below
+                    lower = 0.0 if claim.expensive or knob.words else below
                     brackets[claim.name].append(_Bracket(knob, toward, lower, size, value))
                     if not knob.words:
                         waiting.remove(claim)

@@ -35,7 +35,7 @@ class Claim:
     why: str = ""
     threshold: str = ""
     choices: tuple[Choice, ...] = ()
-    draws_divided_by: int = 1
+    expensive: bool = False
     testable: bool = True
     problem: str = ""
 
@@ -107,7 +107,7 @@ def amiss(claims: Sequence[Claim]) -> Iterator[str]:
 
 def decisive(tree: Tree) -> Tree:
     """What of a registry decides whether its claims hold, and over which draws: no wording."""
-    kept = ("checks", "depends_on", "draws_divided_by")
+    kept = ("checks", "depends_on", "expensive")
     claims = {
         name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
         for name, body in tree.get("claims", {}).items()
@@ -140,8 +140,8 @@ def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) ->
     except InputError as error:
         where = "" if error.parameter.startswith(place) else f"{place}: "
         return replace(claim, problem=f"{where}{error}")
-    divided_by = body.get("draws_divided_by", 1)
-    return replace(claim, checks=checks, choices=choices, draws_divided_by=divided_by)
+    expensive = body.get("expensive", False)
+    return replace(claim, checks=checks, choices=choices, expensive=expensive)
 
 
 def _text(body: Tree, key: str) -> str:

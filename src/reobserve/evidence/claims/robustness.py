@@ -110,8 +110,7 @@ def assess(
     claims
         Of the same paper; left out are those that are broken or depend on nothing.
     draws
-        The most for each claim, if fewer do not decide; a part of it for those on expensive
-        figures.
+        The most for each claim, if fewer do not decide.
     flips
         Whether to look for the smallest change that flips a claim, which takes longest.
 
@@ -133,9 +132,9 @@ def assess(
     asked = [claim for claim in asked if claim.name in found]
     groups = defaultdict(list)
     for claim in asked:
-        groups[tuple(claim.keys), claim.draws_divided_by].append(claim)
-    for (_, divided_by), members in groups.items():
-        _draw_group(ledger, outcomes, -(-draws // divided_by), members, found)
+        groups[tuple(claim.keys)].append(claim)
+    for members in groups.values():
+        _draw_group(ledger, outcomes, draws, members, found)
     if flips:
         for name, flip in smallest_flips(ledger, outcomes, asked).items():
             found[name].flip = flip
