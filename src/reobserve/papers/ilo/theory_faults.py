@@ -31,33 +31,60 @@ def measure(bench: Bench) -> Iterator[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
+    yield from _under_random_faults(bench)
+    yield from _under_noise(bench)
+    yield from _with_wrong_inertia(bench)
+    yield from _by_adaptive_gain(bench)
+
+
+@part
+def _under_random_faults(bench: Bench) -> Iterator[Metric]:
+    """Errors under random values that jump, and under the same joined by lines."""
     job, theory = bench.job, bench.job.theory
     begins, values = _random(theory, job.plant.horizon)
     jumping = bench.record(held(theory, begins, values, job.metrics.axis))
     joined = bench.record(lines(theory, begins, values, job.metrics.axis))
-    aperiodic = bench.record(theory.aperiodic)
-    noisy = bench.record(theory.aperiodic, noise=theory.noise)
+    first = joined.events["onsets"][0] + job.metrics.settling_skip
     for name in READINGS:
         yield from _under_jumps(bench, jumping, name)
-        estimate = bench.estimate(name, joined)
-        first = joined.events["onsets"][0] + job.metrics.settling_skip
-        found = bench.errors(estimate, joined).window(first).relative_root_mean_square
+        errors = bench.errors(bench.estimate(name, joined), joined).window(first)
+        found = errors.relative_root_mean_square
         yield Metric(name, "relative_error_under_random_fault", found, "1")
+
+
+@part
+def _under_noise(bench: Bench) -> Iterator[Metric]:
+    """Errors from noisy rates, also of the integrator with the gain of the reading's law."""
+    job = bench.job
+    noisy = bench.record(job.theory.aperiodic, noise=job.theory.noise)
+    for name in READINGS:
         found = _scored(bench, bench.estimate(name, noisy), noisy)
         yield Metric(name, "relative_error_under_noise", found, "1")
-        observer = job.observers[name]
-        factor = (1 + theory.inertia_error) * observer.inertia_factor
-        estimate = bench.estimate_by(replace(observer, inertia_factor=factor), aperiodic)
-        found = _scored(bench, estimate, aperiodic)
-        yield Metric(name, "relative_error_with_wrong_inertia", found, "1")
     reading = job.observers[job.metrics.reading]
     gain = matched_integrator(reading.K2, reading.update_interval).integral_gain
     estimate = bench.estimate_by(_integral(bench, gain.tolist()), noisy)
-    found = _scored(bench, estimate, noisy)
-    yield Metric("integral", "relative_error_under_noise", found, "1")
-    estimate = bench.estimate_by(_integral(bench, theory.adaptive_gain), aperiodic)
-    found = _scored(bench, estimate, aperiodic)
-    yield Metric("integral", "relative_error", found, "1")
+    yield Metric("integral", "relative_error_under_noise", _scored(bench, estimate, noisy), "1")
+
+
+@part
+def _with_wrong_inertia(bench: Bench) -> Iterator[Metric]:
+    """Errors of observers that are told another inertia."""
+    job = bench.job
+    aperiodic = bench.record(job.theory.aperiodic)
+    for name in READINGS:
+        observer = job.observers[name]
+        factor = (1 + job.theory.inertia_error) * observer.inertia_factor
+        estimate = bench.estimate_by(replace(observer, inertia_factor=factor), aperiodic)
+        found = _scored(bench, estimate, aperiodic)
+        yield Metric(name, "relative_error_with_wrong_inertia", found, "1")
+
+
+@part
+def _by_adaptive_gain(bench: Bench) -> Iterator[Metric]:
+    """The error of the integral law with the greatest gain that is tried."""
+    aperiodic = bench.record(bench.job.theory.aperiodic)
+    estimate = bench.estimate_by(_integral(bench, bench.job.theory.adaptive_gain), aperiodic)
+    yield Metric("integral", "relative_error", _scored(bench, estimate, aperiodic), "1")
 
 
 def _random(theory: keys.Theory, horizon: float) -> tuple[list[float], list[float]]:
@@ -83,12 +110,11 @@ def lines(theory: keys.Theory, begins: list[float], values: list[float], axis: i
     hold = theory.jump_hold
     terms = held(theory, begins, [0.0, *values[:-1]], axis)
     for begin, start, end in zip(begins, [0.0, *values[:-1]], values, strict=True):
-        part = {"axis": axis, "from": begin, "until": begin + hold}
-        terms.append({"kind": "ramp", **part, "slope": (end - start) / hold})
+        when = {"axis": axis, "from": begin, "until": begin + hold}
+        terms.append({"kind": "ramp", **when, "slope": (end - start) / hold})
     return terms
 
 
-@part
 def _under_jumps(bench: Bench, jumping: Series, name: str) -> Iterator[Metric]:
     """Errors between jumps, once each has settled, and of the rate throughout."""
     theory = bench.job.theory

@@ -38,14 +38,23 @@ def measure(bench: Bench) -> Iterator[Metric]:
         yield from scores
         if name == theory.identity_reading:
             yield from (replace(score, observer="identity") for score in scores)
-    adaptive = bench.errors(bench.estimate("adaptive", bench.stuck), bench.stuck)
-    constant = bench.late(adaptive)
-    yield Metric("adaptive", "late_relative_error_under_a_constant", constant, "1")
-    for factor in theory.slowdowns:
-        found = _slowed(bench, factor)
-        yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
+    yield from _adaptive(bench)
+    yield from _slower(bench)
     yield from _lyapunov(bench)
     yield from _bound(bench)
+
+
+@part
+def _adaptive(bench: Bench) -> Iterator[Metric]:
+    errors = bench.errors(bench.estimate("adaptive", bench.stuck), bench.stuck)
+    yield Metric("adaptive", "late_relative_error_under_a_constant", bench.late(errors), "1")
+
+
+@part
+def _slower(bench: Bench) -> Iterator[Metric]:
+    for factor in bench.job.theory.slowdowns:
+        found = _slowed(bench, factor)
+        yield Metric.at("sampled", ("relative_error", found, "1"), slowdown=factor)
 
 
 @part
