@@ -1,0 +1,38 @@
+"""A claim fares the same whether all of a theory is computed or what it asks for only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from reobserve.evidence.claims.checks import THEORY
+from reobserve.evidence.claims.choices import draw
+from reobserve.evidence.claims.outcomes import Outcomes, outcome
+from reobserve.evidence.claims.registry import read_registry
+from reobserve.ledger.config import read_yaml
+from reobserve.ledger.ledger import Ledger
+from reobserve.numerics.random_streams import random_stream
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.scoring.metrics import lookup
+
+ROOT = Path(__file__).parents[3]
+SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
+
+
+@pytest.mark.parametrize("paper", ["delay", "ilo", "imm", "lie"])
+def test_a_theory_in_parts_gives_what_it_gives_whole(paper: str) -> None:
+    """With a few claims, each at a draw of all its choices."""
+    ledger = Ledger.load(ROOT, paper, seed=SEED)
+    claims = [
+        claim
+        for claim in read_registry(ROOT, ledger).claims
+        if claim.figures == [THEORY] and claim.choices
+    ]
+    outcomes = Outcomes(ledger, claims)
+    for claim in claims[::4]:
+        stream = random_stream(ledger.seed, "claims", paper, claim.name)
+        drawn, _ = draw(ledger, claim.choices, stream)
+        whole = outcome(claim, {THEORY: lookup(Evaluator(drawn).theory())})
+        found = outcomes.at(drawn, [claim])[claim.name]
+        assert (found.held, repr(found.numbers)) == (whole.held, repr(whole.numbers))
