@@ -5,12 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import STAGES
 from reobserve.pipeline.evaluation import Evaluation
 from reobserve.pipeline.jobs import Graph, Job, moved
 from reobserve.timeseries.series import Series
 
+# Drawings that are no figures: what they show are draws, and the verdicts on them are compared.
+_OF_DRAWS = {Path(path).stem for path in STAGES["sensitivity"].makes}
+
 # The stage that makes an item, by the item's kind.
 _STAGES = {"figure": "plot", "table": "table", "theory": "theory"}
+
+
+def drawings(folder: Path) -> list[Path]:
+    """The figures that are drawn in a folder."""
+    return [path for path in sorted(folder.glob("*.png")) if path.stem not in _OF_DRAWS]
 
 
 def built_series(ledger: Ledger, figure: str, results: Path) -> Evaluation:

@@ -11,6 +11,7 @@ from pathlib import Path
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.claims.gallery import put_into
 from reobserve.evidence.figure_diff import page, pixels, summary
+from reobserve.evidence.figure_diff.built import drawings
 from reobserve.evidence.figure_diff.comparison import compare_all
 from reobserve.evidence.figure_diff.model import Diff, Origin
 from reobserve.evidence.figure_diff.origin import origin_here, read_origin, write_origin
@@ -120,7 +121,7 @@ def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: 
 def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:
     """Put the drawings in place of the references; what is different about each, a line each."""
     said = []
-    drawn = [path for paper in papers for path in sorted((results / paper).glob("*.png"))]
+    drawn = [path for paper in papers for path in drawings(results / paper)]
     built = {path.relative_to(results): path for path in drawn}
     for name, path in built.items():
         kept, title = reference / name, f"{name.parent} {name.stem}"

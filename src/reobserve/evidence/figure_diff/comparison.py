@@ -8,7 +8,7 @@ from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.figure_diff import pixels
-from reobserve.evidence.figure_diff.built import built_series, why_missing
+from reobserve.evidence.figure_diff.built import built_series, drawings, why_missing
 from reobserve.evidence.figure_diff.model import Item, MovedSeries
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.evidence.golden.comparison import metric_differences, series_differences
@@ -79,7 +79,7 @@ class _Paper:
         tree = self.ledger.tree if self.ledger else {}
         kept = {path.name for path in self.golden.glob("*.csv")}
         theory = f"{THEORY}.metrics.csv"
-        figures = {path.stem for f in (self.reference, self.results) for path in f.glob("*.png")}
+        figures = {path.stem for f in (self.reference, self.results) for path in drawings(f)}
         figures |= {name.removesuffix(_PARTS[0]) for name in kept - {theory} if _PARTS[0] in name}
         for name in sorted(figures | set(tree.get("figures", {}))):
             yield self._figure(name)
@@ -90,8 +90,8 @@ class _Paper:
             yield self._numbers_only(THEORY, THEORY, theory)
 
     def _figure(self, name: str) -> Item:
-        drawings = [folder / f"{name}.png" for folder in (self.reference, self.results)]
-        reference, new = (path if path.is_file() else None for path in drawings)
+        pictures = [folder / f"{name}.png" for folder in (self.reference, self.results)]
+        reference, new = (path if path.is_file() else None for path in pictures)
         item = Item(self.paper, name, reference=reference, new=new)
         if new is None:
             item.why_missing = self._why_missing(item)
