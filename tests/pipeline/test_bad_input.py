@@ -94,7 +94,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "K2 beyond the sampled limit": (
         {"observers": {"sampled": {"K2": 90000}}},
         "ilo.observers.sampled.K1, K2:",
-        "the limit is 0.750544 times this K2",
+        "the limit is 0.836092 times this K2",
     ),
     "fault after the end": (
         fault_at(12),

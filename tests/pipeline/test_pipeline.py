@@ -199,7 +199,7 @@ def test_what_a_person_can_look_up(built: Project) -> None:
         for key in keys:
             assert key[:30] in squeezed
     why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
-    assert "chosen so that the contrast" in re.sub(r"\s+", " ", why)
+    assert "Law and gains of the comparison are only cited" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
     stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot", "theory")
     stages += ("robustness", "sensitivity", "claims", "verdicts", "report")
