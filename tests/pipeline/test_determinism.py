@@ -7,7 +7,7 @@ import signal
 import subprocess
 import time
 
-from .conftest import LEDGERS, PAPERS, Project
+from .conftest import CONFIG, LEDGERS, PAPERS, Project
 
 
 def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None:
@@ -19,7 +19,10 @@ def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None
 THEORIES = [
     f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in LEDGERS[paper].tree
 ]
-EVIDENCE = ("robustness.json", "claims.csv", "verdicts.md", "report.html")
+EVIDENCE = (
+    "robustness.json", "claims.csv", "verdicts.md", "report.html",
+    *(f"/{name}.{kind}" for name in ("specification", "sensitivity") for kind in CONFIG["formats"]),
+)  # fmt: skip
 
 
 def of_figures(project: Project) -> dict[str, bytes]:

@@ -80,6 +80,10 @@ def twin(path: Path_, value: Any) -> Path_:
     return path[::-1] if symmetric else path
 
 
+# Flags of entries that no golden number need depend on; the schema says what each means.
+_UNNOTICED = ("numerical", "levels", "loose", "drawn", "expensive")
+
+
 def constants() -> Iterator[tuple[str, str, Path_]]:
     """Every number of a ledger that is physics, a gain or a rule of the metrics, and not zero."""
     for paper in PAPERS:
@@ -88,7 +92,7 @@ def constants() -> Iterator[tuple[str, str, Path_]]:
             # What a search looks at makes no figure: that is what it finds. Nor does what a theory
             # is tried on, and each try would compute the whole theory.
             searched = key.startswith(("searches.", "theory."))
-            if searched or any(map(entry.get, ("numerical", "levels", "loose", "expensive"))):
+            if searched or any(map(entry.get, _UNNOTICED)):
                 continue
             for path, value in leaves(entry["value"]):
                 words = isinstance(value, str | bool)
