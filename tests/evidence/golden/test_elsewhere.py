@@ -102,7 +102,7 @@ def test_a_number_that_is_off_elsewhere_fails(
 ) -> None:
     project = copy_project(tmp_path).folder
     golden = folder(project, "ilo")
-    value = read_metrics(golden, "fig1")["sampled:rms_error"].text[0]
+    value = read_metrics(golden, "fig1")["continuous:rms_error"].text[0]
     text = (golden / "fig1.metrics.csv").read_text()
     (golden / "fig1.metrics.csv").write_text(text.replace(value, f"{float(value) * 2:.14g}", 1))
     stages = (golden / FILE).read_text()
@@ -112,7 +112,7 @@ def test_a_number_that_is_off_elsewhere_fails(
         compare_elsewhere(project, ["ilo"], gate=True, cores=2)
     said = capsys.readouterr().out
     assert "1 off; at most" in said
-    assert "tolerances: ilo fig1, sampled:rms_error" in said
+    assert "tolerances: ilo fig1, continuous:rms_error" in said
     assert "the first is `" in said  # here or before it, on another machine than the digests'
 
 
