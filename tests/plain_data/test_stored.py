@@ -368,23 +368,26 @@ def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
 # --- Robustness, ledgers, studies -----------------------------------------------------------------
 
 FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": "x", "size": 0.5}
+HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
+LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
-    "draws": 8, "held": 4, "diverged": 1, "refused": 0, "share": 0.5, "low": 0.2, "high": 0.8,
-    "looked": True, "flip": FLIP, "choices": ["a.b"],
+    "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
+    "refused": 0, "looked": True, "flip": FLIP,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"draws": "8"}, "claims.one.draws: '8' must be a whole number$"),
-        ({"held": 4.5}, "claims.one.held: 4.5 must be a whole number$"),
-        ({"held": True}, "claims.one.held: True must be a whole number$"),
-        ({"held": 9}, "claims.one.held: and diverged are more than the 8 draws$"),
+        ({"refused": "8"}, "claims.one.refused: '8' must be a whole number$"),
         ({"refused": -1}, "claims.one.refused: -1 must not be negative$"),
+        ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
+        ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
+        ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
+        ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
         ({"flip": {}}, "claims.one.flip.key: is missing; the flip needs it$"),
         ({"flip": {**FLIP, "size": None}}, "claims.one.flip.size: None is not a number"),
-        ({"choices": [1]}, r"claims.one.choices.0: 1 must be a word$"),
+        ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
     ],
 )
 def test_robustness_that_is_none_is_refused(
