@@ -1,7 +1,25 @@
-"""``python -m reobserve``: the command line."""
+"""The command line as a shell calls it: ``reobserve``, or ``python -m reobserve``."""
 
+from __future__ import annotations
+
+import os
 import sys
+from typing import NoReturn
 
 from reobserve.cli import main
 
-sys.exit(main())
+
+def run() -> NoReturn:
+    """Run one sub-command and leave at once, with all files written.
+
+    To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
+    """
+    code = main()
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    os._exit(code)
+
+
+if __name__ == "__main__":
+    run()
