@@ -14,7 +14,7 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report test check elsewhere bench figdiff accept mutations lock env clean distclean \
+.PHONY: figures report test check elsewhere bench figdiff accept draws mutations lock env clean distclean \
 	help
 .DEFAULT_GOAL := figures
 
@@ -45,6 +45,9 @@ figdiff: $(STAMP)  ## build all from nothing elsewhere, compare with the accepte
 
 accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
+
+draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/draws: make draws [MOST=400] [PAPER=ilo]
+	reobserve draws $(PAPER) --most $(or $(MOST),40)
 
 mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
 	python -m tests.mutations --jobs $(CORES)

@@ -11,12 +11,13 @@ import importlib
 import io
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from reobserve.errors import InputError, ReobserveError, one_line, shown
+from reobserve.errors import ReobserveError, one_line
 from reobserve.numerics.code_paths import pin_code_paths
+from reobserve.plain_data.command_line import tree, whole
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 _FORMATS = ("pdf", "svg", "png")
@@ -119,7 +120,7 @@ def _add_overview(commands: Any) -> None:
     )
     check.add_argument("paper", nargs="*", help="only these papers (default: all)")
     check.add_argument(
-        "--overrides", type=_tree, default={}, metavar="JSON",
+        "--overrides", type=tree, default={}, metavar="JSON",
         help='values to replace, by paper; - reads them from standard input',
     )  # fmt: skip
     _project(check)
@@ -131,10 +132,10 @@ def _add_stages(commands: Any) -> None:
     )
     ledger.add_argument("paper", help="the name of a file in config/papers")
     ledger.add_argument(
-        "--overrides", type=_tree, default={}, metavar="JSON",
+        "--overrides", type=tree, default={}, metavar="JSON",
         help='values to replace, as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
-    ledger.add_argument("--seed", type=_whole(0), default=0, help="root of the random streams")
+    ledger.add_argument("--seed", type=whole(0), default=0, help="root of the random streams")
     _output(ledger, "the ledger, JSON")
     _project(ledger)
 
@@ -209,13 +210,25 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _ledger_file(robustness)
     most = "at most, for each claim"
-    robustness.add_argument("--draws", type=_whole(1, 1_000_000), required=True, help=most)
+    robustness.add_argument("--draws", type=whole(1, 1_000_000), required=True, help=most)
     robustness.add_argument(
         "--no-flips", dest="flips", action="store_false",
         help="do not look for the smallest change that turns a claim over, which takes longest",
     )  # fmt: skip
+    robustness.add_argument("--kept", type=Path, help="draws that need not all be made again")
     _output(robustness, "shares and smallest changes, JSON")
     _project(robustness)
+
+    draws = _command(
+        commands, "draws", "evidence.claims.draws_command:draws_command",
+        "go on drawing where claims are not yet decided, and keep the draws in config/draws",
+    )  # fmt: skip
+    draws.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    draws.add_argument("--most", type=whole(1, 1_000_000), default=40, help=f"{most} (default: 40)")
+    draws.add_argument(
+        "--check", action="store_true", help="keep nothing: make again what is kept, and compare"
+    )
+    _project(draws)
 
     sensitivity = _command(
         commands, "sensitivity", "stages.sensitivity:run",
@@ -293,7 +306,7 @@ def _add_golden(commands: Any) -> None:
     )  # fmt: skip
     update.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (elsewhere, update):
-        command.add_argument("--cores", type=_cores, default=2, help="processes (default: 2)")
+        command.add_argument("--cores", type=whole(1), default=2, help="processes (default: 2)")
         _project(command)
 
 
@@ -322,9 +335,7 @@ def _add_figure_diff(commands: Any) -> None:
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
     accept.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (diff, accept):
-        command.add_argument(
-            "--cores", type=_whole(1), default=2, help="to build with (default: 2)"
-        )
+        command.add_argument("--cores", type=whole(1), default=2, help="to build with (default: 2)")
         _project(command)
 
 
@@ -365,36 +376,3 @@ def _figure_inputs(command: argparse.ArgumentParser) -> None:
         help="by `reobserve observe`, in the order of the figure's observers",
     )  # fmt: skip
     command.add_argument("--study-file", type=Path, help="by `reobserve study`, if it has one")
-
-
-def _cores(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text[:20]!r} is no number of 1 or more")
-    return int(text)
-
-
-def _tree(text: str) -> dict[str, Any]:
-    from reobserve.plain_data.json_data import parse_json
-
-    try:
-        tree = parse_json(sys.stdin.read() if text == "-" else text, "the overrides")
-    except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    if not isinstance(tree, dict):
-        raise argparse.ArgumentTypeError("must be a JSON object")
-    return tree
-
-
-def _whole(least: int, most: int = 2**53) -> Callable[[str], int]:
-    """A parser of whole numbers; left out, ``most`` is what a float can count to."""
-
-    def parse(text: str) -> int:
-        if not text.isascii() or not text.isdigit() or len(text) > 16:
-            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
-        number = int(text)
-        if not least <= number <= most:
-            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
-        return number
-
-    allowed = f"a whole number from {least} to {most}"
-    return parse

@@ -70,9 +70,13 @@ def located(place: str) -> Iterator[None]:
 
 def one_line(text: object, most: int = _SENTENCE) -> str:
     """Text on one line, what cannot be printed escaped, its middle left out where it is long."""
+    try:
+        spelled = str(text)
+    except Exception:  # of an object of the user's own
+        spelled = f"a {type(text).__name__} that cannot be shown"
     told = "".join(
         letter if letter.isprintable() else letter.encode("unicode_escape").decode()
-        for letter in " ".join(str(text).split())
+        for letter in " ".join(spelled.split())
     )
     if len(told) <= most:
         return told
@@ -95,6 +99,8 @@ def shown(value: Any, most: int = _VALUE) -> str:
         return one_line(_SHORT.repr(value), most)
     except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep tree
         return f"a {type(value).__name__} too large to show"
+    except Exception:  # of what it holds: a repr of the user's own may raise anything
+        return f"a {type(value).__name__} that cannot be shown"
 
 
 def nearest(key: str, known: Any) -> str:

@@ -216,7 +216,7 @@ def test_a_paper_with_a_name_that_is_none(project: Path) -> None:
         ("delay", ("studies", "tuning", "rhos"), "delay.studies.tuning.rhos: is missing; the meth"),
         ("imm", ("searches", "calibrated", "leave"), "leave: is missing; the search needs it"),
         ("lie", ("tables", "table_coefficients", "printed"), "printed: is missing; the table"),
-        ("eso", ("designs", "pd_pi", "factor"), "factor: is missing; the kind pd_pi_least_norm"),
+        ("eso", ("designs", "pd_pi", "factor"), "factor: is missing; the kind pd_pi_optimised"),
         ("delay", ("theory", "rhos"), "delay.theory.rhos: is missing; the theory needs it"),
         ("eso", ("metrics", "longest_lag"), "eso.metrics.longest_lag: is missing; the metrics"),
         ("lie", ("theory",), "lie.theory: is missing; the ledger needs it"),

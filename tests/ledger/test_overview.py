@@ -92,3 +92,9 @@ def test_a_paper_is_listed_with_what_is_built(project: Path, capsys: Capture) ->
         "faster all gains times a factor not built",
     ):
         assert line in listed
+
+
+def test_searches_are_listed(capsys: Capture) -> None:
+    listed = printed(capsys, "list", "imm")
+    row = listed.index("searches")
+    assert listed[row + 1].startswith("calibrated ")

@@ -367,26 +367,30 @@ def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
 
 # --- Robustness, ledgers, studies -----------------------------------------------------------------
 
-FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": "x", "size": 0.5}
+FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": 2.0, "size": 0.5}
 HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
 LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
     "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
-    "refused": 0, "looked": True, "flip": FLIP,
+    "refused": [], "looked": True, "flip": FLIP, "basis": "0a", "kept": 0,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"refused": "8"}, "claims.one.refused: '8' must be a whole number$"),
-        ({"refused": -1}, "claims.one.refused: -1 must not be negative$"),
+        ({"refused": 8}, "claims.one.refused: 8 must be a list of whole numbers$"),
+        ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of draws, rising$"),
+        ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of draws, rising$"),
+        ({"kept": 6}, "claims.one.kept: 6 must be a number of draws$"),
         ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
         ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
         ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
         ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
         ({"flip": {}}, "claims.one.flip.key: is missing; the flip needs it$"),
         ({"flip": {**FLIP, "size": None}}, "claims.one.flip.size: None is not a number"),
+        ({"flip": {**FLIP, "end": "x"}}, "flip.end: 'x' must be another value of the kind of 1.0$"),
+        ({"flip": {**FLIP, "end": 1.0}}, "flip.end: 1.0 must be another value of the kind of 1.0$"),
         ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
     ],
 )

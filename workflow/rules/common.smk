@@ -66,7 +66,7 @@ def check_files(ledger):
 LEDGERS = load_ledgers()
 
 GRAPH = Graph(
-    LEDGERS, config["papers"], config["formats"], config["draws"], config["flips"]
+    LEDGERS, *(config[key] for key in ("papers", "formats", "draws", "flips", "kept"))
 )
 
 # What a job runs and what it leaves in its log: its one command first, then what it says.

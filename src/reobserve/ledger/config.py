@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,14 @@ def known_papers(project: Path) -> list[str]:
     for paper in papers:
         check_name("config.papers", paper)
     return papers
+
+
+def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
+    """The papers that are named, or all that are known; `InputError` if there is no such one."""
+    for paper in papers:
+        if paper not in known:
+            raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
+    return list(dict.fromkeys(papers or known))
 
 
 def check_name(place: str, name: object) -> None:

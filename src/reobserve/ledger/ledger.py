@@ -166,6 +166,12 @@ class Ledger:
                             )
 
 
+def default_ledger(project: Path, paper: str) -> Ledger:
+    """The ledger of a paper without overrides, with the seed of the config."""
+    seed = read_yaml(project / "config" / "config.yaml")["seed"]
+    return Ledger.load(project, paper, seed=seed)
+
+
 def digest(value: Any) -> str:
     """A short hash of plain data, the same for the same content."""
     text = json.dumps(value, sort_keys=True)

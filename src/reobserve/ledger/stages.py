@@ -31,6 +31,11 @@ _PAPERS = Path(__file__).parents[1] / "papers"
 AGELESS = {"ledger": "results/{paper}/ledger.json", "registry": "config/claims/{paper}.yaml"}
 
 
+def kept_file(paper: str) -> str:
+    """Where the draws of a paper's claims are kept, in the project."""
+    return f"config/draws/{paper}.json"
+
+
 @dataclass(frozen=True)
 class Stage:
     """What the jobs of a stage have in common.
@@ -117,8 +122,8 @@ STAGES = {
         "logs/{paper}/{figure}.plot.log",
     ),
     "robustness": Stage(
-        (), (), ("ledger", "registry"),
-        "{ledger} --draws {draws} [{flips}] --output {output}",
+        (), (), ("ledger", "registry", "kept"),
+        "{ledger} --draws {draws} [{flips}] [--kept {kept}] --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(

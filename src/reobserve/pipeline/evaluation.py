@@ -104,16 +104,23 @@ class Evaluator:
         self.made[job.name] = rows
         return rows
 
+    def digest(self, figure: str | None) -> str:
+        """Of all that the numbers of a figure depend on but code; None asks for the theory."""
+        if figure is None:
+            return self._key(self._job("theory"))
+        return self._key(self._job("metrics", figure=figure))
+
     def refined(self) -> Evaluator:
         """The same with every numerical step halved; what no step enters is not computed again."""
-        return Evaluator(self.ledger.refined(), self._done)
+        return self.sibling(self.ledger.refined())
 
     def sibling(self, ledger: Ledger) -> Evaluator:
-        """For another ledger of the paper: it starts from what is computed here, and keeps its own.
+        """For another ledger of the paper; what either computes, both have."""
+        return Evaluator(ledger, self._done)
 
-        What differs from this one's ledger is computed anew and forgotten with the sibling.
-        """
-        return Evaluator(ledger, dict(self._done))
+    def apart(self) -> Evaluator:
+        """The same, which starts from what is computed here and keeps for itself what it adds."""
+        return Evaluator(self.ledger, dict(self._done))
 
     @cached_property
     def _graph(self) -> Graph:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES
+from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES, kept_file
 from reobserve.timeseries.signals import sample_files
 
 
@@ -123,6 +123,7 @@ class Graph:
     formats: Sequence[str] = ("svg",)
     draws: int = 0
     flips: bool = True
+    kept: bool = True
     project: Path = Path()
     _jobs: dict[tuple[str, frozenset[tuple[str, str]]], Job] = field(
         default_factory=dict, init=False, repr=False
@@ -240,6 +241,10 @@ class Graph:
         elif role == "files":  # that entries name, such as what a search has found
             entries = [entry for entry in job.body.values() if isinstance(entry, Mapping)]
             yield from (str(entry["value"]) for entry in entries if entry["unit"] == "file")
+        elif role == "kept":  # draws of claims, if there are any
+            path = kept_file(paper)
+            if self.kept and (self.project / path).exists():
+                yield path
         elif role == "template":
             yield self.caption(paper, job.names["figure"], "figure")
         elif role == "partials":  # what the captions of a paper share

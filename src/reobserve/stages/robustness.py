@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from reobserve.evidence.claims.kept_draws import read_kept
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import assess
 from reobserve.evidence.claims.robustness_file import to_data
@@ -12,10 +13,13 @@ from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import write_text
 
 
-def run(ledger_file: Path, draws: int, flips: bool, output: Path, project: Path) -> None:
+def run(
+    ledger_file: Path, draws: int, flips: bool, kept: Path | None, output: Path, project: Path
+) -> None:
     """Draw, move and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
-    found = assess(ledger, read_registry(project, ledger).claims, draws, flips)
+    past = {} if kept is None else read_kept(kept, ledger.paper)
+    found = assess(ledger, read_registry(project, ledger).claims, draws, flips, past)
     stored = {
         "paper": ledger.paper,
         "seed": ledger.seed,

@@ -30,11 +30,8 @@ def ledger(**entries: dict[str, Any]) -> Ledger:
 def values(start: Ledger, pattern: str, count: int = 4000) -> np.ndarray:
     """What draws of one choice give."""
     choice = find_choice(start, pattern)
-    stream = np.random.default_rng(1)
     key = choice.keys[0].split(".")
-    return np.array(
-        [draw(start, [choice], stream)[0].section(*key[:-1])[key[-1]] for _ in range(count)]
-    )
+    return np.array([draw(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)])
 
 
 def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
@@ -94,7 +91,7 @@ def test_a_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
     assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
-    drawn, values = draw(ILO, [choice], np.random.default_rng(2))
+    drawn, values = draw(ILO, [choice], 2)
     assert len(values) == len(choice.names) == 1
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
@@ -105,7 +102,7 @@ def test_a_pattern_moves_its_keys_together() -> None:
 def test_the_seed_can_be_drawn() -> None:
     choice = find_choice(ILO, "seed")
     assert choice.names == ("seed",)
-    draws = [draw(ILO, [choice], np.random.default_rng(k)) for k in range(5)]
+    draws = [draw(ILO, [choice], k) for k in range(5)]
     seeds = {ledger.seed for ledger, _ in draws}
     assert seeds == {values[0] for _, values in draws}
     assert len(seeds) == 5

@@ -16,7 +16,7 @@ from reobserve.evidence.claims.checks import Check, Reference
 from reobserve.evidence.claims.choices import find_choice
 from reobserve.evidence.claims.flips import Flip
 from reobserve.evidence.claims.gallery import put_into
-from reobserve.evidence.claims.outcomes import Outcome, holds
+from reobserve.evidence.claims.outcomes import Outcome, outcome
 from reobserve.evidence.claims.registry import Claim, read_registry
 from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
@@ -262,14 +262,14 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
         alone = replace(claim, checks=(check,), choices=())
         ledger = LEDGERS[claim.paper]
         good, bad = fed(alone), fed(alone, check)
-        assert holds(alone, good)
-        assert not holds(alone, bad)
+        assert outcome(alone, good).held
+        assert not outcome(alone, bad).held
         assert row(alone, ledger, good, None)["verdict"] == "reproduced"
         assert row(alone, ledger, bad, None)["verdict"] == "contradicted"
         # With all checks of the claim: one that fails is enough.
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
-        assert not holds(claim, whole)
+        assert not outcome(claim, whole).held
 
 
 def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> None:

@@ -74,4 +74,4 @@ def _robustness(claim: Claim, flip: Flip | None) -> Robustness:
     values = tuple(range(len(claim.knob_names)))
     outcomes = [Outcome(k != 3, (k / 3,) * len(claim.checks)) for k in range(12)]
     trials = [Trial(values, outcome) for outcome in (*outcomes, Outcome(False))]
-    return Robustness(outcomes[0], claim.knob_names, trials, 1, flip)
+    return Robustness(outcomes[0], claim.knob_names, trials, [2], flip)

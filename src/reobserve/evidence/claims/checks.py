@@ -144,8 +144,7 @@ class Check:
 
     def holds(self, numbers: Numbers) -> bool:
         """Whether the numbers satisfy it."""
-        satisfied = self._satisfied(self.values(numbers))
-        return sum(satisfied) >= self.share * len(satisfied)
+        return self.satisfied_by(self.deciding(numbers))
 
     def deciding(self, numbers: Numbers) -> float:
         """The one number that decides: of those that must satisfy it, the worst.

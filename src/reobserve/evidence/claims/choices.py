@@ -13,6 +13,7 @@ import numpy as np
 
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.ledger import Ledger, leaves, matches
+from reobserve.numerics.random_streams import random_stream
 
 SEED = "seed"  # the root of all random streams: nobody states it
 
@@ -108,20 +109,34 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
     return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 
-def draw(
-    ledger: Ledger, choices: Iterable[Choice], stream: np.random.Generator
-) -> tuple[Ledger, tuple[Any, ...]]:
-    """The ledger of another reader, every choice drawn anew from its range, and what was drawn."""
-    drawn, seed = copy.deepcopy(ledger.tree), ledger.seed
-    values = []
+def draw(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Ledger, tuple[Any, ...]]:
+    """The ledger of another reader, every choice drawn anew from its range, and what was drawn.
+
+    The reader of a ``number`` sets a choice the same, whichever others are asked of him.
+    """
+    choices = list(choices)
+    values = chosen(ledger, choices, number)
+    drawn, seed, left = copy.deepcopy(ledger.tree), ledger.seed, iter(values)
     for choice in choices:
         for knob in choice.knobs:
-            values.append(knob.drawn(stream))
-            _set(drawn, knob, values[-1])
+            _set(drawn, knob, next(left))
         if choice.keys == (SEED,):
-            seed = int(stream.integers(2**31))
-            values.append(seed)
-    return Ledger(ledger.paper, drawn, seed), tuple(values)
+            seed = next(left)
+    return Ledger(ledger.paper, drawn, seed), values
+
+
+def chosen(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Any, ...]:
+    """What the reader of a number sets, a value for each of the choices' names."""
+
+    def stream(name: str) -> np.random.Generator:
+        return random_stream(ledger.seed, "claims", ledger.paper, name, str(number))
+
+    values: list[Any] = []
+    for choice in choices:
+        values.extend(knob.drawn(stream(knob.name)) for knob in choice.knobs)
+        if choice.keys == (SEED,):
+            values.append(int(stream(SEED).integers(2**31)))
+    return tuple(values)
 
 
 def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:

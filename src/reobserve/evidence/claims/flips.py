@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.evidence.claims.choices import Knob, change
 from reobserve.evidence.claims.outcomes import Outcomes
 from reobserve.evidence.claims.registry import Claim
@@ -34,6 +34,17 @@ class Flip:
     start: Any
     end: Any
     size: float
+
+    def __post_init__(self) -> None:
+        """Refuse a change that is none: `InputError`."""
+        if is_number(self.start) != is_number(self.end) or self.start == self.end:
+            problem = f"{shown(self.end)} must be another value of the kind of {shown(self.start)}"
+            raise InputError("end", problem)
+
+
+def is_number(value: Any) -> bool:
+    """Whether it has a place in an interval, and is not yes or no."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -135,7 +146,7 @@ def _held(
 ) -> dict[str, bool]:
     """Which claims hold; nothing where the code refuses the value: nobody could have run it."""
     try:
-        found = outcomes.at(change(ledger, knob, value), claims)
+        found = outcomes.apart().at(change(ledger, knob, value), claims)
     except InputError:
         return {}
     return {name: one.held for name, one in found.items()}

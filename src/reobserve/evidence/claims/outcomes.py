@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.evidence.claims.checks import THEORY, Numbers
+from reobserve.evidence.claims.checks import THEORY, Check, Numbers
 from reobserve.evidence.claims.registry import Claim
-from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.ledger import Ledger, digest
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric, lookup
 
@@ -28,10 +29,16 @@ class Outcomes:
     """Outcomes of claims with other ledgers; what a change does not touch is not run again."""
 
     def __init__(self, ledger: Ledger, claims: Iterable[Claim]) -> None:
-        # Siblings start from what this one has run: all that the claims need.
+        # What others start from: all that the claims need.
         self._base = Evaluator(ledger)
         figures = dict.fromkeys(figure for claim in claims for figure in claim.figures)
         self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
+
+    def apart(self) -> Outcomes:
+        """The same; what it runs from here on is forgotten with it."""
+        other = copy.copy(self)
+        other._base = self._base.apart()
+        return other
 
     def at(self, ledger: Ledger, claims: Iterable[Claim]) -> dict[str, Outcome]:
         """The outcomes by claim.
@@ -58,12 +65,23 @@ class Outcomes:
             outcomes[claim.name] = Outcome(False) if lost else outcome(claim, numbers)
         return outcomes
 
+    def basis(self, claim: Claim) -> str:
+        """See `basis_of`."""
+        return basis_of(self._base, claim)
+
     def stated(self, claim: Claim) -> Outcome | None:
         """The outcome with the ledger as it is; None if it names a number that nobody has."""
         try:
             return outcome(claim, self._stated)
         except InputError:
             return None
+
+
+def basis_of(evaluator: Evaluator, claim: Claim) -> str:
+    """A digest of all but code that draws of a claim depend on."""
+    seen = [evaluator.digest(None if figure == THEORY else figure) for figure in claim.figures]
+    asked = [repr(part) for part in (*claim.checks, *claim.choices)]
+    return digest([seen, asked, evaluator.ledger.seed])
 
 
 def metrics_of(
@@ -73,11 +91,12 @@ def metrics_of(
     return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).metrics
 
 
-def holds(claim: Claim, numbers: Numbers) -> bool:
-    """Whether all checks of a claim hold; see `Check.holds`."""
-    return all(check.holds(numbers) for check in claim.checks)
-
-
 def outcome(claim: Claim, numbers: Numbers) -> Outcome:
-    """The outcome of a claim, given the numbers behind figures; see `Check.holds`."""
-    return Outcome(holds(claim, numbers), tuple(check.deciding(numbers) for check in claim.checks))
+    """The outcome of a claim, given the numbers behind figures; see `Check.deciding`."""
+    return decided(claim, tuple(check.deciding(numbers) for check in claim.checks))
+
+
+def decided(claim: Claim, numbers: tuple[float, ...]) -> Outcome:
+    """The outcome where these numbers decide the checks, or none because something diverged."""
+    satisfied = bool(numbers) and all(map(Check.satisfied_by, claim.checks, numbers))
+    return Outcome(satisfied, numbers)

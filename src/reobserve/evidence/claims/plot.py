@@ -19,7 +19,13 @@ from reobserve.drawing.figures import WIDTH
 from reobserve.evidence.claims.checks import Check
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness
-from reobserve.evidence.claims.sensitivity import FEWEST, as_places, deciding_check, influences
+from reobserve.evidence.claims.sensitivity import (
+    FEWEST,
+    as_places,
+    deciding_check,
+    influences,
+    ranks,
+)
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
 _SMALL = 6.3  # points
@@ -154,9 +160,8 @@ def _last_if_none(number: float) -> float:
 
 def _in_range(values: Sequence[Any]) -> list[float]:
     """Where values stand in order, from 0 to 1."""
-    places = as_places(values)
-    known = sorted(set(places))
-    return [known.index(place) / max(len(known) - 1, 1) for place in places]
+    places = ranks(as_places(values))
+    return [place / max(*places, 1) for place in places]
 
 
 def _label_rows(axes: Axes, names: Sequence[str]) -> None:

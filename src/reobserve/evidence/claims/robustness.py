@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims import sequential
-from reobserve.evidence.claims.choices import draw
+from reobserve.evidence.claims.choices import chosen, draw
 from reobserve.evidence.claims.flips import Flip, smallest_flips
-from reobserve.evidence.claims.outcomes import Outcome, Outcomes
+from reobserve.evidence.claims.kept_draws import KeptDraws, alike, as_text
+from reobserve.evidence.claims.outcomes import Outcome, Outcomes, decided
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
-from reobserve.numerics.random_streams import random_stream
 
 # Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
 # leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
@@ -26,6 +26,9 @@ _LEAST = 20
 
 # Draws that the code refuses are drawn again, up to this many for each that is wanted.
 _ATTEMPTS = 4
+
+# Of draws that are kept so many are made again, to see whether the code still gives what it gave.
+_AGAIN = 2
 
 # So many draws with the same numbers show that what a claim depends on does not reach them.
 _ALIKE = 8
@@ -46,15 +49,40 @@ class Robustness:
     ``stated`` is the outcome with the ledger as it is, ``names`` are those of the choices. ``flip``
     is None if none was found; ``looked`` is false where nobody looked. Draws in which something
     diverges count as not held; those that the code refuses, because no reader could have run
-    them, do not count.
+    them, do not count: their numbers are in ``refused``. ``basis`` is a digest of what all this
+    depends on, ``kept`` says how many of the draws were made earlier.
     """
 
     stated: Outcome = field(default_factory=lambda: Outcome(True))
     names: tuple[str, ...] = ()
     trials: list[Trial] = field(default_factory=list)
-    refused: int = 0
+    refused: list[int] = field(default_factory=list)
     flip: Flip | None = None
     looked: bool = True
+    basis: str = ""
+    kept: int = 0
+
+    def add(
+        self,
+        claim: Claim,
+        values: tuple[Any, ...],
+        numbers: tuple[float, ...] | None,
+        kept: bool = False,
+    ) -> None:
+        """Take what came out of the next draw: None where the code refused it."""
+        if numbers is None:
+            self.refused.append(self.draws + len(self.refused))
+        else:
+            self.trials.append(Trial(values, decided(claim, numbers)))
+            self.kept += kept
+
+    @property
+    def to_keep(self) -> KeptDraws:
+        """What another build needs of it."""
+        draws = [as_text(trial.outcome.numbers) for trial in self.trials]
+        for number in self.refused:
+            draws.insert(number, None)
+        return KeptDraws(self.basis, tuple(draws), self.looked, self.flip)
 
     @property
     def draws(self) -> int:
@@ -86,6 +114,11 @@ class Robustness:
         """Whether others would find the same, for nine of ten at least; None if undecided."""
         return sequential.above(FIRM, self.agreed, self.draws)
 
+    @property
+    def decided(self) -> bool:
+        """Whether no more draws are needed."""
+        return self.draws >= _LEAST and self.firm is not None
+
     def interval(self) -> tuple[float, float]:
         """What the share may be; see `sequential.interval`, which is of the draws that agree."""
         low, high = sequential.interval(self.agreed, self.draws)
@@ -99,7 +132,11 @@ class Robustness:
 
 
 def assess(
-    ledger: Ledger, claims: Sequence[Claim], draws: int, flips: bool = True
+    ledger: Ledger,
+    claims: Sequence[Claim],
+    draws: int,
+    flips: bool = True,
+    kept: Mapping[str, KeptDraws] | None = None,
 ) -> dict[str, Robustness]:
     """The robustness of every claim that depends on something, by name.
 
@@ -110,9 +147,11 @@ def assess(
     claims
         Of the same paper; left out are those that are broken or depend on nothing.
     draws
-        The most for each claim, if fewer do not decide.
+        The most for each claim, if fewer do not decide and no more are kept.
     flips
-        Whether to look for the smallest change that flips a claim, which takes longest.
+        Whether to look for the smallest change that flips a claim.
+    kept
+        By claim: draws that need not be made again, and the change that was found with them.
 
     Raises
     ------
@@ -121,48 +160,61 @@ def assess(
     DivergenceError
         If something diverges with the ledger as it is.
     """
-    asked = [claim for claim in claims if claim.checks and claim.choices]
-    outcomes = Outcomes(ledger, asked)
-    stated = {claim.name: outcomes.stated(claim) for claim in asked}
-    found = {
-        claim.name: Robustness(outcome, claim.knob_names, looked=flips)
-        for claim in asked
-        if (outcome := stated[claim.name]) is not None
-    }
-    asked = [claim for claim in asked if claim.name in found]
-    groups = defaultdict(list)
-    for claim in asked:
-        groups[tuple(claim.keys)].append(claim)
-    for members in groups.values():
-        _draw_group(ledger, outcomes, draws, members, found)
+    outcomes = Outcomes(ledger, [claim for claim in claims if claim.checks and claim.choices])
+    found: dict[str, Robustness] = {}
+    known: dict[str, KeptDraws] = {}
+    asked = []
+    for claim in claims:
+        if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
+            continue
+        asked.append(claim)
+        basis = outcomes.basis(claim)
+        found[claim.name] = Robustness(stated, claim.knob_names, looked=flips, basis=basis)
+        if kept and claim.name in kept and kept[claim.name].basis == basis:
+            known[claim.name] = kept[claim.name]
+    _draw_all(ledger, outcomes, draws, asked, found, known)
     if flips:
-        for name, flip in smallest_flips(ledger, outcomes, asked).items():
+        told = {name: one.flip for name, one in known.items() if one.looked}
+        sought = [claim for claim in asked if claim.name not in told]
+        for name, flip in (told | smallest_flips(ledger, outcomes, sought)).items():
             found[name].flip = flip
     return found
 
 
-def _draw_group(
+def _draw_all(
     ledger: Ledger,
     outcomes: Outcomes,
     most: int,
     claims: list[Claim],
     found: dict[str, Robustness],
+    known: dict[str, KeptDraws],
 ) -> None:
-    """Draw for the claims that depend on the same choices until all of them are decided."""
-    choices, keys = claims[0].choices, " ".join(claims[0].keys)
-    group = [found[claim.name] for claim in claims]
-    for attempt in range(_ATTEMPTS * most):
-        draws = group[0].draws
-        enough = draws >= _LEAST and all(one.firm is not None for one in group)
-        if draws == most or enough:
-            break
-        stream = random_stream(ledger.seed, "claims", ledger.paper, keys, str(attempt))
-        drawn, values = draw(ledger, choices, stream)
-        try:
-            there = outcomes.at(drawn, claims)
-        except InputError:
-            for one in group:
-                one.refused += 1
-            continue
-        for claim, one in zip(claims, group, strict=True):
-            one.trials.append(Trial(values, there[claim.name]))
+    """Ask one reader after the other, each about all claims that are not yet decided.
+
+    Draws of a claim that are known are forgotten where one that is made again comes out otherwise.
+    """
+    longest = max((len(one.draws) for one in known.values()), default=0)
+    for number in range(max(_ATTEMPTS * most, longest)):
+        asked = defaultdict(list)
+        for claim in claims:
+            one, past = found[claim.name], known.get(claim.name)
+            left = len(past.draws) - number if past else 0
+            if one.decided or (left <= 0 and (one.draws >= most or number >= _ATTEMPTS * most)):
+                continue
+            if past and left > 0 and number >= _AGAIN:
+                one.add(claim, chosen(ledger, claim.choices, number), past.numbers(number), True)
+            else:
+                asked[tuple(claim.keys)].append(claim)
+        here = outcomes.apart()  # claims that depend on the same choices share what they need
+        for members in asked.values():
+            drawn, values = draw(ledger, members[0].choices, number)
+            try:
+                there = here.at(drawn, members)
+            except InputError:
+                there = {}
+            for claim in members:
+                numbers = there[claim.name].numbers if there else None
+                found[claim.name].add(claim, values, numbers)
+                past = known.get(claim.name)
+                if past and number < len(past.draws) and not alike(numbers, past.numbers(number)):
+                    del known[claim.name]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.evidence.claims.flips import Flip
 from reobserve.evidence.claims.outcomes import Outcome
 from reobserve.evidence.claims.robustness import Robustness, Trial
@@ -24,6 +24,8 @@ def to_data(robustness: Robustness) -> dict[str, Any]:
             {"values": list(trial.values), **_outcome(trial.outcome)} for trial in robustness.trials
         ],
         "refused": robustness.refused,
+        "basis": robustness.basis,
+        "kept": robustness.kept,
         "looked": robustness.looked,
         "flip": flip and vars(flip),
     }
@@ -62,13 +64,18 @@ class _StoredRobustness:
     stated: _StoredOutcome
     names: tuple[str, ...]
     trials: tuple[_StoredTrial, ...]
-    refused: int
+    refused: tuple[int, ...]
+    basis: str
+    kept: int
     looked: bool
     flip: Flip | None
 
     def __post_init__(self) -> None:
-        if self.refused < 0:
-            raise InputError("refused", f"{self.refused} must not be negative")
+        drawn = range(len(self.trials) + len(self.refused))
+        if sorted(set(self.refused) & set(drawn)) != list(self.refused):
+            raise InputError("refused", f"{shown(self.refused)} must be numbers of draws, rising")
+        if not 0 <= self.kept <= len(self.trials):
+            raise InputError("kept", f"{self.kept} must be a number of draws")
         checks = len(self.stated.numbers)
         for k, trial in enumerate(self.trials):
             if len(trial.values) != len(self.names):
@@ -82,8 +89,9 @@ class _StoredRobustness:
         """What was stored."""
         trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
         return Robustness(
-            self.stated.outcome(), self.names, trials, self.refused, self.flip, self.looked
-        )
+            self.stated.outcome(), self.names, trials, list(self.refused), self.flip, self.looked,
+            self.basis, self.kept,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness
 
@@ -54,7 +56,7 @@ def influences(claim: Claim, robustness: Robustness) -> list[Influence]:
     for column, name in enumerate(robustness.names):
         places = as_places([trial.values[column] for trial in robustness.trials])
         if len(set(places)) > 1 and len(set(margins)) > 1 and name != "seed":
-            result = chatterjeexi(places, _ranks(margins))
+            result = chatterjeexi(places, ranks(margins))
             found.append(Influence(name, float(result.statistic), float(result.pvalue)))
     return sorted(found, key=lambda one: -one.share)
 
@@ -63,12 +65,10 @@ def as_places(values: Sequence[Any]) -> list[float]:
     """Numbers as they are; anything else by its place among those that were drawn."""
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return [float(value) for value in values]
-    spelled = [repr(value) for value in values]
-    known = sorted(set(spelled))
-    return [float(known.index(one)) for one in spelled]
+    return [float(place) for place in ranks([repr(value) for value in values])]
 
 
-def _ranks(margins: Sequence[float]) -> list[float]:
-    """In place of the numbers, some of which may be infinite."""
-    known = sorted(set(margins))
-    return [float(known.index(margin)) for margin in margins]
+def ranks(values: Sequence[Any]) -> list[int]:
+    """The place of each among the different values, in order, from 0 on."""
+    place: list[int] = np.unique(values, return_inverse=True)[1].tolist()
+    return place

@@ -8,7 +8,7 @@ from typing import Any
 from reobserve.errors import InputError
 from reobserve.evidence.claims.bounds import rooms, tell_rooms
 from reobserve.evidence.claims.checks import Numbers
-from reobserve.evidence.claims.flips import Flip
+from reobserve.evidence.claims.flips import Flip, is_number
 from reobserve.evidence.claims.outcomes import outcome
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness
@@ -90,7 +90,7 @@ def tell_flip(flip: Flip | None) -> str:
     """A change of the ledger in words; nothing if none flips the claim."""
     if flip is None:
         return ""
-    if isinstance(flip.start, int | float) and not isinstance(flip.start, bool):
+    if is_number(flip.start):
         unit = _unit(flip)
         return (
             f"{flip.key} from {flip.start:.4g} to {flip.end:.4g}{unit and ' '}{unit} "

@@ -1,0 +1,38 @@
+"""Types of arguments on the command line; what is none is told in a sentence."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from reobserve.errors import InputError, shown
+
+
+def tree(text: str) -> dict[str, Any]:
+    """A mapping from JSON, or from standard input for a dash."""
+    from reobserve.plain_data.json_data import parse_json
+
+    try:
+        found = parse_json(sys.stdin.read() if text == "-" else text, "the overrides")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not isinstance(found, dict):
+        raise argparse.ArgumentTypeError("must be a JSON object")
+    return found
+
+
+def whole(least: int, most: int = 2**53) -> Callable[[str], int]:
+    """A parser of whole numbers; left out, ``most`` is what a float can count to."""
+
+    def parse(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or len(text) > 16:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        number = int(text)
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        return number
+
+    allowed = f"a whole number from {least} to {most}"
+    return parse
