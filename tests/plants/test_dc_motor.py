@@ -217,6 +217,27 @@ def test_agrees_with_an_adaptive_integration(truth: Array) -> None:
         assert run.before.control[20 * (k + 1)] == pytest.approx(u, abs=1e-8)
 
 
+def test_a_law_fed_by_the_state_agrees_with_an_adaptive_integration() -> None:
+    """u = -Kc x + Ki v, with v still that of the measured speed."""
+    Kc, Ki = np.array([3.02125, 3.0]), -84.375
+
+    def rates(z: Array, d: Array, w: Array, fa: Array, fs: Array, r: Array) -> list[Array]:
+        x, v = z[:2], z[2:3]
+        y1 = x[:1] + w + fs
+        return [MOTOR.A @ x + MOTOR.B @ (Ki * v - Kc @ x + fa) + [1.0, 2.0] * d, y1 - r]
+
+    inputs = held_inputs(horizon=4.0)
+    found = integrated(rates, 3, inputs)
+    loop = ControlledMotor(MOTOR, LOOP.control, **MATRICES, state_feedback=True)
+    run = simulated(loop, 5e-3, inputs)
+    assert np.abs(run.state[::20] - found[:, :2]).max() < 1e-10
+    control = Ki * found[:, 2] - found[:, :2] @ Kc
+    assert run.after.control[::20, 0] == pytest.approx(control, abs=1e-8)
+    assert np.abs(run.state - simulated(LOOP, 5e-3, inputs).state).max() > 0.01
+    with pytest.raises(InputError, match=r"^state_feedback: "):
+        ControlledMotor(MOTOR, LOOP.control, **MATRICES, state_feedback="yes")  # type: ignore[arg-type]
+
+
 def test_error_falls_with_the_fourth_power_of_the_step(truth: Array) -> None:
     errors = [
         np.abs(simulated(LOOP, step).state[:: round(HOLD / step)] - truth[:, :2]).max()

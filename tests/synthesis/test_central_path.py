@@ -133,6 +133,15 @@ DESIGNS: dict[str, Any] = {
         )
         for bound in (30.0, 50.0, 100.0, np.inf)
     },
+    "PI, least gamma": lambda system, solver: pd_pi.design_least_gamma(
+        system, 0.0, 50.0, solver=solver, derivative=False
+    ),
+    "least gamma, small": lambda system, solver: pd_pi.design_least_gamma(
+        system, 0.0, 30.0, 300.0, solver
+    ),
+    "least gamma, large": lambda system, solver: pd_pi.design_least_gamma(
+        system, 0.0, 100.0, 5000.0, solver
+    ),
     "least gamma, -50 to -2": lambda system, solver: pd_pi.design_least_gamma(
         system, 2.0, 50.0, solver=solver
     ),

@@ -203,6 +203,13 @@ def test_the_least_gamma_comes_close_to_the_floor_with_large_gains() -> None:
     assert largest[-1] > 1e4
 
 
+def test_the_smallest_matrices_near_the_floor_have_gains_that_do_not_settle() -> None:
+    factors = (1.1, 1.05, 1.02)
+    largest = [np.abs(pd_pi.design(dc_motor(), factor).gains.L).max() for factor in factors]
+    assert largest[1] / largest[0] == pytest.approx(1.72, abs=0.01)
+    assert largest[2] / largest[1] == pytest.approx(1.95, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("decay", "bound", "gamma"),
     [(0.0, 30.0, 1.00555771877), (0.0, 50.0, 1.00534017676), (2.0, 50.0, 1.24197110362)],

@@ -1,11 +1,11 @@
 """DC motor under speed control, with faults (Indriawati, Agustinah & Jazidie, IV).
 
     x' = A x + B (u + fa) + Dd d,    y = x + Dw w + Fs fs,    x = [speed, current]
-    u = -Kc y + Ki v,    v' = y1 - r
+    u = -Kc x + Ki v,    v' = y1 - r
 
-The control acts on what is measured, faults and noise included. With v' = y1 - r, as printed, Ki
-must be negative. The paper prints A with +Ke/L in its second row: a back electromotive force that
-drives the current.
+or u = -Kc y + Ki v, which acts on what is measured, faults and noise included. With v' = y1 - r, as
+printed, Ki must be negative. The paper prints A with +Ke/L in its second row: a back electromotive
+force that drives the current.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class DCMotor:
 
 @dataclass(frozen=True, eq=False)
 class SpeedControl:
-    """The law u = -Kc y + Ki v, v' = y1 - r.
+    """The law u = -Kc x + Ki v, or -Kc y + Ki v, with v' = y1 - r.
 
     Parameters
     ----------
@@ -181,11 +181,13 @@ class ControlledMotor:
         How disturbances enter the dynamics, shape (2, kd).
     Dw, Fs
         How noise and sensor faults enter the output, shapes (2, kw) and (2, q).
+    state_feedback
+        Whether the law takes x for Kc and not y.
 
     Raises
     ------
     InputError
-        If a matrix does not have two rows.
+        If a matrix does not have two rows, or ``state_feedback`` is no flag.
     """
 
     motor: DCMotor
@@ -193,6 +195,7 @@ class ControlledMotor:
     Dd: Array
     Dw: Array
     Fs: Array
+    state_feedback: bool = False
 
     def __post_init__(self) -> None:
         as_kind("motor", self.motor, DCMotor)
@@ -202,6 +205,7 @@ class ControlledMotor:
             if matrix.ndim != 2 or len(matrix) != 2:
                 raise InputError(name, f"has shape {matrix.shape}, must have 2 rows")
             object.__setattr__(self, name, matrix)
+        as_flag("state_feedback", self.state_feedback)
 
     def simulate(
         self,
@@ -279,14 +283,16 @@ class ControlledMotor:
         kd, kw, q = (matrix.shape[1] for matrix in (self.Dd, self.Dw, self.Fs))
         loop, held, varying = np.zeros((3, 3)), np.zeros((3, kd + kw)), np.zeros((3, q + 2))
         loop[:2], loop[2, 0] = np.hstack([A - B @ Kc, B * self.control.integral]), 1.0
-        held[:2], held[2, kd:] = np.hstack([self.Dd, -B @ Kc @ self.Dw]), self.Dw[0]
-        varying[:2, :-1], varying[2, 1:] = np.hstack([B, -B @ Kc @ self.Fs]), [*self.Fs[0], -1.0]
+        measured = np.zeros((2, 2)) if self.state_feedback else -B @ Kc  # of y - x
+        held[:2], held[2, kd:] = np.hstack([self.Dd, measured @ self.Dw]), self.Dw[0]
+        varying[:2, :-1], varying[2, 1:] = np.hstack([B, measured @ self.Fs]), [*self.Fs[0], -1.0]
         return loop, held, varying
 
     def _signals(self, states: Array, noise: Array, faults: Array) -> Limits:
         """What follows from [x, v], w and [fa, fs]."""
         output = states[:, :2] + noise @ self.Dw.T + faults[:, 1:] @ self.Fs.T
-        control = self.control.integral * states[:, 2:] - output @ self.control.feedback[:, None]
+        fed = states[:, :2] if self.state_feedback else output
+        control = self.control.integral * states[:, 2:] - fed @ self.control.feedback[:, None]
         return Limits(output, control, faults[:, :1], faults[:, 1:])
 
 

@@ -10,7 +10,6 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve.timeseries.signals import Signal
 from tests.papers.eso.plants import dc_motor
@@ -45,13 +44,6 @@ def test_dd_of_4_has_too_few_rows_for_the_augmented_state() -> None:
         state + SYSTEM.Dd @ np.ones(2)
     above = np.vstack([SYSTEM.Dd, np.zeros((2, 2))])
     assert np.array_equal(above, SYSTEM.Da[:, :2])
-
-
-def test_noise_need_not_have_as_many_entries_as_sensor_faults_nor_d_as_x() -> None:
-    system = dc_motor(Dd=[[1.0], [2.0]], Dw=np.eye(2))
-    assert (system.Dw.shape[1], system.Fs.shape[1]) == (2, 1)
-    assert (system.Dd.shape[1], system.states) == (1, 2)
-    assert pd_pi.design(system, gamma=3.0).certificate.holds
 
 
 def test_the_fault_that_is_called_the_sensors_does_not_touch_the_output() -> None:
@@ -94,18 +86,25 @@ def test_figures_are_one_further_than_the_text_counts() -> None:
     assert captions == {number + 1: shown for number, shown in text.items()}
 
 
-def test_the_integral_is_of_one_output_and_its_gain_is_negative() -> None:
-    """y - r has two entries for the one r and the one u, and Ki > 0 is unstable for any Kc."""
-    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
-    law = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
-    assert law.integral == pytest.approx(-84.375, rel=1e-12)
-    stream = np.random.default_rng(1)
-    for Kc in 100 * stream.standard_normal((50, 2)):
-        loop = np.zeros((3, 3))
-        loop[:2, :2], loop[2, 0] = motor.A - motor.B @ Kc[None], 1.0
-        loop[:2, 2:] = motor.B * 84.375
-        # The product of the three eigenvalues is 2 Ki > 0: one of them is not to the left.
-        assert np.linalg.det(loop) == pytest.approx(2 * 84.375, rel=1e-9)
-        assert np.linalg.eigvals(loop).real.max() > 0
+def test_the_only_table_is_not_the_first() -> None:
+    """The text refers to table 1, and the heading of the one table counts it as the seventh."""
+    numerals = {"I": 1, "V": 5, "X": 10}
+    heading = [numerals[letter] for letter in "VII"]
+    assert sum(heading) == 7, "they fall, so that they add"
+    stated = Ledger.load(ROOT, "eso").tree["plant"]
+    constants = [body for body in stated.values() if body["source"].startswith("Table, ")]
+    assert len(constants) == 6, "all parameters of the motor are of this one"
+
+
+def test_the_integral_is_of_one_output() -> None:
+    """y - r has two entries for the one r and the one u; the speed is the one that r is of."""
     with pytest.raises(ValueError, match="could not broadcast"):
         np.zeros(1)[:] = np.ones(2) - 1.0  # the one integral of u, and both entries of y - r
+    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
+    law = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
+    loop = ControlledMotor(motor, law, np.diag([1.0, 2.0]), [[1.0], [0.0]], [[1.0], [0.0]])
+    one = Signal.parse("r", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
+    run = loop.simulate(
+        one, Signal(1, ()), Signal(1, ()), np.zeros((400, 2)), np.zeros((400, 1)), 0.01
+    )
+    assert run.state[-1] == pytest.approx([1.0, 10.0], abs=1e-4)

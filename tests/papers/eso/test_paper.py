@@ -19,7 +19,7 @@ from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study
-from reobserve.papers.eso.scoring import lag, scores
+from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
 from reobserve.pipeline.common import compute_design
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.pipeline.figures import figure_data
@@ -38,8 +38,10 @@ Tree = dict[str, Any]
 
 ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
-QUIET = {"disturbance_low": [0.0, 0.0], "disturbance_high": [0.0, 0.0]}
-OBSERVERS = {"pi": "pi_feasible", "pd_pi": "pd_pi", "pi_optimal": "pi_optimal"}
+QUIET = {"disturbance": [[0.0, 0.0], [0.0, 0.0]]}
+OBSERVERS = {
+    "pi": "pi_feasible", "pd_pi": "pd_pi", "least_gamma": "least_gamma", "pi_optimal": "pi_optimal",
+}  # fmt: skip
 FAULTS = ("actuator_fault", "sensor_fault")
 
 
@@ -124,14 +126,14 @@ def test_noise_is_that_of_its_stream_held_and_as_large_as_stated() -> None:
 
 
 def disturbances(disturbed: Series, quiet: Series) -> Array:
-    """d of each 0.1 s, from what it does to the closed loop [x, v]; v = (u + Kc y) / Ki."""
+    """d of each 0.1 s, from what it does to the closed loop [x, v]; v = (u + Kc x) / Ki."""
     Kc, Ki = np.array([3.02125, 3.0]), -84.375
     loop = np.block([[dc_motor().A - [[0], [2]] * Kc, np.array([[0], [2 * Ki]])], [1.0, 0, 0]])
     drive = np.vstack([np.diag([1.0, 2.0]), [0.0, 0.0]])
     both = expm(0.1 * np.block([[loop, drive], [np.zeros((2, 5))]]))
     x = disturbed["state"] - quiet["state"]
-    y, u = (disturbed[name] - quiet[name] for name in ("output", "control"))
-    z = np.column_stack([x, (u + y @ Kc) / Ki])[::200]
+    u = disturbed["control"] - quiet["control"]
+    z = np.column_stack([x, (u + x @ Kc) / Ki])[::200]
     found: Array = np.linalg.lstsq(both[:3, 3:], z[1:].T - both[:3, :3] @ z[:-1].T)[0].T
     return found
 
@@ -164,13 +166,16 @@ def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
     assert at["sensor_fault"] == pytest.approx([0.1, -0.1, 0.2], abs=1e-9)
     onset, end = (0.05 * t * np.sin(0.25 * np.pi * t) for t in (1.5, 15.0))
     assert at["actuator_fault"] == pytest.approx([onset, 0.2 - end], rel=1e-9)
-    # y1 jumps with fs and with the noise, each 0.1 s; u with y1 by the gain of the speed.
+    # y1 jumps with fs and with the noise, each 0.1 s; u with y1 by the gain of the speed, or not.
     change = np.diff(np.sqrt(1e-3) * random_stream(SEED, "eso", "noise").standard_normal(200))
     expected = jumps["sensor_fault"].copy()
     expected[200:-1:200] += change
     assert jumps["output"][:, 0] == pytest.approx(expected, abs=1e-13)
     assert not jumps["output"][:, 1].any()
-    assert jumps["control"] == pytest.approx(-3.02125 * expected, abs=1e-12)
+    assert not jumps["control"].any(), "the law acts on x, which does not jump"
+    measured = plant.simulate(ledger({"plant": {"feedback": "output"}}).settings("plant", "noisy"))
+    jump = measured["control"] - measured["control_before"]
+    assert jump == pytest.approx(-3.02125 * expected, abs=1e-12)
     assert np.abs(np.diff(found["state"], axis=0)).max() < 0.1
     period = np.floor(found.time / 2 + 1e-9)[:-1]
     np.testing.assert_array_equal(found["reference"][:-1], 1.0 - period % 2)
@@ -179,7 +184,7 @@ def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
 # --- Designs and estimates ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["pi_feasible", "pd_pi", "pi_optimal"])
+@pytest.mark.parametrize("name", ["pi_feasible", "pd_pi", "least_gamma", "pi_optimal"])
 def test_designs_come_with_certificates_that_hold(name: str) -> None:
     found = designed(name)
     system = dc_motor(Az=found["filter_rate"])
@@ -192,10 +197,12 @@ def test_designs_come_with_certificates_that_hold(name: str) -> None:
     assert np.linalg.eigvals(np.linalg.solve(Eo, Ao)).real.max() < (
         -1.0 if name == "pi_feasible" else 0.0
     )
-    if name != "pi_feasible":
+    if name == "least_gamma":
+        assert found["gamma"] == pytest.approx(1.00534017676, abs=1e-10)
+    elif name != "pi_feasible":
         assert found["gamma"] == pytest.approx(1.05 * 1.00503781018428, rel=1e-13)
         assert told.norm_lower > 0.99 * found["gamma"], "the least norm uses all it is allowed"
-    if name != "pd_pi":
+    if name in ("pi_feasible", "pi_optimal"):
         assert not gains_of(name).Ld.any()
 
 
@@ -205,6 +212,7 @@ def test_designs_come_with_certificates_that_hold(name: str) -> None:
         ("pi_feasible", lambda: pi.design_feasible(dc_motor(), 1.0)),
         ("pd_pi", lambda: pd_pi.design(dc_motor(), 1.05)),
         ("pi_optimal", lambda: pi.design(dc_motor(), 1.05)),
+        ("least_gamma", lambda: pd_pi.design_least_gamma(dc_motor(), 0.0, 50.0, 3000.0)),
     ],
 )
 def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
@@ -212,6 +220,19 @@ def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
     np.testing.assert_allclose(designed(name)["L"], found.gains.L, rtol=1e-9)
     np.testing.assert_allclose(designed(name)["Ld"], found.gains.Ld, rtol=1e-9, atol=1e-12)
     assert designed(name)["method"] == found.method
+
+
+def test_either_observer_is_designed_by_either_criterion() -> None:
+    """What is drawn for both at once: the criterion, and the bound and the radius of the second."""
+    bounds = {"criterion": "least_gamma", "pole_bound": 30.0, "radius": 1000.0}
+    changed = ledger({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
+    for name, derivative in (("pd_pi", True), ("pi_optimal", False)):
+        direct = pd_pi.design_least_gamma(dc_motor(), 0.0, 30.0, 1000.0, derivative=derivative)
+        found = compute_design(changed, name)
+        np.testing.assert_array_equal(found["L"], direct.gains.L)
+        np.testing.assert_array_equal(found["Ld"], direct.gains.Ld)
+        assert np.array(found["Ld"]).any() == derivative
+        assert found["method"] == f"{'PD/PI' if derivative else 'PI'}, least gamma"
 
 
 def test_the_other_solver_gives_the_same_gains() -> None:
@@ -290,9 +311,31 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
         assert errors[0] == pytest.approx(errors[1], abs=1e-9)
 
 
+def test_observers_start_where_the_ledger_says() -> None:
+    start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
+    changed = ledger({"observers": {"pd_pi": {"initial_estimate": start}}})
+    found = observe.estimate(
+        changed.settings("observe", "disturbed", "pd_pi"), record("disturbed"), designed("pd_pi")
+    )
+    first = [*found["state"][0], found["actuator_fault"][0], found["sensor_fault"][0]]
+    assert first == [0.3, -0.2, 0.05, -0.06]
+    # Of xz it has a filter of its own: with both alike an error of theirs is none.
+    assert found["state"][-1] == pytest.approx(estimated("disturbed", "pd_pi")["state"][-1])
+    moved = ledger({"plant": {"initial_state": [0.5, -1.0]}})
+    begun = plant.simulate(moved.settings("plant", "disturbed"))
+    assert begun["state"][0].tolist() == [0.5, -1.0]
+
+
+def test_pulses_are_as_wide_as_the_ledger_says() -> None:
+    changed = ledger({"plant": {"pulse_width": 1.0}})
+    found = plant.simulate(changed.settings("plant", "disturbed"))
+    expected = (np.floor(found.time[:-1] + 1e-9) % 4 == 0).astype(float)
+    np.testing.assert_array_equal(found["reference"][:-1], expected)
+
+
 def test_a_figure_has_the_scores_of_its_observers() -> None:
     found = lookup(Evaluator(ledger()).figure("fig2").metrics)
-    assert {observer for observer, _ in found} == {"pi", "pd_pi"}
+    assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "least_gamma"}
     for observer in ("pi", "pd_pi"):
         for metric, value in scored("disturbed", observer).items():
             assert found[observer, metric] == pytest.approx(value, rel=1e-9, abs=1e-12)
@@ -348,6 +391,7 @@ def test_scores_of_known_errors() -> None:
     rules = {
         "actuator_varying": [1.0, 3.0], "actuator_constant": [3.0, 4.0],
         "sensor_varying": [1.0, 2.0], "sensor_constant": [2.0, 9.0], "longest_lag": 0.5,
+        "visible": 2e-3,
     }  # fmt: skip
     time = np.arange(0.0, 4.0 + 0.05, 0.1)
     fine = np.arange(0.0, 4.0 + 0.025, 0.05)
@@ -376,6 +420,38 @@ def test_scores_of_known_errors() -> None:
     assert found["actuator_lag"] == (pytest.approx(0.3, abs=1e-3), "s")
     assert len(found) == 10
     np.testing.assert_array_equal(np.flatnonzero(window(time, 1.0, 1.3)), [10, 11, 12])
+
+
+def test_sizes_corrected_speeds_and_differences_of_known_signals() -> None:
+    rules = keys.Metrics([1.0, 3.0], [3.0, 4.0], [1.0, 2.0], [2.0, 4.0], 0.5, 2e-3)
+    time, fine = np.arange(0.0, 4.05, 0.1), np.arange(0.0, 4.025, 0.05)
+    speed, noise = np.sin(fine), np.where(fine < 2 - 1e-9, 0.3, -0.7)
+    record = Series(
+        fine,
+        {
+            "state": Channel(np.column_stack([speed, fine]), "rad/s, A"),
+            "output": Channel(np.column_stack([speed + 2 * fine + noise, fine]), "rad/s, A"),
+            "actuator_fault": Channel(np.full(len(fine), -0.2), "V"),
+            "sensor_fault": Channel(2 * fine, "rad/s"),
+        },
+    )
+    first = {"actuator_fault": Channel(time, "V"), "sensor_fault": Channel(2 * time, "rad/s")}
+    second = {
+        "actuator_fault": Channel(time - 0.4, "V"),
+        "sensor_fault": Channel(2 * time + 1, "rad/s"),
+    }
+    one, other = Series(time, first), Series(time, second)
+    found = {name: value for name, value, _ in sizes(rules, record)}
+    assert found.pop("rms_sensor_fault_varying") == pytest.approx(rms(2 * np.arange(1, 1.95, 0.1)))
+    assert found == pytest.approx(
+        {"rms_actuator_fault_varying": 0.2, "rms_noise_varying": 0.3, "rms_noise_constant": 0.7}
+    )
+    # The first knows the sensor fault, so that the noise is left; the second has 1 too much.
+    for estimate, left in ((one, (0.3, 0.7)), (other, (0.7, 1.7))):
+        corrected = [value for _, value, _ in corrected_speed(rules, record, estimate)]
+        assert corrected == pytest.approx(left)
+    apart = {name: value for name, value, _ in differences(rules, one, other)}
+    assert apart == pytest.approx({"rms_actuator_difference": 0.4, "rms_sensor_difference": 1.0})
 
 
 # --- Deviations of what is held -----------------------------------------------------------------
@@ -441,7 +517,11 @@ def rows_of_the_study() -> list[Tree]:
 
 @pytest.mark.parametrize(
     ("kind", "choice", "level", "rate"),
-    [("pi_feasible", "decay", 1.0, 2.0), ("pd_pi_bounded", "bound", 50.0, 1.0)],
+    [
+        ("pi_feasible", "decay", 1.0, 2.0),
+        ("pd_pi_least_gamma", "bound", 50.0, 1.0),
+        ("pi_least_gamma", "bound", 50.0, 1.0),
+    ],
 )
 def test_the_study_has_the_numbers_of_direct_calls(
     kind: str, choice: str, level: float, rate: float
@@ -457,7 +537,7 @@ def test_the_study_has_the_numbers_of_direct_calls(
     design = (
         pi.design_feasible(system, 1.0)
         if kind == "pi_feasible"
-        else pd_pi.design_least_gamma(system, 0.0, 50.0)
+        else pd_pi.design_least_gamma(system, 0.0, 50.0, derivative=kind.startswith("pd"))
     )
     run = by_hand(record("quiet"), design.gains, rate)
     estimate = Series(
@@ -469,8 +549,8 @@ def test_the_study_has_the_numbers_of_direct_calls(
     )
     expected = {name: value for name, value, _ in scores(windows(), record("quiet"), estimate)}
     deviations = {"disturbance": [0.4 / 12**0.5, 0.2 / 12**0.5, 0.0], "noise": [0, 0, 1e-3**0.5]}
-    for source, sizes in deviations.items():
-        both = held_deviation(system, design.gains, sizes, 0.1)[4:]
+    for source, each in deviations.items():
+        both = held_deviation(system, design.gains, each, 0.1)[4:]
         for fault, value in zip(("actuator", "sensor"), both, strict=True):
             expected[f"{source}_in_{fault}_fault"] = float(value)
     Ao, Eo = error_system(system, design.gains)
@@ -489,9 +569,9 @@ def test_metrics_tell_every_design_of_the_study() -> None:
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
     data = figure_data("eso", settings, record("disturbed"), estimates, rows_of_the_study())
     found = lookup(metrics.measure(data))
-    names = [name for observer, name in found if observer != "pd_pi"]
+    names = [name for observer, name in found if observer not in ("pd_pi", "plant")]
     assert [name.partition(" ")[2] for name in names] == [
-        *["decay=1 rate=2"] * 18, *["bound=50 rate=1"] * 18
+        *["decay=1 rate=2"] * 18, *["bound=50 rate=1"] * 36
     ]  # fmt: skip
     row = next(row for row in rows_of_the_study() if row["quantity"] == "norm")
     assert found.at("pi_feasible", "norm", rate=2, decay=1) == row["value"]
@@ -581,9 +661,25 @@ BAD = {
         disturbed(sensor_fault=[{**TERM, "axis": 2}]), f"{D}.sensor_fault[0].axis", "from 1 to 1",
     ),
     "bounds the wrong way round": (
-        disturbed(disturbance_low=[0.3, -0.1]), f"{D}.disturbance_low", "must not be above",
+        disturbed(disturbance=[[0.3, 0.2], [-0.1, 0.1]]), f"{D}.disturbance",
+        "must be [least, greatest]",
     ),
-    "one bound": (disturbed(disturbance_high=0.2), f"{D}.disturbance_high", "list of numbers"),
+    "one bound": (disturbed(disturbance=0.2), f"{D}.disturbance", "has shape (), must be (2, 2)"),
+    "a law fed by nothing": (plants(feedback="no"), f"{P}.feedback", "be one of state, output"),
+    "a pulse of no width": (plants(pulse_width=0), f"{P}.pulse_width", "greater than zero"),
+    "one initial state": (plants(initial_state=[0]), f"{P}.initial_state", "list of 2 numbers"),
+    "a start of states alone": (
+        {"observers": {"pi": {"initial_estimate": [0, 0]}}}, "observers.pi.initial_estimate",
+        "list of 6 numbers",
+    ),
+    "a comparison with nobody": (
+        {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},
+        "observers.pi_optimal.compared_with", "must be an observer of the ledger; did you mean",
+    ),
+    "an unknown criterion": (
+        {"designs": {"pd_pi": {"criterion": "least"}}}, "designs.pd_pi.criterion",
+        "must be one of least_norm, least_gamma",
+    ),
     "negative power": (disturbed(noise_power=-1e-4), f"{D}.noise_power", "must not be negative"),
     "a design of unknown kind": (
         {"designs": {"pd_pi": {"kind": "pid"}}}, "designs.pd_pi.kind", "must be one of pi_feas",

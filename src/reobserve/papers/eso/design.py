@@ -1,13 +1,19 @@
 """Stage design: gains of an observer, certified; the ``kind`` of a design in the ledger is one of
 
-pi_feasible       the PI observer by feasibility with a decay rate
-pi_least_norm     the PI observer by optimisation, gamma fixed
-pd_pi_least_norm  the PD/PI observer by optimisation, gamma fixed
-pd_pi_bounded     Theorem 1, min gamma, with poles not faster than a bound and matrices in a radius
+pi_feasible      the PI observer by feasibility with a decay rate
+pi_optimised     the PI observer by optimisation
+pd_pi_optimised  the PD/PI observer by optimisation
+
+and the ``criterion`` of an optimisation
+
+least_norm       gamma fixed at a multiple of its floor, and the smallest matrices
+least_gamma      the least gamma with poles not faster than a bound and matrices in a radius
 """
 
 from __future__ import annotations
 
+from dataclasses import fields
+from functools import lru_cache
 from typing import Any
 
 from reobserve.ledger.types import Settings, read_job
@@ -15,6 +21,7 @@ from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.design import Design
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
 def compute(settings: Settings) -> dict[str, Any]:
@@ -31,11 +38,23 @@ def compute(settings: Settings) -> dict[str, Any]:
 
 
 def design(plant: keys.Plant, stated: keys.Design) -> Design:
-    """The design that a ledger states; raises as `compute`."""
-    system, solver = augmented(plant, stated.filter_rate), stated.solver
+    """The design that a ledger states; raises as `compute`.
+
+    It is remembered: draws of what no design sees, such as a hold, ask for it again.
+    """
+    system = augmented(plant, stated.filter_rate)
+    matrices = (getattr(system, each.name) for each in fields(system))
+    return _designed(tuple(tuple(map(tuple, matrix.tolist())) for matrix in matrices), stated)
+
+
+@lru_cache(maxsize=100)
+def _designed(matrices: Any, stated: keys.Design) -> Design:
+    system, solver = AugmentedSystem(*matrices), stated.solver
     if isinstance(stated, keys.Feasible):
         return pi.design_feasible(system, stated.decay, solver)
-    if isinstance(stated, keys.Bounded):
-        return pd_pi.design_least_gamma(system, 0.0, stated.pole_bound, stated.radius, solver)
-    by_kind = {"pi_least_norm": pi.design, "pd_pi_least_norm": pd_pi.design}
-    return by_kind[stated.kind](system, stated.factor, None, solver)
+    derivative = stated.kind == "pd_pi_optimised"
+    if stated.criterion == "least_norm":
+        return pd_pi.design(system, stated.factor, solver=solver, derivative=derivative)
+    return pd_pi.design_least_gamma(
+        system, 0.0, stated.pole_bound, stated.radius, solver, derivative=derivative
+    )

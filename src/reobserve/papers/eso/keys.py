@@ -28,6 +28,7 @@ Poles = Annotated[list[float], vector(3)]
 Column = Annotated[Any, array(2, 1)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
+Criterion = Literal["least_norm", "least_gamma"]
 
 
 def ranges(place: str, value: Any) -> None:
@@ -48,7 +49,10 @@ class Plant:
     resistance: Positive
     inductance: Positive
     controller_poles: Poles
+    feedback: Literal["state", "output"]
     reference: Fault
+    pulse_width: Positive
+    initial_state: Pair
     disturbance_matrix: Annotated[Any, array(2, 2)]
     noise_matrix: Column
     sensor_matrix: Column
@@ -63,8 +67,7 @@ class Scenario:
 
     actuator_fault: Fault
     sensor_fault: Fault
-    disturbance_low: Pair
-    disturbance_high: Pair
+    disturbance: Annotated[Any, array(2, 2)]  # least and greatest value of each
     noise_power: NotNegative
     title: str = ""
 
@@ -79,31 +82,37 @@ class Feasible:
     solver: Solver
     title: str = ""
 
-
-@dataclass(frozen=True)
-class LeastNorm:
-    """Gains by optimisation, gamma fixed at a multiple of its floor."""
-
-    kind: Literal["pi_least_norm", "pd_pi_least_norm"]
-    filter_rate: Positive
-    factor: Positive  # of gamma over its floor
-    solver: Solver
-    title: str = ""
+    @property
+    def name(self) -> str:
+        """What it is, in one word."""
+        return self.kind
 
 
 @dataclass(frozen=True)
-class Bounded:
-    """Theorem 1, min gamma, with poles not faster than a bound and matrices in a radius."""
+class Optimised:
+    """Gains by optimisation, of which "min gamma" is read in one of two ways."""
 
-    kind: Literal["pd_pi_bounded"]
+    kind: Literal["pi_optimised", "pd_pi_optimised"]
     filter_rate: Positive
-    pole_bound: Positive
+    criterion: Criterion
+    factor: Positive  # of gamma over its floor, for the least norm
+    pole_bound: Positive  # for the least gamma, as the next
     radius: Positive
     solver: Solver
     title: str = ""
 
+    @property
+    def name(self) -> str:
+        """What it is, in one word."""
+        return f"{self.kind.removesuffix('_optimised')}_{self.criterion}"
 
-Design = Feasible | LeastNorm | Bounded
+    @property
+    def level(self) -> float:
+        """What of the criterion a study varies."""
+        return self.factor if self.criterion == "least_norm" else self.pole_bound
+
+
+Design = Feasible | Optimised
 
 
 @dataclass(frozen=True)
@@ -112,6 +121,8 @@ class Observer:
 
     algorithm: Literal["extended_state"]
     design: str
+    initial_estimate: Annotated[list[float], vector(6)]  # x, xz, fa, fs
+    compared_with: str = ""  # the observer whose estimates these are said to be
     label: str = ""
 
 
@@ -138,6 +149,7 @@ class Metrics:
     sensor_varying: Window
     sensor_constant: Window
     longest_lag: Positive
+    visible: Positive  # V and rad/s
 
 
 @dataclass(frozen=True)
@@ -148,7 +160,6 @@ class Theory:
     excess: Positive
     filter_rates: Levels
     fault_frequencies: Annotated[Levels, vector(2)]
-    fast_fault: Positive
     noise_power: Positive
     readings: Annotated[Any, ranges]
     other_poles: Poles

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from reobserve.errors import InputError, nearest
 from reobserve.ledger.check import Checks
+from reobserve.ledger.types import Job
 from reobserve.papers.eso import plant
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented
+from reobserve.synthesis.extended_state.system import AugmentedSystem
+
+
+def _observer(job: Job, _: AugmentedSystem) -> None:
+    other = job.observer.compared_with
+    if other and other not in job.observers:
+        problem = f"{other!r} must be an observer of the ledger{nearest(other, job.observers)}"
+        raise InputError("compared_with", problem)
+
 
 # Designs are not computed: whether a solver finds one shows in their stage.
 CHECKS = Checks(
@@ -14,6 +25,7 @@ CHECKS = Checks(
         "plant": lambda job: augmented(job.plant, 1.0),
         "scenario": plant.build,
         "design": lambda job: augmented(job.plant, job.design.filter_rate),
+        "observer": _observer,
         "metrics": lambda job: check_rules(job.metrics, job.plant),
     }
 )

@@ -1,11 +1,11 @@
 """Stage metrics: errors and lags of the estimated faults, and what the certificates say.
 
 Errors are estimates minus faults, over the windows of the ledger in which a fault varies or is
-constant. A number at coordinates belongs to a design of the study: at the filter's rate and at what
-was chosen; there the observer column holds the kind of design, and errors are without disturbance
-and noise. In `theory` the observer column holds an observer or what is judged: the motor (also with
-the sign of the paper), one or both outputs, a sensor fault that looks like the actuator's, any
-observer, and so on.
+constant; the observer `plant` has the sizes of what is estimated. A number at coordinates belongs
+to a design of the study: at the filter's rate and at what was chosen; there the observer column
+holds the kind of design, and errors are without disturbance and noise. In `theory` the observer
+column holds an observer or what is judged: the motor (also with the sign of the paper), one or both
+outputs, a sensor fault that looks like the actuator's, any observer, and so on.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.eso.scoring import check_rules, scores
+from reobserve.papers.eso.scoring import check_rules, corrected_speed, differences, scores, sizes
 from reobserve.scoring.metrics import Metric, scores_of
 
 _CHOSEN = ("filter_rate", "choice", "level")  # of a design, by its kind
@@ -22,6 +22,14 @@ _CHOSEN = ("filter_rate", "choice", "level")  # of a design, by its kind
 MEANINGS = {
     "rms_<fault>_error_<when>": "root mean square error of a fault where it varies or is constant",
     "mean_<fault>_error_<when>": "its mean",
+    "rms_<fault>_fault_varying": "root mean square of a fault where it varies",
+    "rms_noise_<when>": "root mean square of the noise over the windows of the sensor fault",
+    "rms_corrected_speed_error_<when>": (
+        "of the measured speed less the estimated sensor fault, over the windows of that fault"
+    ),
+    "rms_<fault>_difference": (
+        "root mean square difference from the estimate of the observer it is compared with"
+    ),
     "<fault>_lag": "shift of the estimate that leaves the least error",
     "<quantity> <choice>=<level> rate=<rate>": "the same of a design of the study",
     "<source>_in_<fault>_fault <choice>=<level> rate=<rate>": (
@@ -39,6 +47,9 @@ MEANINGS = {
     "settling_time": "of the speed, until it stays within two per cent",
     "gamma_floor": "least H-infinity norm that any gains can have",
     "disturbance_floor": "the same from disturbances alone, without noise",
+    "actuator_fault_by_constant_current_disturbance": (
+        "what a constant disturbance of the current adds to the estimate, over that disturbance"
+    ),
     "filter_rate_effect": "largest relative change of `gamma_floor` by the rate of the filter",
     "lemma_difference": "of (19) from (18) for random matrices, relative to the largest entry",
     "gain_difference": "of gains recovered from P and Y, as relative",
@@ -50,7 +61,7 @@ MEANINGS = {
         "how far below zero (19) can be at a gamma just above the norm; 0 if nowhere"
     ),
     "missed_<fault>_fault": "part of a sine with the fault's frequency that its estimate misses",
-    "missed_<fault>_fault_when_fast": "the same of one that is `theory.fast_fault` times as fast",
+    "missed_<fault>_fault_in_the_limit": "the same of ever faster ones",
     "noise_in_<fault>_fault": "standard deviation that noise causes in the estimate",
     "<source>_disturbance_left": (
         "deviation that a random disturbance causes, over the error by a constant one"
@@ -72,8 +83,13 @@ def measure(data: FigureData) -> Iterator[Metric]:
     """
     job = data.job
     check_rules(job.metrics, job.plant)
+    yield from scores_of("plant", sizes(job.metrics, data.plant))
     for name, estimate in data.estimates.items():
         yield from scores_of(name, scores(job.metrics, data.plant, estimate))
+        yield from scores_of(name, corrected_speed(job.metrics, data.plant, estimate))
+        other = data.estimates.get(job.observers[name].compared_with)
+        if other is not None:
+            yield from scores_of(name, differences(job.metrics, estimate, other))
     if data.study:
         for design, numbers in data.study.groups("kind", *_CHOSEN, "quantity", "unit"):
             kind, rate, choice, level, quantity, unit = design

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from reobserve.ledger.types import Settings, read_job
@@ -39,7 +39,7 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     """
     job = read_job(keys.Ledger, settings)
     observer = build(job, design)
-    run = run_on(observer, plant)
+    run = run_on(observer, plant, job.observer.initial_estimate)
     return Series(
         plant.time[::2],
         {
@@ -51,10 +51,16 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     )
 
 
-def run_on(observer: ExtendedStateObserver, plant: Series) -> Run[State]:
-    """The observer on a record with its middles, and its limits from the left."""
+def run_on(
+    observer: ExtendedStateObserver, plant: Series, estimate: Sequence[float] | None = None
+) -> Run[State]:
+    """The observer on a record with its middles, and its limits from the left.
+
+    It starts from ``estimate``, of x, xz, fa and fs, or from zeros, its filter from the same xz.
+    """
     control, control_before = plant["control"][:, None], plant["control_before"][:, None]
+    filtered = None if estimate is None else estimate[2:4]
     return run_on_halves(
-        observer, plant["output"], control, state=observer.init(),
+        observer, plant["output"], control, state=observer.init(estimate, filtered),
         y_before=plant["output_before"], u_before=control_before,
     )  # fmt: skip

@@ -38,8 +38,9 @@ def simulate(settings: Settings) -> Series:
     setup = build(job)
     disturbance, noise = _drawn(setup, job.seed)
     run = setup.plant.simulate(
-        setup.reference, setup.actuator_fault, setup.sensor_fault, disturbance, noise, setup.step
-    )
+        setup.reference, setup.actuator_fault, setup.sensor_fault, disturbance, noise, setup.step,
+        job.plant.initial_state,
+    )  # fmt: skip
     time = np.arange(setup.steps + 1, dtype=np.float64) * setup.step
     channels = {"state": Channel(run.state, "rad/s, A")}
     for suffix, side in (("", run.after), ("_before", run.before)):

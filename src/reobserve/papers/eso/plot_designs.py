@@ -2,58 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note, few_ticks
+from reobserve.drawing.figures import WIDTH, add_note, few_ticks
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.eso import keys
+from reobserve.papers.eso.styles import KINDS
 
-_KINDS = {
-    "pi_feasible": "PI, feasible",
-    "pi_least_norm": "PI, optimised",
-    "pd_pi_least_norm": "PD/PI, optimised",
-    "pd_pi_bounded": "PD/PI, least γ, bounded poles",
-}
-_PANELS = (
-    ("actuator_lag", "noise_in_actuator_fault", "(a) actuator fault", "noise in it [V]"),
-    ("sensor_lag", "noise_in_sensor_fault", "(b) sensor fault", "noise in it [rad/s]"),
-)
+_FAULTS = {"actuator": "V", "sensor": "rad/s"}
+_OPEN = ("pi_least_norm", "pi_least_gamma")  # around what they fall together with
 
 
 def draw(data: FigureData) -> Figure:
     """One point a design: how late its estimates are, and what noise and disturbance do to them."""
-    figure = Figure(figsize=(WIDTH, 5.6))
+    figure = Figure(figsize=(WIDTH, 6.0))
     panels = figure.subplots(2, 2)
-    for column, (lag, noise, title, unit) in enumerate(_PANELS):
-        disturbance = noise.replace("noise", "disturbance")
-        for row, quantity in enumerate((noise, disturbance)):
-            axes = panels[row, column]
-            for style, (kind, label) in zip(STYLES, _KINDS.items(), strict=False):
+    for column, (fault, unit) in enumerate(_FAULTS.items()):
+        for row, source in enumerate(("noise", "disturbance")):
+            axes, letter = panels[row, column], "abcd"[2 * row + column]
+            quantity = f"{source}_in_{fault}_fault"
+            for kind, (style, label) in KINDS.items():
                 found = data.study.where(kind=kind)
                 axes.loglog(
-                    *(found.where(quantity=name)["value"] for name in (lag, quantity)),
-                    linestyle="", marker=style.marker, color=style.color, markersize=4.5,
-                    markerfacecolor="none" if kind == "pi_least_norm" else style.color,
+                    *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
+                    linestyle="", marker=style.marker, color=style.color,
+                    markersize=7.5 if kind in _OPEN else 4.5,
+                    markerfacecolor="none" if kind in _OPEN else style.color,
                     markeredgewidth=1.1, label=label,
                 )  # fmt: skip
-            axes.set_ylabel(unit if row == 0 else unit.replace("noise", "disturbance"))
+            for at in _of_the_figures(data):
+                found = data.study.where(**at)
+                axes.loglog(
+                    *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
+                    linestyle="", marker="o", color="0.2", markersize=13, markerfacecolor="none",
+                    markeredgewidth=0.8,
+                )  # fmt: skip
+            axes.margins(y=0.1)
+            axes.set_title(f"({letter}) {fault} fault: effect of {source}")
+            axes.set_ylabel(f"standard deviation [{unit}]")
             few_ticks(axes, (0.01, 0.03, 0.1, 0.3, 1, 3))
-        panels[0, column].set_title(title)
+        _bound(panels[0, column], data.job.metrics.visible, unit)
         panels[1, column].set_xlabel("lag of the estimate [s]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2)
-    chosen = data.job.study
-    add_note(
-        figure,
-        "Standard deviations at the ends of the holds, from a discrete Lyapunov equation. PI, "
-        f"feasible: filter rates {_listed(chosen.filter_rates)}\nand decays "
-        f"{_listed(chosen.decays)} per second. Optimised: γ over its floor "
-        f"{_listed(chosen.factors)}; open squares and triangles fall together.\nLeast γ: poles "
-        f"within {_listed(chosen.pole_bounds)} per second, matrices of norm up to "
-        f"{chosen.radius:g}.",
-    )
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    add_note(figure, _note(data))
     return figure
+
+
+def _bound(axes: Axes, level: float, unit: str) -> None:
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, level / 1.3), max(high, 2.0 * level))
+    axes.axhline(level, color="0.45", linestyle=(0, (1, 1.5)), linewidth=0.9)
+    axes.annotate(
+        f"shows in a figure: {level:g} {unit}", (0.02, level), (0, 2), textcoords="offset points",
+        xycoords=axes.get_yaxis_transform(), va="bottom", fontsize=6.5, color="0.3",
+    )  # fmt: skip
+
+
+def _of_the_figures(data: FigureData) -> Iterator[dict[str, Any]]:
+    """Where the designs of the figure's observers are in the study, if they are."""
+    for observer in data.job.observers.values():
+        design = data.job.designs[observer.design]
+        level = design.decay if isinstance(design, keys.Feasible) else design.level
+        yield {"kind": design.name, "filter_rate": design.filter_rate, "level": level}
+
+
+def _note(data: FigureData) -> str:
+    chosen, hold = data.job.study, data.job.plant.hold_period
+    return (
+        f"Standard deviations at the ends of the holds of {hold:g} s, from a discrete Lyapunov "
+        "equation; lags without noise and disturbance.\n"
+        f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
+        f"{_listed(chosen.decays)} per second. Least norm: γ over its floor "
+        f"{_listed(chosen.factors)}.\n"
+        f"Least γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
+        f"{chosen.radius:g}. Rings: the observers of Figs 2 to 5, and of the Remark."
+    )
 
 
 def _listed(values: Sequence[float]) -> str:

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.drawing.figures import (
-    STYLES,
     TRUTH,
     add_note,
     headroom,
@@ -19,6 +18,7 @@ from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import noise_deviation
+from reobserve.papers.eso.styles import style_of
 from reobserve.scoring.responses import error_of
 from reobserve.timeseries.series import Series
 
@@ -34,10 +34,12 @@ def draw(data: FigureData) -> Figure:
     figure, (fault, error) = new_figure((2.8, 2.0))
     channel = f"{layout}_fault"
     fault.plot(*upright(plant, channel), **TRUTH.line(), label=f"{layout} fault")
-    for style, (name, estimate) in zip(STYLES, data.estimates.items(), strict=False):
-        label = job.observers[name].label
-        fault.plot(*thin(estimate.time, estimate[channel]), **style.line(), label=label)
-        error.plot(*thin(estimate.time, error_of(plant, estimate, channel)), **style.line())
+    for name, estimate in data.estimates.items():
+        observer = job.observers[name]
+        label, style = observer.label, style_of(job.designs[observer.design])
+        line = {**style.line(), "zorder": 2.0 if style.linewidth >= 1.0 else 1.9}
+        fault.plot(*thin(estimate.time, estimate[channel]), **line, label=label)
+        error.plot(*thin(estimate.time, error_of(plant, estimate, channel)), **line)
     fault.set_ylabel(_LABELS[layout])
     fault.set_title(f"(a) {layout} fault and its estimates")
     fault.legend(loc="upper left")
@@ -60,23 +62,29 @@ def upright(plant: Series, channel: str) -> tuple[Array, Array]:
 
 def _note(job: Job) -> str:
     scenario, plant = job.scenario, job.plant
-    low, high = scenario.disturbance_low, scenario.disturbance_high
-    noise = "no noise"
+    ranges = " and ".join(f"from {low:g} to {high:g}" for low, high in scenario.disturbance)
+    held = f"held for {plant.hold_period:g} s"
+    noise = f"{held}; no noise"
     if scenario.noise_power > 0:
-        noise = f"noise of {noise_deviation(scenario.noise_power, plant):.3g} rad/s"
-    stated = ",\n".join(dict.fromkeys(map(_gains, job.designs.values())))
+        deviation = noise_deviation(scenario.noise_power, plant)
+        noise = f"and noise with a deviation of {deviation:.3g} rad/s, both {held}"
+    designs = {body.design: job.designs[body.design] for body in job.observers.values()}
+    first, *others = map(gains_of, designs.values())
+    stated = ";\n".join([first, "; ".join(others)]) if others else first
     return (
-        f"Chosen here: disturbances between {low} and {high}, {noise}, both held for "
-        f"{plant.hold_period:g} s; {stated}. Estimates do "
-        "not depend on controller or reference."
+        f"Chosen here: disturbances {ranges} {noise}.\nGains: {stated}.\n"
+        "Estimates of the faults do not depend on controller or reference."
     )
 
 
-def _gains(design: keys.Design) -> str:
+def gains_of(design: keys.Design) -> str:
     """How the gains of an observer came about."""
     if isinstance(design, keys.Feasible):
-        return f"PI gains by feasibility with decay {design.decay:g}/s"
-    name = "PI" if design.kind == "pi_least_norm" else "PD/PI"
-    if isinstance(design, keys.Bounded):
-        return f"{name} gains with poles not faster than {design.pole_bound:g}/s"
-    return f"{name} gains of least norm with γ {100 * (design.factor - 1):.2g} % above its floor"
+        return f"PI by feasibility with decay {design.decay:g}/s and A_z = {design.filter_rate:g}/s"
+    name = "PI" if design.kind == "pi_optimised" else "PD/PI"
+    if design.criterion == "least_gamma":
+        return (
+            f"{name} of least γ with poles within {design.pole_bound:g}/s and matrices within "
+            f"{design.radius:g}"
+        )
+    return f"{name} of least norm with γ {100 * (design.factor - 1):.2g} % above its floor"

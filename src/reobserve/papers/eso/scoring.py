@@ -86,3 +86,31 @@ def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Sco
             yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
         truth, bounds = plant[channel][::2], getattr(rules, f"{name}_varying")
         yield f"{name}_lag", lag(time, truth, estimate[channel], bounds, rules.longest_lag), "s"
+
+
+def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:
+    """Root mean squares of what is to be estimated, for errors to be seen against."""
+    time = plant.time[::2]
+    for name, unit in FAULTS.items():
+        fault = plant[f"{name}_fault"][::2][window(time, *getattr(rules, f"{name}_varying"))]
+        yield f"rms_{name}_fault_varying", float(root_mean_square(fault)), unit
+    speed = (plant["output"] - plant["state"])[::2, 0] - plant["sensor_fault"][::2]
+    for what in ("varying", "constant"):
+        noise = speed[window(time, *getattr(rules, f"sensor_{what}"))]
+        yield f"rms_noise_{what}", float(root_mean_square(noise)), "rad/s"
+
+
+def corrected_speed(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
+    """How far y1 less the estimated sensor fault is from the speed: noise that it has is not."""
+    error = (plant["output"] - plant["state"])[::2, 0] - estimate["sensor_fault"]
+    for what in ("varying", "constant"):
+        chosen = error[window(estimate.time, *getattr(rules, f"sensor_{what}"))]
+        yield f"rms_corrected_speed_error_{what}", float(root_mean_square(chosen)), "rad/s"
+
+
+def differences(rules: keys.Metrics, one: Series, other: Series) -> Iterator[Score]:
+    """Of two estimates of the faults where these vary: root mean squares."""
+    for name, unit in FAULTS.items():
+        difference = one[f"{name}_fault"] - other[f"{name}_fault"]
+        chosen = difference[window(one.time, *getattr(rules, f"{name}_varying"))]
+        yield f"rms_{name}_difference", float(root_mean_square(chosen)), unit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.numerics.matrices import as_floats, as_vector
+from reobserve.numerics.matrices import as_floats
 from reobserve.papers.eso import keys
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.synthesis.extended_state.system import AugmentedSystem
@@ -53,6 +53,7 @@ def controlled_motor(plant: keys.Plant) -> ControlledMotor:
             as_floats("disturbance_matrix", plant.disturbance_matrix),
             as_floats("noise_matrix", plant.noise_matrix),
             as_floats("sensor_matrix", plant.sensor_matrix),
+            plant.feedback == "state",
         )
 
 
@@ -109,20 +110,26 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         if hold % 2:
             raise InputError("hold_period", f"{period:g} s must be an even number of steps")
         # Jumps fall between steps of the observers, which are two of the plant's.
-        reference = _signal("reference", plant.reference, 2 * step, steps * step)
+        reference = _signal("reference", pulses(plant), 2 * step, steps * step)
     with located("scenario"):
         actuator, sensor = (
             _signal(name, getattr(scenario, name), 2 * step, steps * step)
             for name in ("actuator_fault", "sensor_fault")
         )
-        low = as_vector("disturbance_low", scenario.disturbance_low, 2)
-        high = as_vector("disturbance_high", scenario.disturbance_high, 2)
+        low, high = as_floats("disturbance", scenario.disturbance).T
         if (low > high).any():
-            raise InputError(
-                "disturbance_low", f"{low.tolist()} must not be above {high.tolist()}, the high one"
-            )
+            ranges = scenario.disturbance
+            raise InputError("disturbance", f"{ranges} must be [least, greatest] of d1 and of d2")
     deviation = noise_deviation(scenario.noise_power, plant)
     return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
+
+
+def pulses(plant: keys.Plant) -> list[Any]:
+    """The terms of the reference, its square waves as wide as the ledger says."""
+    return [
+        {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
+        for term in plant.reference
+    ]
 
 
 def noise_deviation(power: float, plant: keys.Plant) -> float:

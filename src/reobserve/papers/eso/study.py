@@ -43,9 +43,7 @@ def run(settings: Settings, plant: Series) -> list[Row]:
         If a level cannot be used, or one of the designs fails.
     """
     job = read_job(keys.Ledger, settings)
-    undisturbed = replace(
-        job.scenario, disturbance_low=[0.0, 0.0], disturbance_high=[0.0, 0.0], noise_power=0.0
-    )
+    undisturbed = replace(job.scenario, disturbance=[[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     clean = plant_stage.simulate(replace(job, scenario=undisturbed))
     return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]
 
@@ -56,17 +54,16 @@ def _designs(study: keys.Designs) -> Iterator[tuple[keys.Design, str, float]]:
     for rate in study.filter_rates:
         for decay in study.decays:
             yield keys.Feasible("pi_feasible", rate, decay, solver), "decay", decay
-    for factor in study.factors:
-        yield keys.LeastNorm("pi_least_norm", 1.0, factor, solver), "factor", factor
-    for factor in study.factors:
-        yield keys.LeastNorm("pd_pi_least_norm", 1.0, factor, solver), "factor", factor
-    for bound in study.pole_bounds:
-        stated = keys.Bounded("pd_pi_bounded", 1.0, bound, study.radius, solver)
-        yield stated, "bound", bound
+    for kind in ("pi_optimised", "pd_pi_optimised"):
+        stated = keys.Optimised(kind, 1.0, "least_norm", 1.0, 1.0, study.radius, solver)
+        for factor in study.factors:
+            yield replace(stated, factor=factor), "factor", factor
+        for bound in study.pole_bounds:
+            yield replace(stated, criterion="least_gamma", pole_bound=bound), "bound", bound
 
 
 def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float) -> Iterator[Row]:
-    with located(f"study.{body.kind} at {choice} {level:g}"):
+    with located(f"study.{body.name} at {choice} {level:g}"):
         found = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
     observer = ExtendedStateObserver(system, found.gains, 2.0 * clean.step)
@@ -79,7 +76,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
         },
     )
     about = {
-        "kind": body.kind,
+        "kind": body.name,
         "filter_rate": body.filter_rate,
         "choice": choice,
         "level": level,

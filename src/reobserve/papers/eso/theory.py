@@ -15,9 +15,18 @@ import numpy as np
 from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor, noise_deviation
+from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.eso.theory_inequality import agreement
-from reobserve.papers.eso.theory_observers import measures, records_of_two_controllers
+from reobserve.papers.eso.theory_observers import (
+    biases,
+    certified,
+    controller_effects,
+    held,
+    margins,
+    missed,
+)
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.scoring.responses import settling_time
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.system import AugmentedSystem
@@ -38,17 +47,27 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     job = read_job(keys.Ledger, settings)
     plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
-    found = [*_motors(plant), *_conditions(system), *_step_response(plant)]
-    found += _floors(plant, theory.filter_rates)
-    found += agreement(system, theory.cases)
     noise = noise_deviation(theory.noise_power, plant)
-    found.append(Metric("noise", "deviation", noise, "rad/s"))
-    records = records_of_two_controllers(plant, theory.other_poles)
-    for name, body in job.observers.items():
-        found += measures(name, designs[body.design], plant, theory, noise, records)
-    return found
+    observers = {
+        name: stored_design(plant, designs[body.design]) for name, body in job.observers.items()
+    }
+    return [
+        *_motors(plant),
+        *_conditions(system),
+        *_step_response(plant),
+        *_floors(plant, theory.filter_rates),
+        *agreement(system, theory.cases),
+        Metric("noise", "deviation", noise, "rad/s"),
+        *certified(observers),
+        *margins(observers, theory.excess),
+        *missed(observers, theory.fault_frequencies),
+        *held(observers, plant.hold_period, noise),
+        *biases(observers, theory.readings),
+        *controller_effects(observers, plant, theory.other_poles),
+    ]
 
 
+@part
 def _motors(plant: keys.Plant) -> Iterator[Metric]:
     """Stability and observability of (A, C), with both signs of the back electromotive force."""
     driven = motor(plant)
@@ -65,6 +84,7 @@ def _unobservable(A: Any, C: Any) -> float:
     return float(size - np.linalg.matrix_rank(np.vstack(rows)))
 
 
+@part
 def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
     """What constant faults can be told from: both outputs, the speed alone, and a look-alike.
 
@@ -84,6 +104,7 @@ def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
         yield Metric(name, "undetermined_faults", float(missing), "1")
 
 
+@part
 def _step_response(plant: keys.Plant) -> Iterator[Metric]:
     """Of the speed to a step of the reference by one."""
     driven, steps = controlled_motor(plant), round(_DURATION / _STEP)
@@ -97,12 +118,22 @@ def _step_response(plant: keys.Plant) -> Iterator[Metric]:
     yield Metric("controller", "settling_time", settled, "s")
 
 
+@part
 def _floors(plant: keys.Plant, filter_rates: list[float]) -> Iterator[Metric]:
-    """Of gamma, with and without noise, and by how much the filter's rate changes it."""
+    """Of gamma, with and without noise, and by how much the filter's rate changes it.
+
+    With as many outputs as faults no constant disturbance is seen, so that its effect is the same
+    for all gains: e = g d2 with [Aa F; Ca 0] g = -[Da; 0], and f^ = f - e.
+    """
     quiet = replace(plant, noise_matrix=np.zeros((2, 1)).tolist())
     floor = gamma_floor(augmented(plant, 1.0))
     yield Metric("any_observer", "gamma_floor", floor, "1")
     yield Metric("any_observer", "disturbance_floor", gamma_floor(augmented(quiet, 1.0)), "1")
+    system = augmented(plant, 1.0)
+    unseen = np.vstack([system.A_tilde[: system.states + system.outputs], system.C_tilde])
+    entering = np.concatenate([system.Da[:, 1], np.zeros(system.outputs)])
+    found = float(np.linalg.solve(unseen, entering)[-2])
+    yield Metric("any_observer", "actuator_fault_by_constant_current_disturbance", found, "1")
     others = [gamma_floor(augmented(plant, rate)) for rate in filter_rates]
     change = float(np.abs(np.array(others) / floor - 1.0).max())
     yield Metric("any_observer", "filter_rate_effect", change, "1")

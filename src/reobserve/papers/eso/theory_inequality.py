@@ -10,11 +10,13 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.numerics.random_streams import random_stream
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 
+@part
 def agreement(system: AugmentedSystem, cases: Any) -> Iterator[Metric]:
     """How far (19) is from (18), and recovered gains from those that P and Y were made of.
 

@@ -20,115 +20,133 @@ from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import controlled_motor
-from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.eso.theory_inequality import margin_above_norm
 from reobserve.scoring.metrics import Metric
+from reobserve.scoring.parts import part
 from reobserve.synthesis.extended_state.certificate import error_system
+from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
+Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
 _DURATION = 4.0  # of the runs with different controllers [s]
 
 
-def measures(
-    name: str,
-    design: Mapping[str, Any],
-    plant: keys.Plant,
-    theory: keys.Theory,
-    noise: float,
-    records: list[Series],
-) -> Iterator[Metric]:
-    """The numbers of one observer, by its design as the ledger's design stage computed it.
+@part
+def certified(observers: Observers) -> Iterator[Metric]:
+    """What the certificates say, and the infinite poles of (10)."""
+    for name, (system, design) in observers.items():
+        _, Eo = error_system(system, design.gains)
+        gamma = float("nan") if design.gamma is None else design.gamma
+        slowest = -design.certificate.poles[0][0]
+        yield Metric(name, "norm", design.certificate.norm_upper, "1")
+        yield Metric(name, "gamma", gamma, "1")
+        yield Metric(name, "slowest_pole", slowest, "1/s")
+        infinite = system.size - np.linalg.matrix_rank(Eo)
+        yield Metric(name, "infinite_poles", float(infinite), "1")
 
-    ``noise`` is the deviation of the noise [rad/s], ``records`` those of two controllers.
 
-    Raises
-    ------
-    InputError
-        If a setting of the theory cannot be used.
+@part
+def margins(observers: Observers, excess: float) -> Iterator[Metric]:
+    """Whether (19) has a solution just above the norm; see `margin_above_norm`."""
+    for name, (system, design) in observers.items():
+        norm = design.certificate.norm_upper
+        found = margin_above_norm(system, design.gains, norm, excess)
+        yield Metric(name, "margin_above_norm", found, "1")
+
+
+@part
+def missed(observers: Observers, frequencies: list[float]) -> Iterator[Metric]:
+    """What is missed of a steady sinusoidal fault, as a share: at its frequency and in the limit.
+
+    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo, which
+    tends to that of Eo^-1 Bo as w grows.
     """
-    system, found = stored_design(plant, design)
-    gains, certificate = found.gains, found.certificate
-    Ao, Eo = error_system(system, gains)
-    margin = margin_above_norm(system, gains, certificate.norm_upper, theory.excess)
-    for metric, value, unit in (
-        ("norm", certificate.norm_upper, "1"),
-        ("gamma", float("nan") if found.gamma is None else found.gamma, "1"),
-        ("slowest_pole", -certificate.poles[0][0], "1/s"),
-        ("infinite_poles", float(system.size - np.linalg.matrix_rank(Eo)), "1"),
-        ("margin_above_norm", margin, "1"),
-        *_missed(Ao, Eo, system, theory),
-        *_held(Ao, system, gains, plant.hold_period, noise),
-        *_biases(Ao, system, theory.readings),
-    ):
-        yield Metric(name, metric, value, unit)
-    change = _controller_effect(system, gains, records)
-    for (fault, unit), value in zip(_FAULTS, change, strict=True):
-        yield Metric(name, f"controller_effect_on_{fault}_fault", value, unit)
-
-
-def _missed(
-    Ao: Array, Eo: Array, system: AugmentedSystem, theory: keys.Theory
-) -> Iterator[tuple[str, float, str]]:
-    """What is missing of a steady sinusoidal fault, as a share: at the paper's and a faster rate.
-
-    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo.
-    """
-    frequencies = np.array(theory.fault_frequencies, dtype=np.float64)
-    for suffix, factor in (("", 1.0), ("_when_fast", theory.fast_fault)):
-        for row, (fault, _) in enumerate(_FAULTS, start=-2):
-            s = 1j * factor * frequencies[row]
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        limit = np.linalg.solve(Eo, system.Bo)
+        for row, ((fault, _), frequency) in enumerate(
+            zip(_FAULTS, frequencies, strict=True), start=-2
+        ):
+            s = 1j * frequency
             error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
-            yield f"missed_{fault}_fault{suffix}", float(abs(error)), "1"
+            yield Metric(name, f"missed_{fault}_fault", float(abs(error)), "1")
+            last = float(abs(limit[row, row]))
+            yield Metric(name, f"missed_{fault}_fault_in_the_limit", last, "1")
 
 
-def _held(
-    Ao: Array, system: AugmentedSystem, gains: Gains, period: float, noise: float
-) -> Iterator[tuple[str, float, str]]:
+@part
+def held(observers: Observers, period: float, noise: float) -> Iterator[Metric]:
     """Deviations of the estimates by held noise, and what is left of held disturbances.
 
     Each disturbance moves one fault for good if it is constant, that of the speed the sensor fault,
     that of the current the actuator fault. Left is the deviation by a random one over that.
+    ``noise`` is the deviation of the noise [rad/s].
     """
-    by_noise = held_deviation(system, gains, [0.0, 0.0, noise], period)[-2:]
-    for (fault, unit), value in zip(_FAULTS, by_noise, strict=True):
-        yield f"noise_in_{fault}_fault", float(value), unit
-    at_rest = np.linalg.solve(Ao, system.Bo)
-    for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
-        sizes = np.eye(3)[column]
-        left = held_deviation(system, gains, sizes, period)[row] / abs(at_rest[row, column])
-        yield f"{source}_disturbance_left", float(left), "1"
+    for name, (system, design) in observers.items():
+        gains, (Ao, _) = design.gains, error_system(system, design.gains)
+        by_noise = held_deviation(system, gains, [0.0, 0.0, noise], period)[-2:]
+        for (fault, unit), value in zip(_FAULTS, by_noise, strict=True):
+            yield Metric(name, f"noise_in_{fault}_fault", float(value), unit)
+        at_rest = np.linalg.solve(Ao, system.Bo)
+        for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
+            size = np.eye(3)[column]
+            left = held_deviation(system, gains, size, period)[row] / abs(at_rest[row, column])
+            yield Metric(name, f"{source}_disturbance_left", float(left), "1")
 
 
-def _biases(Ao: Array, system: AugmentedSystem, readings: Any) -> Iterator[tuple[str, float, str]]:
+@part
+def biases(observers: Observers, readings: Any) -> Iterator[Metric]:
     """Mean errors of the estimates, for each reading of the ranges of both disturbances."""
     ranges = as_floats("readings", readings)
-    at_rest = np.linalg.solve(Ao, system.Bo[:, :2])[-2:]  # e = -Ao^-1 Bo d, and the estimate f - e
-    for number, means in enumerate(ranges.mean(axis=2), start=1):
-        for (fault, unit), value in zip(_FAULTS, at_rest @ means, strict=True):
-            yield f"bias_of_{fault}_fault_reading_{number}", float(value), unit
+    for name, (system, design) in observers.items():
+        Ao, _ = error_system(system, design.gains)
+        at_rest = np.linalg.solve(Ao, system.Bo[:, :2])[-2:]  # e = -Ao^-1 Bo d, and f^ = f - e
+        for number, means in enumerate(ranges.mean(axis=2), start=1):
+            for (fault, unit), value in zip(_FAULTS, at_rest @ means, strict=True):
+                yield Metric(name, f"bias_of_{fault}_fault_reading_{number}", float(value), unit)
 
 
-def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Series]:
-    """The motor with a step in both faults, by the ledger's controller and by another one.
+@part
+def controller_effects(
+    observers: Observers, plant: keys.Plant, other_poles: Any
+) -> Iterator[Metric]:
+    """The largest differences between the estimates of the same faults under two controllers.
 
     Raises
     ------
     InputError
         If the other poles cannot be placed.
     """
-    other = replace(plant, controller_poles=other_poles)
+    records = records_of_two_controllers(plant, other_poles)
+    for name, (system, design) in observers.items():
+        change = _controller_effect(system, design.gains, records)
+        for (fault, unit), value in zip(_FAULTS, change, strict=True):
+            yield Metric(name, f"controller_effect_on_{fault}_fault", value, unit)
+
+
+def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Series]:
+    """The motor with a step in both faults, by the ledger's controller and by another one.
+
+    Where one acts on the state, the other one does on what is measured.
+
+    Raises
+    ------
+    InputError
+        If the other poles cannot be placed.
+    """
+    feedback: Any = "output" if plant.feedback == "state" else "state"
+    other = replace(plant, controller_poles=other_poles, feedback=feedback)
     try:
         controlled_motor(other)
     except InputError as error:
         raise InputError("other_poles", error.problem) from None
     step = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.1}]
-    still = [0.0, 0.0]
-    scenario = keys.Scenario(step, step, still, still, noise_power=0.0)
+    scenario = keys.Scenario(step, step, [[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     return [
         plant_stage.simulate(
             Job(replace(driven, horizon=_DURATION, hold_period=_DURATION), scenario=scenario)

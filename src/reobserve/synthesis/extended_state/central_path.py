@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from math import inf, log
 from typing import Any
 
@@ -102,9 +102,7 @@ class Problem:
     def vector(self, matrices: dict[str, Matrix], gamma: float | None = None) -> Vector:
         """The matrices as one vector, with gamma if it is unknown."""
         parts = [
-            matrices[name][np.tril_indices(shape[0])]
-            if name in self.symmetric
-            else matrices[name].ravel()
+            matrices[name][_lower(shape[0])] if name in self.symmetric else matrices[name].ravel()
             for name, shape in self.shapes.items()
         ]
         return np.concatenate([*parts, [] if self.radius is None else [gamma]])
@@ -115,7 +113,7 @@ class Problem:
         for name, shape in self.shapes.items():
             part, matrix = x[self.places[name]], np.empty(shape, x.dtype)
             if name in self.symmetric:
-                rows, columns = np.tril_indices(shape[0])
+                rows, columns = _lower(shape[0])
                 matrix[rows, columns] = matrix[columns, rows] = part
             else:
                 matrix[:] = part.reshape(shape)
@@ -126,11 +124,18 @@ class Problem:
         """A derivative by each entry of a matrix as one by those entries that are in the vector."""
         if name not in self.symmetric:
             return full.reshape(-1, *full.shape[2:])
-        rows, columns = np.tril_indices(len(full))
+        rows, columns = _lower(len(full))
         found = full[rows, columns]
         off = rows != columns
         found[off] += full[columns[off], rows[off]]
         return found
+
+
+@cache
+def _lower(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of a lower triangle; Newton's method asks some thousand times."""
+    rows, columns = np.tril_indices(size)
+    return rows, columns
 
 
 def minimiser(problem: Problem, start: Vector) -> Vector:

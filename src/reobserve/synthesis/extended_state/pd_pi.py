@@ -81,12 +81,14 @@ def design_least_gamma(
     radius: float = 3000.0,
     solver: str = "CLARABEL",
     gap: float = 1e-6,
+    derivative: bool = True,
 ) -> Design:
     """Theorem 1: min gamma subject to (19), and to -``bound`` < Re s < -``decay`` of all poles.
 
     Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and a sum of the squares of P1, P2, P3, Y1, Y2
     within that of the ``radius``. The design's ``lower`` is the ``gap`` below its gamma, which has
     to be larger where floats cannot follow the central path so far: 1e-3 for a gamma of some units.
+    Without ``derivative`` it is a PI observer (6), as in `design`.
 
     Raises
     ------
@@ -97,8 +99,9 @@ def design_least_gamma(
     as_kind("system", system, AugmentedSystem)
     decay, bound = as_strip(decay, bound)
     radius, gap = as_positive("radius", radius), as_positive("gap", gap)
-    problem = _problem(system, pd_pi_sides(system, None, decay, bound), gap, radius)
-    method = "PD/PI, least gamma"
+    sides = pd_pi_sides(system, None, decay, bound, derivative)
+    problem = _problem(system, sides, gap, radius)
+    method = f"{'PD/PI' if derivative else 'PI'}, least gamma"
     return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)
 
 
