@@ -305,6 +305,39 @@ def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None
     assert inside == pytest.approx(0.1**2 / 0.5 * np.array([3.0, 4.0]) / 25, rel=1e-11)
 
 
+def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() -> None:
+    def weighted(model: LinearModel) -> SmoothVariableStructureFilter:
+        return SmoothVariableStructureFilter(model, PSI[1:], GAMMA, "weighted")
+
+    A, B, H, D, Q, R = MOTION.arrays
+    turn = np.eye(5) + 0.2 * np.cos(np.arange(25.0)).reshape(5, 5)
+    back = np.linalg.inv(turn)
+    spread = turn @ Q @ turn.T
+    turned = LinearModel(
+        turn @ A @ back, turn @ B, (H @ back)[1:], (spread + spread.T) / 2, R[1:, 1:], D[1:]
+    )
+    plain = LinearModel(A, B, H[1:], Q, R[1:, 1:], D[1:])
+    z, u = motion_record(300)
+    one, two = weighted(plain), weighted(turned)
+    found = one.run(z[:, 1:], u, state=one.init(np.zeros(5), np.eye(5)))
+    other = two.run(z[:, 1:], u, state=two.init(np.zeros(5), turn @ turn.T))
+    np.testing.assert_allclose(other["state"] @ back.T, found["state"], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
+    # Of a thin layer without memory, the output error that is left is none.
+    thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
+    belief = thin.predict(thin.init(np.zeros(5), 1.0).belief, [1.0])
+    told = thin.correct(belief, [3.0, 4.0], [1.0])
+    np.testing.assert_allclose(told.belief.error, 0.0, atol=1e-10)
+    P = belief.covariance
+    K = P @ H[1:].T @ np.linalg.inv(H[1:] @ P @ H[1:].T)
+    np.testing.assert_allclose(told.belief.mean - belief.mean, K @ told.innovation, rtol=1e-9)
+
+
+def test_no_other_inverse() -> None:
+    with pytest.raises(InputError, match="inverse: 'left' must be one of pseudo, weighted"):
+        SmoothVariableStructureFilter(ONE, 1.0, 0.1, "left")
+
+
 def test_the_gain_is_continuous_where_the_layer_ends() -> None:
     smooth = svsf(ONE, 2.0, 0.5)
     start = Belief(np.zeros(1), np.eye(1), np.ones(1))

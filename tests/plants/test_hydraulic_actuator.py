@@ -403,3 +403,28 @@ def test_the_reference_hands_over_what_it_got() -> None:
     state = np.array([0.3, 20.0, -5e4, 3e6, 0.1])
     motion, snap = motion_of("leakage", state, 0.7), snap_of("leakage", state, 0.7)
     np.testing.assert_allclose(state_of("leakage", motion, 0.7, snap), state, rtol=1e-12)
+
+
+def test_what_goes_on_through_a_change() -> None:
+    period, models = 1e-3, [MODELS["normal"], MODELS["leakage"]]
+    mode, control = np.repeat([0, 1], 400), np.full(800, 1.5)
+    runs = {
+        way: simulate(models, mode, control, period, way) for way in ("motion", "states", "outputs")
+    }
+    jumps = {way: np.abs(run[401] - run[400]) for way, run in runs.items()}
+    gains = [model.gain * 1.5 for model in models]
+    for way, run in runs.items():
+        np.testing.assert_array_equal(run[:401], runs["motion"][:401])
+        assert run[-1, 1] == pytest.approx(gains[1], rel=1e-3), way
+        assert jumps[way][0] == pytest.approx(gains[0] * period, rel=0.7), way
+    # At rest the derivatives are zero, and the velocity is (14) of one model or of the other.
+    assert jumps["motion"][1] < 1e-2 * gains[0]
+    first = (models[0].markov[0] - models[1].markov[0]) * 1.5
+    assert runs["states"][401, 2] == pytest.approx(-first, rel=0.2)
+    assert abs(runs["motion"][401, 2]) < 0.2 * first
+    assert jumps["outputs"][1] == pytest.approx(gains[0] - gains[1], rel=1e-3)
+
+
+def test_no_other_way_to_hand_over() -> None:
+    with pytest.raises(InputError, match="'speed' must be one of motion, states, outputs"):
+        simulate([MODELS["normal"]], [0], [1.0], 1e-3, "speed")

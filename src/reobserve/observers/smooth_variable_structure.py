@@ -10,11 +10,15 @@ which does not divide by an innovation that may be zero. Outside the boundary la
 output error of a square, regular H is -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a
 sample. Far inside it the gain vanishes, and the filter is the open-loop model.
 
-The paper prints (15) without the pseudo-inverse, which only fits as many outputs as states.
+The paper prints (15) without the pseudo-inverse, which only fits as many outputs as states. With
+fewer outputs there are other right inverses of H. The pseudo-inverse corrects what the outputs see
+and depends on the coordinates of the state; that weighted by the covariance, P H' (H P H')^-1, is
+the same in all of them and corrects the rest by its correlation with what is seen.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -24,11 +28,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.models.linear import LinearModel
+from reobserve.numerics.kernel import inlined_kernel
 from reobserve.numerics.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
 
 Array = NDArray[np.float64]
+
+INVERSES = ("pseudo", "weighted")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,21 +51,28 @@ class SmoothVariableStructureFilter(LinearFilter):
         psi: one width for all outputs, or m widths [units of the outputs].
     memory
         gamma, the convergence rate, from 0 to below 1.
+    inverse
+        One of `INVERSES`, for H^+: ``pseudo``, or ``weighted`` by the predicted covariance.
 
     Raises
     ------
     InputError
-        If psi is not positive, gamma not in [0, 1), or H has more rows than independent columns,
-        so that no gain can bring every output error to zero.
+        If psi is not positive, gamma not in [0, 1), there is no such inverse, or H has more rows
+        than independent columns, so that no gain can bring every output error to zero.
     """
 
     boundary_layer: Array
     memory: float
+    inverse: str = "pseudo"
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
-            self, model: LinearModel, boundary_layer: ArrayLike, memory: float
+            self,
+            model: LinearModel,
+            boundary_layer: ArrayLike,
+            memory: float,
+            inverse: str = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -73,6 +87,10 @@ class SmoothVariableStructureFilter(LinearFilter):
         gamma = as_scalar("memory", self.memory)
         if not 0 <= gamma < 1:
             raise InputError("memory", f"{gamma:g} must be from 0 to below 1")
+        if self.inverse not in INVERSES:
+            raise InputError(
+                "inverse", f"{shown(self.inverse)} must be one of {', '.join(INVERSES)}"
+            )
         rank = int(np.linalg.matrix_rank(self.model.arrays.H))
         if rank < m:
             raise InputError(
@@ -83,18 +101,27 @@ class SmoothVariableStructureFilter(LinearFilter):
 
     @property
     def law(self) -> Any:
-        """The gain (15), with the pseudo-inverse of H."""
-        return _switching_gain
+        """The gain (15), with a right inverse of H."""
+        return _switching_gain if self.inverse == "pseudo" else _weighted_gain
 
     @cached_property
     def _parameters(self) -> Array:
-        inverse = np.linalg.pinv(self.model.arrays.H)
-        return np.concatenate([[self.memory], self.boundary_layer, inverse.ravel()])
+        H = self.model.arrays.H
+        matrix = np.linalg.pinv(H) if self.inverse == "pseudo" else H
+        return np.concatenate([[self.memory], self.boundary_layer, matrix.ravel()])
 
     @property
     def law_parameters(self) -> Array:
-        """Gamma, psi, and the pseudo-inverse of H row by row."""
+        """Gamma, psi, and the pseudo-inverse of H, or H itself, row by row."""
         return self._parameters
+
+
+@inlined_kernel
+def _switching(innovation: Array, error: Array, parameters: Array, o: int) -> float:
+    """The share of an output's innovation that is corrected."""
+    gamma, size = parameters[0], abs(innovation[o])
+    share: float = (size + gamma * abs(error[o])) / max(size, parameters[1 + o])
+    return share
 
 
 @gain_law
@@ -103,9 +130,51 @@ def _switching_gain(
 ) -> None:
     """(15) in its form without division by the innovation."""
     n, m = gain.shape
-    gamma = parameters[0]
     for o in range(m):
-        size = abs(innovation[o])
-        share = (size + gamma * abs(error[o])) / max(size, parameters[1 + o])
+        share = _switching(innovation, error, parameters, o)
         for a in range(n):
             gain[a, o] = parameters[1 + m + a * m + o] * share
+
+
+@inlined_kernel
+def _output_root(cross: Array, parameters: Array) -> Array:
+    """The lower Cholesky factor of H P H'."""
+    n, m = cross.shape
+    root = np.zeros((m, m))
+    for o in range(m):
+        for q in range(o + 1):
+            total = 0.0
+            for a in range(n):
+                total += parameters[1 + m + o * n + a] * cross[a, q]
+            for i in range(q):
+                total -= root[o, i] * root[q, i]
+            if o == q:
+                root[o, o] = math.sqrt(total) if total > 0.0 else math.nan
+            else:
+                root[o, q] = total / root[q, q]
+    return root
+
+
+@gain_law
+def _weighted_gain(
+    cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
+) -> None:
+    """The same with P H' (H P H')^-1 for the inverse."""
+    n, m = gain.shape
+    root = _output_root(cross, parameters)
+    for a in range(n):
+        for o in range(m):
+            total = cross[a, o]
+            for i in range(o):
+                total -= root[o, i] * gain[a, i]
+            gain[a, o] = total / root[o, o]
+        for back in range(m):
+            o = m - 1 - back
+            total = gain[a, o]
+            for i in range(o + 1, m):
+                total -= root[i, o] * gain[a, i]
+            gain[a, o] = total / root[o, o]
+    for o in range(m):
+        share = _switching(innovation, error, parameters, o)
+        for a in range(n):
+            gain[a, o] *= share

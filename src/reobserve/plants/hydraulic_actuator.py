@@ -1,14 +1,18 @@
 """Electrohydrostatic actuator: identified models, and a plant that changes from one to another.
 
-Gadsden, McCullough & Habibi (2011), (24) to (26), give the velocity of a cylinder over the voltage
-of its servo motor for three modes, as transfer functions of order 4 and relative degree 1. With the
-Markov parameters h1 to h4 each has the realisation
+Gadsden, McCullough & Habibi (2011), (24) to (26), give the velocity of a cylinder over the input
+of its servo motor, a voltage or the speed that it stands for (the paper has both), for three modes,
+as transfer functions of order 4 and relative degree 1. With the Markov parameters h1 to h4 each has
+the realisation
 
     x1' = x2 + h1 u    x2' = x3 + h2 u    x3' = x4 + h3 u    x4' = -a4 x1 - ... - a1 x4 + h4 u
 
 whose states mean the same in all modes but for the inputs' share in them: x1 is the velocity,
 x2 + h1 u the acceleration, and so on while u is held. States are divided by powers of a frequency,
 since they would differ by ten orders of magnitude otherwise, and Ad have a condition of 1e10.
+
+The observer-canonical realisation has the same velocity and other states, whose meaning differs
+from mode to mode: x_i' = x_(i+1) - a_i x1 + b_i u.
 """
 
 from __future__ import annotations
@@ -35,7 +39,11 @@ REALISATIONS = {
     "velocity": ("velocity",),
     "derivatives": ("velocity", "acceleration", "jerk"),
     "motion": ("position", "velocity", "acceleration"),
+    "observer_canonical": ("velocity",),
 }
+
+# What goes on through a change of mode; see `simulate`.
+HAND_OVERS = ("motion", "states", "outputs")
 
 MOTION = ("position", "velocity", "acceleration", "jerk")
 
@@ -52,7 +60,7 @@ class Sampled:
 
 @dataclass(frozen=True, eq=False)
 class ActuatorModel:
-    """One mode: the transfer function from voltage to velocity.
+    """One mode: the transfer function from the input to the velocity.
 
     Parameters
     ----------
@@ -98,7 +106,7 @@ class ActuatorModel:
 
     @property
     def gain(self) -> float:
-        """Velocity over voltage at rest."""
+        """Velocity over input at rest."""
         b, a = self.coefficients
         return float(b[-1] / a[-1])
 
@@ -125,8 +133,8 @@ class ActuatorModel:
         ----------
         realisation
             One of `REALISATIONS`: ``velocity`` (4 states, 1 output), ``derivatives`` (4 states,
-            velocity, acceleration and jerk) or ``motion`` (5 states, the first a position;
-            position, velocity and acceleration).
+            velocity, acceleration and jerk), ``motion`` (5 states, the first a position;
+            position, velocity and acceleration) or ``observer_canonical`` (4 states, velocity).
         period
             Between samples [s].
         frequency
@@ -148,13 +156,15 @@ class ActuatorModel:
         return self._sampled[chosen]
 
     def _sample(self, realisation: str, period: float, scale: float) -> Sampled:
-        powers = scale ** np.arange(ORDER)
+        powers = np.float64(scale) ** np.arange(ORDER)
         # Position, then velocity and its derivatives, divided by frequency^-1, 1, frequency, ...
         A, B = np.zeros((ORDER + 1, ORDER + 1)), np.zeros((ORDER + 1, 1))
         A[:-1, 1:] = scale * np.eye(ORDER)
         A[-1, 1:] = -self.coefficients[1][::-1] * powers / powers[-1]
         B[1:, 0] = self.markov / powers
-        if realisation != "motion":
+        if realisation == "observer_canonical":
+            A, B = self._observer_canonical(powers)
+        elif realisation != "motion":
             A, B = A[1:, 1:], B[1:]
         transition, effect = zero_order_hold(A, B, period)
         measured = REALISATIONS[realisation]
@@ -166,15 +176,23 @@ class ActuatorModel:
             D[row] = self.markov[derivative - 2] if derivative >= 2 else 0.0
         return Sampled(transition, effect, H, D)
 
+    def _observer_canonical(self, powers: Array) -> tuple[Array, Array]:
+        b, a = self.coefficients
+        A = np.diag(powers[1:] / powers[:-1], 1)
+        A[:, 0] = -a / powers
+        return A, (b / powers)[:, None]
+
 
 def simulate(
-    models: Sequence[ActuatorModel], mode: ArrayLike, control: ArrayLike, period: float
+    models: Sequence[ActuatorModel],
+    mode: ArrayLike,
+    control: ArrayLike,
+    period: float,
+    hand_over: str = "motion",
 ) -> Array:
     """Position, velocity, acceleration and jerk at the samples, from rest: shape (k + 1, 4).
 
-    At a change of mode all four go on as they were: what jumps are the states of the transfer
-    function, by what the input has a share in them. Where a sample ends a step of the input,
-    acceleration and jerk are the limits from the left.
+    Where a sample ends a step of the input, acceleration and jerk are the limits from the left.
 
     Parameters
     ----------
@@ -183,16 +201,23 @@ def simulate(
     mode
         The index of the model that holds over each step, shape (k,).
     control
-        Voltage over each step, shape (k,) [V].
+        Input over each step, shape (k,).
     period
         Between samples [s].
+    hand_over
+        What goes on as it was at a change of mode, one of `HAND_OVERS`: all of the ``motion``, so
+        that the states x1 to x4 jump by what the input has a share in them; the ``states``, so that
+        acceleration and jerk jump; or neither: all models run from the start on, and the
+        ``outputs`` are switched, so that all but the position jumps.
 
     Raises
     ------
     InputError
-        If the period is not positive, a control is not finite, or the modes are not as many
-        indices of models as there are controls.
+        If the period is not positive, a control is not finite, the modes are not as many
+        indices of models as there are controls, or there is no such way to hand over.
     """
+    if hand_over not in HAND_OVERS:
+        raise InputError("hand_over", f"{shown(hand_over)} must be one of {', '.join(HAND_OVERS)}")
     frequency = 1.0 / as_positive("period", period)
     if not isinstance(models, list | tuple):
         raise InputError("models", f"{shown(models)} must be a list of models")
@@ -210,21 +235,49 @@ def simulate(
     shares = np.zeros((len(models), ORDER + 1))
     shares[:, 2:] = markov[:, :-1] / frequency ** np.arange(1, ORDER)
     scales = frequency ** np.arange(-1.0, ORDER - 1)
-    return _simulate(
-        np.array([one.A for one in sampled]),
-        np.array([one.B[:, 0] for one in sampled]),
-        shares,
-        scales,
-        np.ascontiguousarray(chosen, dtype=np.int64),
-        np.ascontiguousarray(held),
-    )
+    index = np.ascontiguousarray(chosen, dtype=np.int64)
+
+    def run(index: NDArray[np.int64]) -> Array:
+        found: Array = _simulate(
+            np.array([one.A for one in sampled]),
+            np.array([one.B[:, 0] for one in sampled]),
+            shares,
+            shares if hand_over == "motion" else np.zeros_like(shares),
+            scales,
+            index,
+            np.ascontiguousarray(held),
+        )
+        return found
+
+    if hand_over != "outputs":
+        return run(index)
+    alone = np.array([run(np.full_like(index, k)) for k in range(len(models))])
+    return _switched(alone, index)
+
+
+def _switched(alone: Array, mode: NDArray[np.int64]) -> Array:
+    """From the motions of models that run alone, (r, k + 1, 4), that of the mode of each step."""
+    rows = np.arange(len(mode))
+    motion = np.vstack([np.zeros(ORDER), alone[mode, rows + 1]])
+    moved = alone[mode, rows + 1, 0] - alone[mode, rows, 0]
+    motion[1:, 0] = np.cumsum(moved)
+    return motion
 
 
 @kernel
 def _simulate(
-    A: Array, B: Array, shares: Array, scales: Array, mode: NDArray[np.int64], control: Array
+    A: Array,
+    B: Array,
+    shares: Array,
+    jumps: Array,
+    scales: Array,
+    mode: NDArray[np.int64],
+    control: Array,
 ) -> Array:
-    """``shares`` of the input in each state, and ``scales`` from states to motion."""
+    """``shares`` of the input in each state, of which ``jumps`` are made up for at a change.
+
+    ``scales`` lead from states to motion.
+    """
     n = ORDER + 1
     motion = np.zeros((len(control) + 1, ORDER))
     state, moved = np.zeros(n), np.zeros(n)
@@ -232,7 +285,7 @@ def _simulate(
         now = mode[k]
         if k > 0 and mode[k - 1] != now:
             for a in range(n):
-                state[a] += (shares[mode[k - 1], a] - shares[now, a]) * control[k - 1]
+                state[a] += (jumps[mode[k - 1], a] - jumps[now, a]) * control[k - 1]
         for a in range(n):
             total = B[now, a] * control[k]
             for b in range(n):

@@ -20,6 +20,7 @@ from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import IMM
+from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import Belief
@@ -187,6 +188,8 @@ def _filters() -> Iterator[Subject]:
     for one in observers:
         yield subject(one.init, [0.0, 0.0], np.eye(2), of=one)
         yield from from_state(one, one.init([0.0, 0.0], 1e-2), measured, controls, MISSING)
+    yield subject(cusum, measured[:, 0], 0.5, takes=MISSING)
+    yield subject(inflation_glr, measured[:, 0] ** 2, 1, [1, 2, 4], takes=MISSING)
     yield subject(FixedGainObserver, model, [[0.5], [0.1]])
     yield subject(luenberger, model, [0.5, 0.6], takes=("complex",))
     yield subject(steady_kalman, model)

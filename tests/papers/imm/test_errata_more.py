@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities
-from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.pipeline.evaluation import evaluate
 from reobserve.scoring.metrics import lookup
-from tests.observers.actuator_models import ripple, run_over, simulated, square_wave, velocity_model
 
 Array = NDArray[np.float64]
 
@@ -53,15 +50,6 @@ def test_4_in_16_multiplies_by_the_innovation_twice(e: float) -> None:
 # --- (7): the sum's index is raised, and its name is another's ----------------------------------
 
 
-def test_7_over_a_power_of_the_sum_gives_weights_that_do_not_sum_to_one() -> None:
-    weights, c = mixing(STICKY, MU)
-    printed = STICKY * MU[:, None] / c ** np.arange(1, 4)
-    assert printed[:, 0] == pytest.approx(weights[:, 0])
-    assert printed.sum(axis=0)[1:] == pytest.approx(c[1:] ** -np.arange(1.0, 3.0))
-    assert printed.sum(axis=0)[1:].min() > 3
-    assert weights.sum(axis=0) == pytest.approx(np.ones(3))
-
-
 def test_7_is_no_predicted_probability_of_a_mode() -> None:
     # What the chain predicts is c_j of (8): one number a mode, together one.
     weights, c = mixing(STICKY, MU)
@@ -84,23 +72,6 @@ def test_with_j_for_the_number_of_filters_one_sum_would_serve_all() -> None:
 
 
 # --- "In this case there are two models" --------------------------------------------------------
-
-
-def test_two_models_have_no_name_for_friction() -> None:
-    u = square_wave(600, 60)
-    friction = velocity_model("friction")
-    z = simulated(friction, u) + 0.01 * ripple(600)
-    late = []
-    for modes in (("normal", "leakage"), ("normal", "friction", "leakage")):
-        filters = [KalmanFilter(velocity_model(mode)) for mode in modes]
-        chain = 0.02 * np.ones((len(modes),) * 2)
-        np.fill_diagonal(chain, 1 - 0.02 * (len(modes) - 1))
-        bank = IMM(filters, chain)
-        run = run_over(bank, z, u, np.zeros(4), 0.01)
-        late.append(dict(zip(modes, run["probability"][100:].mean(axis=0), strict=True)))
-    assert late[1]["friction"] > 0.9
-    assert sum(late[0].values()) == pytest.approx(1.0)
-    assert max(late[0].values()) > 0.5, "a fault that the plant has not, or none at all"
 
 
 # --- Fig. 8's caption: an increased layer -------------------------------------------------------

@@ -70,20 +70,6 @@ def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
 # --- (10): its limit is a prime, must be r ------------------------------------------------------
 
 
-def test_10_must_sum_over_all_modes_or_the_mixture_is_too_narrow() -> None:
-    # Two densities N(-1, 1) and N(3, 4), one half each: mean 1, variance 2.5 + 4.
-    half = np.full((2, 2), 0.5)
-    bank = IMM([KalmanFilter(scalar())] * 2, half)
-    start = bank.init([[-1.0], [3.0]], [[[1.0]], [[4.0]]], u=())
-    run = bank.run([[np.nan]], state=start)
-    for belief in run.state.beliefs:
-        assert belief.mean == pytest.approx([1.0])
-        assert belief.covariance == pytest.approx(np.array([[6.5]]))
-    x, P, mean = np.array([-1.0, 3.0]), np.array([1.0, 4.0]), 1.0
-    to_j = [0.5 * np.sum(P[: j + 1] + (x[: j + 1] - mean) ** 2) for j in range(2)]
-    assert to_j == pytest.approx([2.5, 6.5]), "the first filter would trust itself too much"
-
-
 # --- (12) and (13): what is printed instead of a transpose --------------------------------------
 
 
@@ -101,34 +87,7 @@ def test_12_without_the_transpose_gives_no_covariance(model: LinearModel) -> Non
     assert np.linalg.eigvalsh(found)[0] > 0
 
 
-def test_13_with_a_power_of_one_for_the_transpose_fits_no_shape_or_is_not_symmetric() -> None:
-    H, R, P = MOTION.arrays.H, MOTION.arrays.R, np.eye(5)
-    with pytest.raises(ValueError, match="mismatch"):
-        H @ P @ H + R
-    square = np.array([[2.0, 1.0], [-1.0, 3.0]])
-    printed = square @ np.eye(2) @ square + 0.1 * np.eye(2)
-    assert np.abs(printed - printed.T).max() == pytest.approx(10.0)
-    kalman = KalmanFilter(MOTION)
-    told = kalman.correct(kalman.init(np.zeros(5), P).belief, np.zeros(3), [0.0])
-    assert told.innovation_covariance == pytest.approx(H @ P @ H.T + R, rel=1e-14)
-
-
 # --- (14): "=" for the minus ---------------------------------------------------------------------
-
-
-def test_14_with_the_measurement_for_the_innovation_the_estimate_runs_away() -> None:
-    kalman = KalmanFilter(scalar(Q=0.25))
-    z = np.ones((200, 1))
-    run = run_over(kalman, z, None, [0.0], 1.0)
-    assert run["state"][-1, 0] == pytest.approx(1.0, rel=1e-12)
-    x, P = 0.0, 1.0
-    for measurement in z[:, 0]:
-        P += 0.25
-        K = P / (P + 1)
-        x += K * measurement  # e = z
-        P *= 1 - K
-    # Kalman's gain tends to (sqrt(17) - 1) / 8, and each sample adds that much.
-    assert x == pytest.approx(200 * (np.sqrt(17) - 1) / 8, rel=0.01)
 
 
 # --- (15): the SVSF's gain ----------------------------------------------------------------------

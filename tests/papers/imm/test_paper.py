@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def test_plain_noise_is_one_per_cent_of_each_output() -> None:
     stated = np.array(ledger().section("scenarios", "plain", "noise"))
     np.testing.assert_allclose(stated / size, 0.01, rtol=0.15)
     matched = ledger().section("observers", "kalman", "measurement_noise")
-    np.testing.assert_allclose(matched, stated[:3] ** 2, rtol=0.05)
+    np.testing.assert_allclose(matched, stated**2, rtol=0.05)
 
 
 def test_noise_does_not_move_the_plant() -> None:
@@ -214,13 +215,16 @@ def observer(algorithm: str, realisation: str) -> Tree:
         "algorithm": algorithm, "realisation": realisation, "state_frequency": 150.0,
         "process_noise": [1e-6] * (5 if realisation == "motion" else 4),
         "measurement_noise": [OUTPUT_NOISE[name] for name in names],
-        "stay": 0.97, "initial_covariance": 0.5, "mixing": True,
+        "stay": 0.97, "initial_covariance": 0.5, "initial_mode": "unknown", "mixing": True,
         "quoted": [0.5, 0.5], "quoted_high": False,
     }  # fmt: skip
     if algorithm == "kalman":
         return body
     layer = [LAYERS[name] for name in names]
-    return {**body, "boundary_layer": layer, "layer_factor": 0.5, "memory": 0.2}
+    return {
+        **body, "boundary_layer": layer, "layer_unit": 1.0, "layer_factor": 0.5, "memory": 0.2,
+        "inverse": "pseudo",
+    }  # fmt: skip
 
 
 def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
@@ -274,6 +278,11 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         np.testing.assert_allclose(estimate["outside"][1:], counted, rtol=1e-14)
         assert 0.01 < estimate["outside"].mean() < 0.99
         assert estimate["outside"][0] == 0
+        turned = np.zeros_like(run["innovation"])
+        for k, (before, row) in enumerate(pairwise(run["innovation"]), start=1):
+            turned[k] = (np.sign(row) == -np.sign(before)) & (np.abs(row) > layer)
+        np.testing.assert_allclose(estimate["chattering"][1:], turned.mean(axis=(1, 2)), rtol=1e-14)
+        assert 0 < estimate["chattering"].mean() < estimate["outside"].mean()
 
 
 def test_nothing_is_outside_wide_layers() -> None:
@@ -337,6 +346,14 @@ def test_scores_of_known_probabilities() -> None:
         "diagnosed_share": 1.0, "false_alarm_share": 0.0,
     }  # fmt: skip
     assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_overshoot_counts_below_the_plateau_as_well() -> None:
+    below = constant_pieces(
+        (0.0, (0.98, 0.01, 0.01)), (5.2, (0.4, 0.1, 0.5)), (6.0, (0.1, 0.1, 0.8)),
+        (6.3, (0.3, 0.1, 0.6)),
+    )  # fmt: skip
+    assert scores(below)["overshoot"] == pytest.approx(0.2, abs=1e-12)
 
 
 def test_a_change_at_the_onset_itself_is_no_detection() -> None:
@@ -496,7 +513,8 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         svsf(realisation=["motion", "velocity"]), "observers.svsf.realisation", "must be one of",
     ),
     "a realisation with fewer states": (
-        svsf(realisation="velocity"), "observers.svsf.process_noise", "has shape (5,), must be one",
+        svsf(realisation="velocity", process_noise=[1, 1, 1]), "observers.svsf.process_noise",
+        "has shape (3,), must be one",
     ),
     "no frequency": (svsf(state_frequency=0), "observers.svsf.state_frequency", "greater than"),
     "process noise of two": (svsf(process_noise=[1, 1]), "observers.svsf.process_noise", "(2,)"),
@@ -574,12 +592,40 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     ),
     "horizon of pairs": (study("closeness", horizon=0), "studies.closeness.horizon", "greater"),
     "horizon of pairs between samples": (
-        study("closeness", horizon=3.0005), "studies.closeness.horizon", "the scenario's period",
+        study("closeness", horizon=1.4005), "studies.closeness.horizon", "the scenario's period",
     ),
     "onset of pairs": (study("closeness", onset=-1), "studies.closeness.onset", "greater than"),
     "judged before the fault": (
-        study("closeness", judged=2.0), "studies.closeness.judged",
-        "2 s must fit between onset and horizon, 1.5 and 3 s",
+        study("closeness", judged=0.7), "studies.closeness.judged",
+        "0.7 s must fit between onset and horizon, 0.8 and 1.4 s",
+    ),
+    "judged longer than healthy": (
+        study("closeness", judged=0.9), "studies.closeness.judged",
+        "0.9 s must end before the onset at 0.8 s",
+    ),
+    "settling into the fault": (
+        study("closeness", settling=0.8), "studies.closeness.settling",
+        "0.8 s must end before the onset at 0.8 s",
+    ),
+    "starts between samples": (
+        study("closeness", starts=0.0105), "studies.closeness.starts", "the scenario's period",
+    ),
+    "a budget for more runs": (
+        study("closeness", budget=0.01), "studies.closeness.budget",
+        "0.01 needs 99 records without a fault or more, there are 39",
+    ),
+    "all may alarm": (
+        study("closeness", budget=1.0), "studies.closeness.budget", "1 must be between 0 and 1",
+    ),
+    "driven by no noise": (
+        study("closeness", driven_levels=[0]), "studies.closeness.driven_levels", "than zero",
+    ),
+    "layers of pairs": (
+        study("closeness", layer_units=[-1]), "studies.closeness.layer_units", "than zero",
+    ),
+    "layers of causes": (study("causes", units=[0]), "studies.causes.units", "greater than zero"),
+    "causes without an SVSF": (
+        study("causes", observers=["kalman_tuned"]), "studies.causes.observers", "have an SVSF",
     ),
     "shares of pairs": (study("closeness", shares=[1.5]), "studies.closeness.shares", "0 to 1"),
     "pairs that are the same": (study("closeness", shares=[0]), "studies.closeness.shares", "zero"),

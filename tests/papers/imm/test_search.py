@@ -18,7 +18,7 @@ from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.types import read_job
 from reobserve.papers.imm import keys, plant, search
-from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
+from reobserve.papers.imm.tuning import TUNED, Calibration, Trial, switches
 from reobserve.pipeline.common import signed
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series
@@ -206,30 +206,51 @@ def test_bad_bounds_are_refused_before_any_trial(
 # --- The search that was run --------------------------------------------------------------------
 
 
+# Keys that came after the search `calibrated`, with the values that leave it as it was.
+SINCE = {
+    "layer_unit": 1.0, "inverse": "pseudo", "initial_mode": "unknown", "hand_over": "motion",
+    "input_unit": "V",
+}  # fmt: skip
+
+SEARCHES = {"calibrated": "step", "switching": "velocity_step"}  # with their scenarios
+
+
 @cache
-def kept() -> dict[str, Any]:
-    stored: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8"))
+def kept(name: str) -> dict[str, Any]:
+    path = KEPT.with_name(f"imm_{name}.json")
+    stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return stored
 
 
-def test_the_kept_numbers_are_those_of_the_ledger() -> None:
-    stated = calibration(ledger(), record("step")).stated()
-    assert list(kept()["search"]["found"]) == list(TUNED)
-    np.testing.assert_allclose(list(kept()["search"]["found"].values()), stated, rtol=1e-12)
+def ledgers_own(name: str) -> Calibration:
+    job = read_job(keys.Ledger, ledger().settings("search", name))
+    return Calibration(job.plant, job.observers, job.metrics, record(SEARCHES[name]))
 
 
-def test_the_kept_distance_is_what_the_numbers_give() -> None:
-    one = kept()["search"]
-    trial = calibration(ledger(), record("step")).try_out(np.array(list(one["found"].values())))
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_kept_numbers_are_those_of_the_ledger(name: str) -> None:
+    assert list(kept(name)["search"]["found"]) == list(TUNED)
+    found = list(kept(name)["search"]["found"].values())
+    np.testing.assert_allclose(found, ledgers_own(name).stated(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_kept_distance_is_what_the_numbers_give(name: str) -> None:
+    one = kept(name)["search"]
+    trial = ledgers_own(name).try_out(np.array(list(one["found"].values())))
     assert one["distance"] == pytest.approx(trial.distance, abs=1e-9)
-    for name, means in one["means"].items():
-        assert means == pytest.approx(trial.means[name], abs=1e-9)
+    for observer, means in one["means"].items():
+        assert means == pytest.approx(trial.means[observer], abs=1e-9)
     assert set(one["means"]) == set(trial.means)
+    assert one.get("outside", trial.outside) == pytest.approx(trial.outside, abs=1e-9)
 
 
-def test_the_kept_search_counts_right() -> None:
-    one = kept()["search"]
-    assert (one["tuned"], one["targets"]) == (len(TUNED), targets(ledger()))
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_kept_search_counts_right(name: str) -> None:
+    one = kept(name)["search"]
+    observers = ledger().settings("search", name)["observers"].values()
+    sought = sum(len(body["quoted"]) + body["quoted_high"] for body in observers)
+    assert (one["tuned"], one["targets"]) == (len(TUNED), sought)
     assert one["trials"] == one["history"][-1][0]
     counts, best = zip(*one["history"], strict=True)
     assert len(set(np.diff(counts))) == 1
@@ -239,15 +260,44 @@ def test_the_kept_search_counts_right() -> None:
     assert one["worst_nearby"] >= one["distance"]
 
 
-def test_the_kept_search_is_the_one_that_the_ledger_states() -> None:
-    was, now = kept()["provenance"]["settings"], ledger().settings("search", "calibrated")
-    for part in ("plant", "scenario", "search", "seed"):
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_kept_search_is_the_one_that_the_ledger_states(name: str) -> None:
+    was, now = kept(name)["provenance"]["settings"], ledger().settings("search", name)
+    for part in ("plant", "search", "seed"):
         assert was[part] == now[part], part
-    assert len(kept()["search"]["history"]) == now["search"]["generations"]
-    for name, body in now["observers"].items():
+    for key, value in now["scenario"].items():
+        assert {**SINCE, **was["scenario"]}[key] == value, key
+    assert len(kept(name)["search"]["history"]) == now["search"]["generations"]
+    for observer, body in now["observers"].items():
         for key, value in body.items():
             if key not in ("process_noise", "measurement_noise", "stay"):
-                assert was["observers"][name][key] == value, (name, key)
+                assert {**SINCE, **was["observers"][observer]}[key] == value, (observer, key)
+
+
+def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:
+    least = ledger().section("searches", "switching", "switching")
+    outside = kept("switching")["search"]["outside"]
+    assert outside["svsf_retuned"] < least < outside["svsf_thin_retuned"]
+    # In the unit of the other search none does.
+    one = ledgers_own("calibrated")
+    trial = one.try_out(one.stated())
+    assert not switches(trial, one.observers, least)
+
+
+@pytest.mark.parametrize(
+    ("wide", "thin", "right"),
+    [(0.0, 0.2, True), (0.0, 0.01, True), (0.01, 0.2, False), (0.0, 0.009, False)],
+)
+def test_which_layers_must_switch(wide: float, thin: float, right: bool) -> None:
+    observers = ledgers_own("calibrated").observers
+    trial = Trial({}, 0.0, {"svsf_tuned": wide, "svsf_thin_tuned": thin})
+    assert switches(trial, observers, 0.01) == right
+    assert not switches(Trial({}, 0.0), observers, 0.01)
+
+
+def test_layers_that_do_not_switch_are_farther_away_than_any_that_do() -> None:
+    plain, still = found(), found(switching=0.5)
+    assert still["worst_nearby"] == pytest.approx(plain["worst_nearby"] + search.STILL, abs=0.2)
 
 
 def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

@@ -14,16 +14,12 @@ from reobserve.errors import InputError
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
-from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm.theory import (
     corrected_radius,
-    error_variance,
-    printed_weights,
 )
 from reobserve.pipeline.evaluation import Evaluator
-from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
+from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
 from reobserve.scoring.metrics import lookup
-from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.timeseries.signals import Signal
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 
@@ -121,55 +117,34 @@ def test_a_bank_that_never_leaves_its_first_mode_is_its_filter() -> None:
         assert values[name, "bank_velocity_error"] < 1e-9
 
 
-# --- Kalman's gain ------------------------------------------------------------------------------
+# --- The layers ---------------------------------------------------------------------------------
 
 
-def test_variance_of_a_scalar_under_any_gain() -> None:
-    a, q, r = 0.9, 0.25, 2.0
-    model = scalar(a, q, r)
-    for k in (0.0, 0.3, 1.0, 1.5):
-        left = 1 - k
-        wanted = (left**2 * q + k**2 * r) / (1 - left**2 * a**2)
-        assert error_variance(model, np.array([[k]])) == pytest.approx(wanted, rel=1e-12)
-    assert error_variance(scalar(1.0, q, r), np.zeros((1, 1))) == np.inf
-    assert error_variance(model, np.array([[2.5]])) == np.inf
+def test_thinner_layers_are_a_larger_part_of_the_error_and_left_by_none() -> None:
+    values = stated()
+    assert 0 < values["svsf", "layer_share"] < values["svsf_thin", "layer_share"] < 1
+    # Far inside the layer the errors are the model's own, and the share is as the width.
+    ten = found({"observers": {"svsf": {"layer_factor": 10.0}}})
+    assert ten["svsf", "layer_share"] == pytest.approx(values["svsf", "layer_share"] / 10, rel=0.05)
 
 
-@pytest.mark.parametrize("mode", ACTUATOR)
-def test_the_variance_is_what_the_filter_comes_to(mode: str) -> None:
-    model = motion_model(mode)
-    kalman = KalmanFilter(model)
-    # R of the acceleration leaves slow modes: some seconds until the covariance is at rest.
-    still = np.zeros((4000, 3)), np.zeros((4000, 1))
-    run = kalman.run(*still, state=kalman.init(np.zeros(5), 1.0))
-    best = error_variance(model, steady_kalman_gain(model))
-    assert best == pytest.approx(run["variance"][-1].sum(), rel=1e-8)
+def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
+    values = stated()
+    wide = found({"observers": {"svsf": {"layer_factor": 1e12}}})
+    opened = values["model", "open_velocity_error"]
+    assert wide["svsf", "single_velocity_error"] == pytest.approx(opened, rel=1e-6)
+    # What the ledger has for the layer does not enter.
+    assert wide["svsf", "informed_velocity_error"] == values["svsf", "informed_velocity_error"]
+    assert values["svsf", "informed_velocity_error"] < opened
 
 
-def test_no_gain_that_is_tried_is_better() -> None:
-    assert stated()["kalman", "least_variance_rise"] > 0
-    further = found({"theory": {"spread": 0.3}})
-    closer = found({"theory": {"spread": 0.01}})
-    # The variance is quadratic about its minimum: a thirtieth of the change, a 900th of the loss.
-    ratio = closer["kalman", "least_variance_rise"] / further["kalman", "least_variance_rise"]
-    assert ratio == pytest.approx(1 / 900, rel=0.5)
-
-
-# --- (8) and (15) by the letter -----------------------------------------------------------------
-
-
-def test_sums_of_printed_weights() -> None:
-    sticky, thirds = 0.023 * np.ones((3, 3)) + 0.931 * np.eye(3), np.full(3, 1 / 3)
-    sums = printed_weights(sticky, thirds).sum(axis=0)
-    # Column j is divided by what comes from modes 1 to j alone.
-    assert sums == pytest.approx([1 / 0.954, 1 / 0.977, 1.0], rel=1e-12)
-    assert printed_weights(np.eye(3), thirds) == pytest.approx(np.eye(3))
-
-
-def test_printed_equations_of_the_ledger() -> None:
-    stay = Ledger.load(ROOT, "imm").section("observers", "kalman")["stay"]
-    assert stated()["equation_8", "largest_weight_excess"] == pytest.approx(1 / stay - 1, rel=1e-9)
-    assert stated()["equation_15", "states_without_gain"] == 4 - 3
+def test_the_own_radius_is_that_of_the_realisation() -> None:
+    for realisation in REALISATIONS:
+        one = found({"observers": {"svsf": {"realisation": realisation}}})
+        assert one["svsf", "corrected_radius"] == one["svsf_law", f"corrected_radius_{realisation}"]
+    assert stated()["svsf_law", "corrected_radius_observer_canonical"] == pytest.approx(
+        1.0038, abs=1e-4
+    )
 
 
 # --- The stage ----------------------------------------------------------------------------------
@@ -188,8 +163,6 @@ def test_the_same_numbers_whatever_the_seed_of_the_run() -> None:
             "there is no 'svfs'; did you mean 'svsf'?",
         ),
         ({"observers": []}, "observers", "has 0 items, must have 1"),
-        ({"gains": 0}, "gains", "0 must be from 1 to 100000"),
-        ({"spread": 0}, "spread", "must be greater than zero"),
         ({"period": -1}, "period", "must be greater than zero"),
         ({"period": 3e-3}, "horizon", "must be a whole multiple of theory.period"),
         ({"onset": 4.0}, "onset", "4 s must be before the end of the horizon"),

@@ -25,8 +25,9 @@ from reobserve.ledger.conditions import (
 from reobserve.numerics.matrices import as_floats
 
 Coefficients = Annotated[list[float], vector(4)]
-Voltage = Annotated[Terms, signal(1)]
+TestInput = Annotated[Terms, signal(1)]
 Motion = Annotated[list[NotNegative], vector(4)]
+HandOver = Literal["motion", "states", "outputs"]
 Probability = Annotated[float, within(0, 1)]
 
 
@@ -69,22 +70,25 @@ class Scenario:
     """An input, a fault and the noise."""
 
     period: Positive
-    input: Voltage
+    input: TestInput
+    input_unit: Literal["V", "rad/s"]
     fault: Literal["friction", "leakage"]
     share: NotNegative
     onset: Positive
+    hand_over: HandOver
     noise: Motion
     title: str = ""
 
 
 @dataclass(frozen=True)
 class _Bank:
-    realisation: Literal["velocity", "derivatives", "motion"]
+    realisation: Literal["velocity", "derivatives", "motion", "observer_canonical"]
     state_frequency: Positive
     process_noise: Variances
     measurement_noise: Variances
     stay: Annotated[float, above(0.0), within(0, 1)]
     initial_covariance: Variances
+    initial_mode: Literal["unknown", "normal"]
     mixing: bool
     quoted: Annotated[list[Probability], vector(2)]
     quoted_high: bool
@@ -104,8 +108,10 @@ class SmoothVariableStructure(_Bank):
 
     algorithm: Literal["smooth_variable_structure"]
     boundary_layer: Annotated[list[Positive], items(1, 4)]
+    layer_unit: Positive
     layer_factor: Positive
     memory: NotNegative
+    inverse: Literal["pseudo", "weighted"]
     label: str = ""
 
 
@@ -127,6 +133,7 @@ class Search:
     neighbour_pairs: Annotated[int, within(0, 1000)]
     spread: Annotated[float, within(0, 0.99)]
     generations: Annotated[int, within(1, 100_000)]
+    switching: Share | None = None  # not asked for without
     title: str = ""
 
 
@@ -136,6 +143,7 @@ class Neighbourhood(types.Study):
 
     method: Literal["neighbourhood"]
     kept: str
+    band: Share
     factors: Changed
 
 
@@ -144,31 +152,46 @@ class Changes(types.Study):
     """The calibrated banks with one thing changed."""
 
     method: Literal["changes"]
-    prbs: Voltage
-    square: Voltage
-    sweep: Voltage
+    prbs: TestInput
+    square: TestInput
+    sweep: TestInput
     periods: Changed
     shares: Changed
     layer_factors: Changed
+    initial_covariances: Changed
     noise: Motion
 
 
 @dataclass(frozen=True, kw_only=True)
 class Closeness(types.Study):
-    """Correct diagnoses against how far apart the models are."""
+    """Faults that are detected against how far apart the models are."""
 
     method: Literal["closeness"]
-    input: Voltage
+    input: TestInput
+    starts: Positive
     horizon: Positive
     onset: Positive
+    settling: Positive
     judged: Positive
+    budget: Share
     enough: Share
     shares: Levels
     noise_levels: Levels
+    driven_levels: Changed
+    layer_units: Changed
+    faultless_runs: Annotated[int, within(1, 100_000)]
     runs: Annotated[int, within(1, 100_000)]
 
 
-Study = Neighbourhood | Changes | Closeness
+@dataclass(frozen=True, kw_only=True)
+class Causes(types.Study):
+    """Banks of SVSFs with one cause of what they do changed."""
+
+    method: Literal["causes"]
+    units: Changed
+
+
+Study = Neighbourhood | Changes | Closeness | Causes
 
 
 @dataclass(frozen=True)
@@ -188,25 +211,24 @@ class Theory:
 
     observers: Names
     period: Positive
-    input: Voltage
+    input: TestInput
     horizon: Positive
     onset: Positive
-    gains: Annotated[int, within(1, 100_000)]
-    spread: Positive
+    hand_over: HandOver
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probabilities(types.Figure):
     """The probability of one mode."""
 
-    layout: Literal["normal", "leakage"]
+    layout: Literal["normal", "leakage", "switching"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OfStudy(types.StudyFigure):
     """A study."""
 
-    layout: Literal["neighbourhood", "changes", "closeness"]
+    layout: Literal["neighbourhood", "changes", "closeness", "causes"]
 
 
 @dataclass(frozen=True)

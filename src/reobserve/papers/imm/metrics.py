@@ -3,9 +3,10 @@
 Means over the last two seconds before the fault (`_before`) and over the last three of the run
 (`_after`), of the probability of a mode; y is the velocity, whose unit the paper does not give.
 What stands at a coordinate belongs to a study: of changes, at what is changed and its level, or of
-closeness, at the noise and the share of the leak. For the neighbourhood the observer column holds
+closeness, at the noise, the plant (`exact`, or `driven` by process noise) and the share of the
+leak, and the observer column holds a detector. For the neighbourhood the observer column holds
 the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank,
-`svsf_law` for the SVSF's gain, or a printed equation. `nan` means that it never happens.
+`svsf_law` for the SVSF's gain, or `model` for the normal one. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from numpy.typing import NDArray
 
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
+from reobserve.papers.imm import detection
 from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance
 from reobserve.papers.imm.setup import MODES, UNITS
+from reobserve.papers.imm.study_causes import MISMATCHED, STATED
 from reobserve.papers.imm.tuning import TUNED
 from reobserve.plants.hydraulic_actuator import MOTION
 from reobserve.scoring.metrics import Metric, Score, scores_of
@@ -33,16 +36,19 @@ MEANINGS = {
     "<mode>_before": "mean probability of a mode before the fault",
     "<mode>_after": "mean probability of a mode after it",
     "<mode>_spread": "its standard deviation over time, after the fault",
-    "overshoot": "how far the normal mode exceeds its mean from 5.5 to 6.5 s",
-    "alarm_delay": "from the fault until the normal mode falls below 0.9",
+    "overshoot": "how far the normal mode is from its later mean at most, in the window of it",
+    "alarm_delay": "from the fault until the normal mode falls below the level of an alarm",
     "alarm_samples": "the same in samples",
     "diagnosis_delay": "from the fault until the right mode is the most probable",
     "diagnosed_share": "share of the last three seconds in which it is",
-    "false_alarm_share": "share of the time before the fault with the normal mode below 0.9",
+    "false_alarm_share": "share of the time before the fault with the normal mode below that level",
     "quoted_distance": "root mean square over time from the values that the paper quotes",
     "rms_position_error": "of the combined estimate after the fault",
     "rms_velocity_error": "of the combined estimate after the fault",
+    "position_error_share": "the former as a share of the position's own root mean square",
+    "velocity_error_share": "the latter as a share of the velocity's",
     "outside_share": "of the innovations after the fault that lie outside the boundary layer",
+    "chattering_share": "of those after it that lie there and have changed their sign",
     "trials": "of the search, each of three banks",
     "tuned": "how many numbers the search moved",
     "targets": "how many quoted values it sought",
@@ -53,21 +59,38 @@ MEANINGS = {
     "greatest_factor": "the greatest such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
     "nu_gap share=<share>": "between the normal model and its blend with the leakage model",
-    "correct_share noise=<noise> share=<share>": "of runs with a correct diagnosis",
-    "mean_probability noise=<noise> share=<share>": (
-        "of the faulty model in the last second, over the runs"
+    "detected_share noise=<noise> plant=<plant> share=<share>": (
+        "of the runs without a false alarm those with an alarm after the fault"
     ),
-    "least_gap noise=<noise>": "gap from which on 95 % of the diagnoses are correct",
-    "corrected_radius_<outputs>": (
+    "alarmed_share noise=<noise> plant=<plant> share=<share>": "of the runs, with a false alarm",
+    "alarmed_share noise=<noise> plant=<plant>": "the same over all shares",
+    "alarmed_share_low noise=<noise> plant=<plant>": "lower limit of its interval of 95 % (Wilson)",
+    "alarmed_share_high noise=<noise> plant=<plant>": "its upper limit",
+    "median_delay noise=<noise> plant=<plant> share=<share>": (
+        "from the fault to the alarm, over the runs without a false one; nan if most have none"
+    ),
+    "least_gap noise=<noise> plant=<plant>": "gap from which on 95 % of the faults are detected",
+    "correct_share noise=<noise> plant=<plant> share=<share>": (
+        "of runs, at whose end the faulty model is the more probable one"
+    ),
+    "mistaken_share noise=<noise> plant=<plant> share=<share>": (
+        "of runs in which it is so before the fault"
+    ),
+    "least_gap_of_diagnosis noise=<noise> plant=<plant>": (
+        "gap from which on 95 % of the diagnoses at the end are correct"
+    ),
+    "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
+    "fault_after variant=<variant>": "the same of the faulty mode",
+    "outside_share variant=<variant>": "of the innovations after the fault, outside the layers",
+    "corrected_radius_<realisation>": (
         "largest radius of (I - H^+ H) A: what full correction of all outputs leaves"
     ),
+    "corrected_radius": "the same with an SVSF's own realisation",
     "single_velocity_error": "RMS after a leak, of the normal model's filter alone",
     "bank_velocity_error": "the same of the bank",
-    "least_variance_rise": (
-        "by which the variance is larger at least with gains near Kalman's, as a part of it"
-    ),
-    "largest_weight_excess": "by which mixing weights do not sum to one, by (8) as it is printed",
-    "states_without_gain": "of the four, by (15) as it is printed",
+    "layer_share": "largest a posteriori output error of that filter over the boundary layer",
+    "open_velocity_error": "of the normal model that nothing corrects",
+    "informed_velocity_error": "of that filter with layers as wide as the model is wrong",
 }
 
 
@@ -101,9 +124,13 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     for what in ("position", "velocity"):
         if what in estimate.channels:
             error = estimate[what] - data.plant["motion"][:, MOTION.index(what)]
-            yield f"rms_{what}_error", float(root_mean_square(error[later])), UNITS[what]
+            size = float(root_mean_square(error[later]))
+            yield f"rms_{what}_error", size, UNITS[what]
+            moved = data.plant["motion"][later, MOTION.index(what)]
+            yield f"{what}_error_share", size / float(root_mean_square(moved)), "1"
     if "outside" in estimate.channels:
         yield "outside_share", float(np.mean(estimate["outside"][later])), "1"
+        yield "chattering_share", float(np.mean(estimate["chattering"][later])), "1"
 
 
 def _neighbourhood(data: FigureData) -> Iterator[Metric]:
@@ -129,7 +156,7 @@ def reach(job: Job, study: StudyTable, parameter: str) -> tuple[float, float]:
         coordinates = "observer", "quantity", "level", "value"
         for (name, quantity, level, value), _ in study.where(sweep=sweep).groups(*coordinates):
             worst[level] = max(worst.get(level, 0.0), _off(job, name, quantity, value))
-    band = job.metrics.band
+    band = job.study.band
     below = sorted((level for level in worst if level <= 1.0), reverse=True)
     above = sorted(level for level in worst if level >= 1.0)
     return _leaves(worst, below, band), _leaves(worst, above, band)
@@ -165,55 +192,28 @@ def _changes(data: FigureData) -> Iterator[Metric]:
 
 
 def _closeness(data: FigureData) -> Iterator[Metric]:
-    """Correct diagnoses and mean probability by bank, noise and share; the gap that is enough."""
-    study, enough = data.study, data.job.study.enough
-    gaps = study.where(observer="models")
-    for (share,), rows in gaps.groups("level"):
-        yield Metric.at("models", ("nu_gap", float(rows["value"][0]), "1"), share=share)
-    banks = study.where(quantity="probability")
-    for (name, sweep, share), runs in banks.groups("observer", "sweep", "level"):
-        at = {"noise": noise_of(sweep), "share": share}
-        right, mean = float(np.mean(runs["value"] > 0.5)), float(np.mean(runs["value"]))
-        yield Metric.at(name, ("correct_share", right, "1"), **at)
-        yield Metric.at(name, ("mean_probability", mean, "1"), **at)
-    for (name, sweep), _ in banks.groups("observer", "sweep"):
-        gap, diagnosed, drawn = diagnoses(study, name, sweep)
-        least = enough_gap(gap.tolist(), (diagnosed / drawn).tolist(), enough)
-        yield Metric.at(name, ("least_gap", least, "1"), noise=noise_of(sweep))
+    """Detected faults and false alarms by detector, plant, noise and share; the least gaps."""
+    yield from detection.measure(data.study, data.job.study.enough)
 
 
-def noise_of(sweep: str) -> float:
-    """The noise of a sweep of the study of closeness."""
-    return float(sweep.removeprefix("noise_"))
+def _causes(data: FigureData) -> Iterator[Metric]:
+    """What an SVSF-IMM as stated gives with one cause changed.
 
-
-def diagnoses(study: StudyTable, name: str, sweep: str) -> tuple[Array, Array, Array]:
-    """By pair of models: their gap, how many runs a bank diagnosed, and how many there are."""
-    same_noise = study.where(sweep=sweep)
-    gaps = same_noise.where(observer="models")
-    found = [
-        (gaps.value(level=share), np.count_nonzero(runs["value"] > 0.5), len(runs))
-        for (share,), runs in same_noise.where(observer=name).groups("level")
-    ]
-    gap, right, drawn = np.array(found, dtype=np.float64).T
-    return gap, right, drawn
-
-
-def enough_gap(gaps: list[float], right: list[float], wanted: float) -> float:
-    """The gap from which on the share of correct diagnoses is ``wanted`` or more.
-
-    Between the last gap of the study with a smaller share and the next it is taken as linear over
-    the logarithm; nan if the widest gap is not enough, and the least one if all are.
+    A filter whose gain and covariance are of two kinds misjudges its errors, and a bank of them may
+    flip between modes by the last bits of its record: no number then.
     """
-    good = len(gaps)
-    while good and right[good - 1] >= wanted:
-        good -= 1
-    if good == len(gaps):
-        return float("nan")
-    if good == 0:
-        return gaps[0]
-    share = (wanted - right[good - 1]) / (right[good] - right[good - 1])
-    return float(gaps[good - 1] * (gaps[good] / gaps[good - 1]) ** share)
+    stated, band = data.study.where(run=STATED), data.job.metrics.band
+    for (name, variant), rows in stated.groups("observer", "sweep"):
+        unsettled = variant in MISMATCHED and not rows.value(quantity="fault_spread") <= band
+        for (quantity,), row in rows.groups("quantity"):
+            if quantity != "fault_spread":
+                value = float("nan") if unsettled else row.value()
+                yield Metric.at(name, (quantity, value, "1"), variant=variant)
 
 
-_SUMMARIES = {"neighbourhood": _neighbourhood, "changes": _changes, "closeness": _closeness}
+_SUMMARIES = {
+    "neighbourhood": _neighbourhood,
+    "changes": _changes,
+    "closeness": _closeness,
+    "causes": _causes,
+}

@@ -30,8 +30,9 @@ def estimate(settings: Settings, plant: Series) -> Series:
     """Probabilities of the modes and estimates of what is measured, from t = 0 on.
 
     ``probability`` has one component a mode, in the order of `MODES`; ``position`` and ``velocity``
-    are estimates where the realisation measures them; ``outside`` is the share of all innovations
-    that lie outside the boundary layer, for an SVSF.
+    are estimates where the realisation measures them. For an SVSF ``outside`` is the share of all
+    innovations that lie outside the boundary layer, and ``chattering`` of those there that have
+    changed their sign since the sample before.
 
     Raises
     ------
@@ -58,6 +59,12 @@ def estimate(settings: Settings, plant: Series) -> Series:
             channels[name] = Channel(values, UNITS[name])
     if observer.algorithm == "smooth_variable_structure":
         layer = boundary_layer(observer, len(columns))
-        outside = np.mean(np.abs(found["innovation"]) > layer, axis=(1, 2))
-        channels["outside"] = Channel(np.concatenate([[0.0], outside]), "1")
+        innovation = found["innovation"]
+        outside = np.abs(innovation) > layer
+        before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
+        for name, chosen_ones in (
+            ("outside", outside), ("chattering", outside & (innovation * before < 0)),
+        ):  # fmt: skip
+            share = np.mean(chosen_ones, axis=(1, 2))
+            channels[name] = Channel(np.concatenate([[0.0], share]), "1")
     return Series(plant.time, channels, plant.events)

@@ -23,7 +23,7 @@ def simulate(settings: Settings) -> Series:
     """The motion, and what is measured of it, over the horizon.
 
     ``motion`` has the components of `MOTION`, ``measured`` the same with their noise, ``input``
-    [V] is what is held from each sample on, ``mode`` 0 or 1, and the event ``fault`` says when it
+    is what is held from each sample on, ``mode`` 0 or 1, and the event ``fault`` says when it
     changes.
 
     Raises
@@ -33,7 +33,7 @@ def simulate(settings: Settings) -> Series:
     """
     job = read_job(keys.Ledger, settings)
     setup = build(job)
-    motion = move(setup.models, setup.mode, setup.control, setup.period)
+    motion = move(setup.models, setup.mode, setup.control, setup.period, setup.hand_over)
     stream = random_stream(job.seed, "imm", "noise")
     measured = motion + setup.noise * stream.standard_normal(motion.shape)
     time = np.arange(len(motion), dtype=np.float64) * setup.period
@@ -45,7 +45,7 @@ def simulate(settings: Settings) -> Series:
         {
             "motion": Channel(motion, units),
             "measured": Channel(measured, units),
-            "input": Channel(setup.control[held], "V"),
+            "input": Channel(setup.control[held], job.scenario.input_unit),
             "mode": Channel(setup.mode[held].astype(np.float64), "1"),
         },
         {"fault": (setup.onset,)},

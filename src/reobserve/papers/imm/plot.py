@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from reobserve.papers.imm import (
+    plot_causes,
     plot_changes,
     plot_closeness,
     plot_neighbourhood,
@@ -12,7 +13,9 @@ from reobserve.papers.imm import (
 LAYOUTS = {
     "normal": plot_probability.draw,
     "leakage": plot_probability.draw,
+    "switching": plot_probability.draw_switching,
     "neighbourhood": plot_neighbourhood.draw,
     "changes": plot_changes.draw,
     "closeness": plot_closeness.draw,
+    "causes": plot_causes.draw,
 }

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, add_note
+from reobserve.drawing.figures import WIDTH, add_note
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.imm.styles import style_of
 
 _NAMES = {
     "as_stated": "as calibrated",
@@ -14,6 +15,11 @@ _NAMES = {
     "square": "square wave, 1 s",
     "sweep": "sine sweep, 1 to 45 Hz",
     "friction": "friction instead of leak",
+    "states": "states go on through the leak",
+    "outputs": "outputs switched at the leak",
+    "certain": "normal mode certain at t = 0",
+    "weighted": "H⁺ weighted by covariance",
+    "start": "P(0) = {level:g} y²",
     "period": "samples every {ms:g} ms",
     "share": "{share:.0%} of the leak",
     "layer": "boundary layers × {level:g}",
@@ -22,26 +28,28 @@ _NAMES = {
 
 
 def draw(data: FigureData) -> Figure:
-    """Normal and leakage mode, one row a change."""
+    """All modes, one row a change."""
     study, observers = data.study, data.job.observers
     changes = [change for change, _ in study.groups("sweep", "level")]
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(changes)))
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, (mode, place) in zip(panels, (("normal", 0), ("leakage", 1)), strict=True):
-        for order, (style, name) in enumerate(zip(STYLES, observers, strict=False)):
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes, mode, letter in zip(panels, ("normal", "leakage", "friction"), "abc", strict=True):
+        for order, (name, body) in enumerate(observers.items()):
+            style = style_of(body)
             mine = study.where(observer=name, quantity=f"{mode}_after")
             told = [change for change, _ in mine.groups("sweep", "level")]
             axes.plot(
                 mine["value"], [changes.index(change) + 0.2 * (order - 1) for change in told],
                 linestyle="", marker=style.marker, color=style.color, markersize=4.5,
-                label=observers[name].label,
+                label=body.label,
             )  # fmt: skip
-            axes.axvline(
-                observers[name].quoted[place], color=style.color, linestyle=":", linewidth=1.4
-            )
+            if mode != "friction":  # the paper quotes none for it
+                quoted = body.quoted[("normal", "leakage").index(mode)]
+                axes.axvline(quoted, color=style.color, linestyle=":", linewidth=1.4)
         axes.set_xlim(-0.05, 1.05)
-        axes.set_xlabel("mean probability, 7 to 10 s")
-        axes.set_title(f"({'ab'[place]}) {mode} mode")
+        axes.set_title(f"({letter}) {mode} mode")
+    start, end = data.job.metrics.after
+    panels[1].set_xlabel(f"mean probability, {start:g} to {end:g} s")
     panels[0].set_yticks(range(len(changes)), [_name(*change) for change in changes])
     panels[0].invert_yaxis()
     handles, labels = panels[0].get_legend_handles_labels()

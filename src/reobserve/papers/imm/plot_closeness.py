@@ -1,59 +1,108 @@
-"""Correct diagnoses against the nu-gap between the models, by bank and noise."""
+"""Detected faults, false alarms and delays against the nu-gap between the models, by detector."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.drawing.figures import STYLES, WIDTH, Style, add_note
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.imm.metrics import diagnoses, noise_of
+from reobserve.papers.imm import keys
+from reobserve.papers.imm.detection import Judged, curve
+from reobserve.papers.imm.detectors import CUSUM, GLR, UNMIXED
+from reobserve.papers.imm.study_closeness import DRIVEN, sweep_kind, with_units
+from reobserve.papers.imm.styles import style_of
 
-Array = NDArray[np.float64]
+_GREEN = STYLES[4]
+_RED = Style("#b3265e", (0, (3, 1, 1, 1, 1, 1)), 1.1, "p")
 
-NORMAL_QUANTILE = 1.959963984540054  # of 0.975
+ROWS = ("detected share", "false alarms", "median delay [ms]")
 
 
 def draw(data: FigureData) -> Figure:
-    """One panel a level of noise; bands are Wilson's intervals of 95 %."""
+    """A column a plant and noise: detected faults, false alarms, and median delays."""
     job, study = data.job, data.study
+    styles, labels = _detectors(with_units(job.observers, job.study.layer_units))
     sweeps = study.levels("sweep")
-    figure, panels = new_figure((1.75,) * len(sweeps), share_time=True)
-    wanted = job.study.enough
-    labels = {name: body.label for name, body in job.observers.items()}
-    names = study.where(quantity="probability").levels("observer")
-    for axes, sweep, letter in zip(panels, sweeps, "abcdefgh", strict=False):
-        for style, name in zip(STYLES, names, strict=False):
-            gaps, right, runs = diagnoses(study, name, sweep)
-            label = labels.get(name, f"{labels[names[0]]}, no mixing")
-            axes.plot(gaps, right / runs, **style.points(), label=label)
-            axes.fill_between(
-                gaps, *wilson(right, runs), color=style.color, alpha=0.18, linewidth=0
-            )
-        axes.axhline(wanted, color="0.4", linewidth=0.8, linestyle=":")
-        axes.set_xscale("log")
-        axes.set_ylim(-0.04, 1.04)
-        axes.set_ylabel("correct share")
-        axes.set_title(f"({letter}) noise of {noise_of(sweep):.0%} of each output")
-    panels[0].legend(loc="lower right")
-    panels[-1].set_xlabel("ν-gap between the normal and the faulty model")
-    few_ticks(panels[-1], (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
-    add_note(
-        figure,
-        f"Pseudo-random input, {job.study.runs:g} runs a point, bands of 95 % (Wilson). "
-        "Banks of two models: normal, and its blend with the leakage model\nthat the plant changes "
-        f"to. Correct: over the last {job.study.judged:g} s the faulty model is the more "
-        f"probable. Dotted: {wanted:.0%}.",
+    figure = Figure(figsize=(WIDTH, 6.3))
+    panels = figure.subplots(
+        3, len(sweeps), sharex=True, sharey="row", squeeze=False, height_ratios=(2.4, 1.1, 1.7)
     )
+    for column, sweep in enumerate(sweeps):
+        shares, alarms, delays = panels[:, column]
+        for order, (name, style) in enumerate(styles.items()):
+            found = curve(study, name, sweep)
+            gap = np.array([one.gap for one in found])
+            # Side by side, so that bars and markers of the same height can be told apart.
+            apart = gap * 1.035 ** (order - (len(styles) - 1) / 2)
+            value = [one.detected.value for one in found]
+            shares.plot(apart, value, **style.points(), label=labels[name])
+            shares.vlines(apart, *_limits(found), color=style.color, linewidth=0.6, alpha=0.6)
+            mean = [one.alarmed.value for one in found]
+            alarms.plot(apart, mean, **{**style.points(), "linestyle": "", "markersize": 3})
+            delays.plot(apart, [1000 * one.delay for one in found], **style.points())
+        plant, level = sweep_kind(sweep)
+        shares.set_title(
+            f"({'abcdefgh'[column]}) noise {level:.0%}"
+            + (",\nprocess noise of Q" if plant == DRIVEN else "\n"),
+            fontsize=8,
+        )  # fmt: skip
+        shares.axhline(job.study.enough, color="0.4", linewidth=0.8, linestyle=":")
+        for axes in (shares, alarms):
+            axes.axhline(job.study.budget, color="0.4", linewidth=0.8, linestyle=":")
+        panels[-1, column].set_xlabel("ν-gap")
+    panels[0, 0].set_ylim(-0.04, 1.04)
+    panels[1, 0].set_ylim(-0.015, None)
+    panels[2, 0].set_yscale("log")
+    panels[2, 0].yaxis.set_major_formatter("{x:g}")
+    for axes, what in zip(panels[:, 0], ROWS, strict=True):
+        axes.set_ylabel(what)
+    for axes in panels.flat:
+        axes.set_xscale("log")
+        axes.set_xticks((0.001, 0.01, 0.1), ("0.001", "0.01", "0.1"))
+    handles, names = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=4, columnspacing=1.2)
+    add_note(figure, _note(job.study))
     return figure
 
 
-def wilson(right: Array, runs: Array) -> tuple[Array, Array]:
-    """The interval of 95 % for a probability, from counts (Wilson 1927)."""
-    z2 = NORMAL_QUANTILE**2
-    share = right / runs
-    middle = (share + z2 / (2 * runs)) / (1 + z2 / runs)
-    width = NORMAL_QUANTILE * np.sqrt(share * (1 - share) / runs + z2 / (4 * runs**2))
-    width = width / (1 + z2 / runs)
-    return middle - width, middle + width
+def _limits(found: list[Judged]) -> tuple[list[float], list[float]]:
+    low, high = zip(*(one.detected.interval for one in found), strict=True)
+    return list(low), list(high)
+
+
+def _detectors(
+    observers: Mapping[str, keys.Observer],
+) -> tuple[dict[str, Style], dict[str, str]]:
+    """Style and label of each detector: banks as everywhere, in other units the same fainter."""
+    styles: dict[str, Style] = {}
+    labels: dict[str, str] = {}
+    for name, body in observers.items():
+        styles[name], labels[name] = style_of(body), body.label
+        if "_unit_" in name and isinstance(body, keys.SmoothVariableStructure):
+            styles[name] = replace(_GREEN, marker="v")
+            labels[name] = f"SVSF-IMM, unit of ψ × {body.layer_unit:g}"
+    first = next(iter(observers.values()))
+    styles[UNMIXED] = style_of(replace(first, mixing=False))
+    styles[CUSUM], styles[GLR] = _RED, Style("0.55", "-", 1.6, "x")
+    labels |= {
+        UNMIXED: f"{first.label}, no mixing",
+        CUSUM: "CUSUM of two KFs",
+        GLR: "GLR of the normal KF",
+    }
+    return styles, labels
+
+
+def _note(study: keys.Closeness) -> str:
+    window = study.horizon - study.onset
+    return (
+        f"A fault is detected if its alarm comes within {window:g} s; {study.runs:g} runs a point, "
+        "bars are Wilson's intervals of 95 %. Thresholds are those that\n"
+        f"{study.budget:.0%} of runs without a fault exceed in {study.onset - study.settling:g} s "
+        f"(dotted below), from {study.faultless_runs:g} other runs each. Dotted above: "
+        f"{study.enough:.0%}. Delays stand where\nmost faults are detected. Points of one ν-gap "
+        "stand side by side."
+    )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, add_note, few_ticks, new_figure
+from reobserve.drawing.figures import add_note, few_ticks, new_figure
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.imm.styles import style_of
 from reobserve.papers.imm.tuning import TUNED
 
 _NAMES = {
@@ -39,14 +40,14 @@ def draw(data: FigureData) -> Figure:
     bars.set_yticks(range(len(TUNED)), [_NAMES[name] for name in TUNED])
     bars.invert_yaxis()
     bars.set_xscale("log")
-    band = job.metrics.band
+    band = job.study.band
     bars.set_title(f"(a) factors that keep every quoted value within ±{band:g}")
     narrow = min(
         TUNED,
         key=lambda name: numbers[name, "greatest_factor"] / numbers[name, "least_factor"],
     )
-    for style, name in zip(STYLES, job.observers, strict=False):
-        label = job.observers[name].label
+    for name, body in job.observers.items():
+        style = style_of(body)
         for quantity, width in (("normal_after", 1.2), ("leakage_after", 2.4)):
             mine = data.study.where(observer=name, quantity=quantity)
             rows = [mine.where(sweep=sweep) for sweep in (narrow, "stated")]
@@ -57,7 +58,7 @@ def draw(data: FigureData) -> Figure:
             curves.plot(
                 level[order], value[order], color=style.color, linestyle=style.linestyle,
                 linewidth=width,
-                label=f"{label}, {quantity.removesuffix('_after')}",
+                label=f"{body.label}, {quantity.removesuffix('_after')}",
             )  # fmt: skip
     curves.set_ylim(-0.03, 1.5)
     curves.set_yticks((0, 0.5, 1))
@@ -70,7 +71,7 @@ def draw(data: FigureData) -> Figure:
     add_note(
         figure,
         f"{numbers['search', 'tuned']:g} numbers tuned to {numbers['search', 'targets']:g} quoted "
-        f"ones by {numbers['search', 'trials']:g} trials of three banks and their neighbours; "
+        f"ones by {numbers['search', 'trials']:g} trials of three banks; "
         f"{numbers['search', 'distance']:.3f} is left (root mean square over time).\n"
         "Arrows: beyond the range of the study. States x₂ to x₄ of the scaled realisation.",
     )

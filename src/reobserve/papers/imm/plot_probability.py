@@ -1,56 +1,91 @@
-"""Figs 5 to 8 of the paper: the probability of a mode, and beside it friction and the input."""
+"""Figs 5 to 8 of the paper: probabilities of modes over time, and the plant or the layers."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, add_note, headroom, new_figure, thin, time_axis
+from reobserve.drawing.figures import add_note, new_figure, thin, time_axis
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job
+from reobserve.papers.imm import keys
+from reobserve.papers.imm.notes import note
 from reobserve.papers.imm.setup import MODES
+from reobserve.papers.imm.styles import INPUT, VELOCITY, style_of
 
 Array = NDArray[np.float64]
 
 
 def draw(data: FigureData) -> Figure:
     """The mode's probability with the values that the paper quotes, friction, and the velocity."""
-    job, plant, estimates = data.job, data.plant, data.estimates
     figure, (wanted, friction, motion) = new_figure((2.5, 1.2, 1.2))
-    layout = job.figure.layout
-    for axes, mode, letter in zip((wanted, friction), (layout, "friction"), "ab", strict=True):
-        index = MODES.index(mode)
-        for style, (name, estimate) in zip(STYLES, estimates.items(), strict=False):
-            time, low, mean, high = binned(estimate.time, estimate["probability"][:, index])
-            axes.fill_between(time, low, high, color=style.color, alpha=0.15, linewidth=0)
-            axes.plot(time, mean, **style.line(), label=job.observers[name].label)
-        axes.set_ylim(-0.04, 1.08)
-        axes.set_ylabel("probability")
-        axes.set_title(f"({letter}) {mode} mode")
-    start, end = job.metrics.after
-    place = ("normal", "leakage").index(layout)
-    for style, name in zip(STYLES, estimates, strict=False):
-        quoted = job.observers[name].quoted[place]
-        wanted.plot(
-            (start, end), (quoted, quoted), color=style.color, linestyle=":", linewidth=2.2,
-            label=f"quoted by the paper: {quoted:g}",
-        )  # fmt: skip
-    wanted.legend(loc="center left", ncols=1)
-    motion.plot(
-        *thin(plant.time, plant["input"], 600), color="0.8", linewidth=0.6, label="input [V]"
-    )
-    motion.plot(*thin(plant.time, plant["motion"][:, 1], 600), **STYLES[0].line(),
+    layout = data.job.figure.layout
+    _probabilities(wanted, data, layout, "a")
+    _quoted(wanted, data, layout)
+    _probabilities(friction, data, "friction", "b")
+    plant = data.plant
+    unit = data.job.scenario.input_unit
+    motion.plot(*thin(plant.time, plant["input"], 600), **INPUT.line(), label=f"input [{unit}]")
+    motion.plot(*thin(plant.time, plant["motion"][:, 1], 600), **VELOCITY.line(),
                 label="velocity [y]")  # fmt: skip
     motion.set_ylabel("velocity, input")
     motion.set_title("(c) the plant")
-    motion.legend(loc="upper left", ncols=2)
-    headroom(motion, 0.45)
-    onset = next(iter(estimates.values())).events["fault"][0]
-    for axes in (wanted, friction, motion):
+    motion.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    return _finished(figure, data)
+
+
+def draw_switching(data: FigureData) -> Figure:
+    """Normal and leakage mode, and which share of the innovations lies outside the layers."""
+    figure, (normal, leakage, outside) = new_figure((2.0, 2.0, 1.3))
+    for axes, mode, letter in ((normal, "normal", "a"), (leakage, "leakage", "b")):
+        _probabilities(axes, data, mode, letter)
+        _quoted(axes, data, mode)
+    for name, estimate in data.estimates.items():
+        if "outside" in estimate.channels:
+            style = style_of(data.job.observers[name])
+            outside.plot(*binned(estimate.time, estimate["outside"])[::2], **style.line())
+    outside.set_ylabel("share outside")
+    outside.set_title("(c) innovations outside the boundary layer")
+    return _finished(figure, data)
+
+
+def _probabilities(axes: Axes, data: FigureData, mode: str, letter: str) -> None:
+    """Means and bands of a mode, one curve a bank."""
+    index = MODES.index(mode)
+    for name, estimate in data.estimates.items():
+        body: keys.Observer = data.job.observers[name]
+        style = style_of(body)
+        time, low, mean, high = binned(estimate.time, estimate["probability"][:, index])
+        axes.fill_between(time, low, high, color=style.color, alpha=0.15, linewidth=0)
+        axes.plot(time, mean, **style.line(), label=body.label)
+    axes.set_ylim(-0.04, 1.08)
+    axes.set_ylabel("probability")
+    axes.set_title(f"({letter}) {mode} mode")
+
+
+def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
+    """What the paper quotes of each bank, where it is compared, and again in the margin."""
+    start, end = data.job.metrics.after
+    for name in data.estimates:
+        body = data.job.observers[name]
+        value = body.quoted[("normal", "leakage").index(mode)]
+        color = style_of(body).color
+        axes.plot((start, end), (value, value), color=color, linewidth=1.6, linestyle=(0, (1, 1)))
+        axes.annotate(
+            f"◂ {value:g}", (1.0, value), xycoords=("axes fraction", "data"),
+            xytext=(2, 0), textcoords="offset points", va="center", color=color, fontsize=7.5,
+        )  # fmt: skip
+
+
+def _finished(figure: Figure, data: FigureData) -> Figure:
+    onset = next(iter(data.estimates.values())).events["fault"][0]
+    for axes in figure.axes:
         axes.axvline(onset, color="0.4", linewidth=0.8, linestyle=":")
-    time_axis(motion, plant.time)
-    add_note(figure, _note(job))
+    first = figure.axes[0]
+    first.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    time_axis(figure.axes[-1], data.plant.time)
+    add_note(figure, note(data.job))
     return figure
 
 
@@ -64,17 +99,3 @@ def binned(time: Array, values: Array, width: float = 0.03) -> tuple[Array, Arra
     block = values[: count * size].reshape(count, size)
     middle = time[: count * size].reshape(count, size).mean(axis=1)
     return middle, block.min(axis=1), block.mean(axis=1), block.max(axis=1)
-
-
-def _note(job: Job) -> str:
-    scenario, first = job.scenario, next(iter(job.observers.values()))
-    noise = "no noise" if not any(scenario.noise) else "noise of one per cent of each output"
-    kind = scenario.input[0]["kind"]
-    stimulus = {"constant": "a step", "prbs": "a pseudo-random binary sequence"}.get(kind, kind)
-    return (
-        "Vertical line: the leak begins. Curves are means over 30 ms, bands reach from the least "
-        f"to the greatest\nvalue. Chosen here: {stimulus} of 1.5 V from 0.5 s on, samples every "
-        f"{1000 * scenario.period:g} ms,\n{noise}, position, velocity and acceleration as "
-        "outputs, covariances of the noise as in\nthe ledger, modes that stay with a probability "
-        f"of {first.stay:g} a sample."
-    )

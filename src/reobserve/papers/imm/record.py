@@ -15,10 +15,15 @@ def axis(job: Job) -> tuple[float, float]:
     return job.plant.horizon, job.scenario.period
 
 
-def plant(_: Job) -> dict[str, Shape]:
+def plant(job: Job) -> dict[str, Shape]:
     """The channels of a record."""
     motion = Shape(", ".join(UNITS[name] for name in MOTION), len(MOTION))
-    return {"motion": motion, "measured": motion, "input": Shape("V"), "mode": Shape("1")}
+    return {
+        "motion": motion,
+        "measured": motion,
+        "input": Shape(job.scenario.input_unit),
+        "mode": Shape("1"),
+    }
 
 
 def estimates(_: Job) -> dict[str, Shape]:
@@ -27,4 +32,5 @@ def estimates(_: Job) -> dict[str, Shape]:
         "probability": Shape("1", len(MODES)),
         **{name: Shape(UNITS[name], optional=True) for name in ("position", "velocity")},
         "outside": Shape("1", optional=True),
+        "chattering": Shape("1", optional=True),
     }

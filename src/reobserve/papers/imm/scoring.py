@@ -33,6 +33,7 @@ def probabilities(
 ) -> Iterator[Score]:
     """Means over the windows, their spread, alarm and diagnosis, and the overshoot.
 
+    That is how far the normal mode is at most from its later mean, above or below.
     ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
     for when in ("before", "after"):
@@ -43,7 +44,7 @@ def probabilities(
     for mode, spread in zip(MODES, np.std(late, axis=0), strict=True):
         yield f"{mode}_spread", float(spread), "1"
     early = probability[window(time, *rules.overshoot, closed="right")]
-    yield "overshoot", float(np.max(early[:, 0]) - np.mean(late[:, 0])), "1"
+    yield "overshoot", float(np.max(np.abs(early[:, 0] - np.mean(late[:, 0])))), "1"
     faulty = time > onset + 1e-9
     healthy = ~faulty & (time > rules.before[0])
     alarm = _since(time, faulty & (probability[:, 0] < rules.alarm), onset)

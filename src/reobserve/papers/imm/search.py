@@ -6,6 +6,9 @@ seeded, so that the same settings find the same numbers, on one core or two.
 A choice is judged by the worst of itself and a few neighbours, the same for all choices: the banks
 have more than one state of rest, and where one of them ends the quoted values can be had to the
 last digit, by numbers that must not move by a hundredth.
+
+With ``switching`` a choice in which the thin layers do not switch, or the nominal ones do, counts
+as farther away than any that is right: see `tuning.switches`.
 """
 
 from __future__ import annotations
@@ -21,12 +24,13 @@ from reobserve.errors import InputError
 from reobserve.ledger.types import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.tuning import OUTPUTS, STATES, TUNED, Calibration
+from reobserve.papers.imm.tuning import OUTPUTS, STATES, TUNED, Calibration, switches
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 
 WORST = 10.0  # the distance of a bank that diverges: worse than any other
+STILL = 1.0  # more where the wrong layers switch: no distance between probabilities is larger
 DIGITS = 3  # to which the numbers found are rounded
 THREADS = 2
 
@@ -52,8 +56,11 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
     def distance(logarithms: Array) -> float:
         worst = 0.0
         for step in nearby:
-            found = calibration.try_out(10.0**logarithms * step).distance
-            worst = max(worst, found if np.isfinite(found) else WORST)
+            trial = calibration.try_out(10.0**logarithms * step)
+            found = trial.distance if np.isfinite(trial.distance) else WORST
+            if body.switching is not None and not switches(trial, job.observers, body.switching):
+                found += STILL
+            worst = max(worst, found)
         return worst
 
     def told(intermediate_result: Any) -> None:
@@ -87,6 +94,7 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
         "distance": trial.distance,
         "worst_nearby": distance(np.log10(rounded)),
         "means": {name: list(means) for name, means in trial.means.items()},
+        "outside": dict(trial.outside),
         "trials": int(result.nfev),
         "tuned": len(TUNED),
         "targets": targets,
@@ -120,6 +128,6 @@ def bounds(body: keys.Search) -> tuple[Array, Array]:
 
 def check(body: keys.Search) -> None:
     """Refuse a probability to leave a mode that may reach one."""
-    most = 10.0 ** float(bounds(body)[1][-1]) * (1 + body.spread)
+    most = body.leave[1] * (1 + body.spread)
     if most >= 1:
         raise InputError("leave", f"is up to {most:g} with the spread, must stay below 1")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
-from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
+from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel
 from reobserve.timeseries.grid import multiple
 from reobserve.timeseries.signals import Signal
 
@@ -57,7 +58,8 @@ class Experiment:
     """A scenario, checked: the input and the mode of each step, and the deviations of the noise.
 
     ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
-    ``control``, (k,), the voltage [V]; ``noise``, (4,), of `MOTION`; ``onset`` [s].
+    ``control``, (k,), the input; ``noise``, (4,), of `MOTION`; ``onset`` [s];
+    ``hand_over`` as `reobserve.plants.hydraulic_actuator.simulate` has it.
     """
 
     models: tuple[ActuatorModel, ActuatorModel]
@@ -66,6 +68,7 @@ class Experiment:
     noise: Array
     period: float
     onset: float
+    hand_over: str
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
@@ -97,6 +100,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         noise,
         period,
         onset,
+        scenario.hand_over,
     )
 
 
@@ -123,23 +127,31 @@ def bank(
 def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
     one = mode.sampled(observer.realisation, period, observer.state_frequency)
     # A number stands for all states, or all outputs.
-    model = LinearModel(
-        one.A, one.B, one.H, observer.process_noise, observer.measurement_noise, one.D,
-        sampling_period=period,
-    )  # fmt: skip
+    noise = observer.process_noise, observer.measurement_noise
+    Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(one.A), ORDER + 1))
+    R = _picked(noise[1], MOTION, measured_columns(observer))
+    model = LinearModel(one.A, one.B, one.H, Q, R, one.D, sampling_period=period)
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
-    return SmoothVariableStructureFilter(model, layer, observer.memory)
+    return SmoothVariableStructureFilter(model, layer, observer.memory, observer.inverse)
+
+
+def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any:
+    """Of a list of variances for all states or all of the motion, those that a realisation has."""
+    if isinstance(variances, list) and len(variances) == len(all_of):
+        return [variances[place] for place in places]
+    return variances
 
 
 def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
-    """Psi of each output; `InputError` if it cannot be used."""
-    return observer.layer_factor * as_vector("boundary_layer", observer.boundary_layer, outputs)
+    """Psi of each output, the first of those printed; `InputError` if it cannot be used."""
+    printed = as_vector("boundary_layer", observer.boundary_layer[:outputs], outputs)
+    return observer.layer_factor * observer.layer_unit * printed
 
 
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
-    """Filter a record, from rest and equal probabilities of all modes, as far as it goes.
+    """Filter a record, from rest, as far as it goes.
 
     ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
     """
@@ -149,7 +161,9 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
 
 
 def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
-    """Rest a step before the first row, up to which an input is held; all modes are as probable.
+    """Rest a step before the first row, up to which an input is held.
+
+    All modes are as probable, or the first is certain, as the observer's initial mode is.
 
     Raises
     ------
@@ -158,7 +172,8 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
     """
     with _ledger_keys():
         rest = np.zeros(chosen.filters[0].model.states)
-        return chosen.init(rest, observer.initial_covariance, u=held)
+        certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
+        return chosen.init(rest, observer.initial_covariance, certain, u=held)
 
 
 @contextmanager

@@ -4,7 +4,8 @@ The ``method`` of a study in the ledger is one of
 
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
     changes          the calibrated banks with one thing changed
-    closeness        correct diagnoses against how far apart the models are
+    closeness        detected faults against how far apart the models are
+    causes           SVSFs with one cause of what they do changed
 """
 
 from __future__ import annotations
@@ -13,7 +14,13 @@ from typing import Any
 
 from reobserve.errors import located
 from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.papers.imm import keys, study_changes, study_closeness, study_neighbourhood
+from reobserve.papers.imm import (
+    keys,
+    study_causes,
+    study_changes,
+    study_closeness,
+    study_neighbourhood,
+)
 from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
 from reobserve.timeseries.series import Series
 
@@ -27,10 +34,12 @@ METHODS = {
     "neighbourhood": study_neighbourhood.run,
     "changes": study_changes.run,
     "closeness": study_closeness.run,
+    "causes": study_causes.run,
 }
 _CHECKS = {
     "changes": study_changes.check,
     "closeness": study_closeness.check,
+    "causes": study_causes.check,
 }
 
 

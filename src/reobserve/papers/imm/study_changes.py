@@ -46,6 +46,12 @@ def _changes(study: keys.Changes) -> Iterator[Change]:
     yield "square", 1.0, {"input": study.square}, {}
     yield "sweep", 1.0, {"input": study.sweep}, {}
     yield "friction", 1.0, {"fault": "friction"}, {}
+    yield "states", 1.0, {"hand_over": "states"}, {}
+    yield "outputs", 1.0, {"hand_over": "outputs"}, {}
+    yield "certain", 1.0, {}, {"initial_mode": "normal"}
+    yield "weighted", 1.0, {}, {"inverse": "weighted"}
+    for variance in study.initial_covariances:
+        yield "start", variance, {}, {"initial_covariance": variance}
     for period in study.periods:
         yield "period", period, {"period": period}, {}
     for share in study.shares:
@@ -86,11 +92,16 @@ def _rows(job: Job, plant: Series, change: Change) -> list[Row]:
     observers = {name: _moved(body, **observer) for name, body in job.observers.items()}
     calibration = Calibration(job.plant, observers, job.metrics, record)
     trial = calibration.try_out(calibration.stated())
-    return list(trial_rows(sweep, level, trial))
+    rows = list(trial_rows(sweep, level, trial))
+    for name, (normal, leakage, _) in trial.means.items():
+        rows.append((name, sweep, level, 0, "friction_after", 1.0 - normal - leakage, "1"))
+    return rows
 
 
-def _moved(body: keys.Observer, layer_factor: float | None = None, **others: Any) -> keys.Observer:
-    """An observer with other values, and the layers of an SVSF wider by a factor."""
-    if layer_factor is not None and isinstance(body, keys.SmoothVariableStructure):
-        return replace(body, layer_factor=body.layer_factor * layer_factor)
-    return replace(body, **others)
+def _moved(body: keys.Observer, **changed: Any) -> keys.Observer:
+    """An observer with other values, of which a Kalman filter has no layer and no inverse."""
+    if not isinstance(body, keys.SmoothVariableStructure):
+        shared = {key: changed[key] for key in changed if key not in ("layer_factor", "inverse")}
+        return replace(body, **shared)
+    factor = changed.pop("layer_factor", 1.0)
+    return replace(body, layer_factor=body.layer_factor * factor, **changed)

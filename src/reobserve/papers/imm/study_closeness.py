@@ -1,27 +1,39 @@
-"""How close may two models come: correct diagnoses against the nu-gap between them.
+"""How close may two models come: faults that are detected against the nu-gap between the models.
 
 The plant changes from the normal mode to one whose coefficients lie a share of the way to the
-leakage mode. A bank of these two models must tell: each observer's, and the first one's once more
-without mixing. The runs are compiled loops that let go of the interpreter, so two threads make use
-of two cores; rows come in a fixed order.
+leakage mode, and detectors that know the two models must tell. All get thresholds for the same
+share of false alarms, on records of their own without a fault. The plant is one of the models
+exactly, or has the process noise that the filters' Q states. The runs are compiled loops that let
+go of the interpreter, so two threads make use of two cores; rows come in a fixed order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from reobserve.errors import InputError, located
 from reobserve.ledger.types import Job
+from reobserve.models.linear import ModelArrays
+from reobserve.numerics.kernel import kernel
 from reobserve.numerics.random_streams import random_stream
-from reobserve.observers.imm import IMM
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.detectors import (
+    Bank,
+    Detectors,
+    distances,
+    likelihoods,
+    rest_likelihoods,
+    threshold,
+)
 from reobserve.papers.imm.setup import bank, measured_columns, modes
-from reobserve.papers.imm.setup import run as run_bank
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.timeseries.grid import multiple
@@ -30,76 +42,178 @@ from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]
+Result = TypeVar("Result")
 
 THREADS = 2
+EXACT, DRIVEN = "exact", "driven"  # without process noise, and with that of the filters' Q
+
+
+class Each(Protocol):
+    """Calls a function with 1, 2, ... up to a count, and lists what it gave."""
+
+    def __call__(self, call: Callable[[int], Result], count: int) -> list[Result]:
+        """In that order, whoever is done first."""
 
 
 @dataclass(frozen=True)
-class Task:
-    """A pair of models with its record, noiseless, and the banks that must tell them apart."""
+class Grid:
+    """Numbers of steps: of a record, of those before the fault, of the start, and of the judged."""
 
+    period: float
+    steps: int
+    begin: int
+    settling: int
+    judged: int
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two models with what must tell them apart, and records of a plant that goes to the second."""
+
+    sweep: str
     share: float
     gap: float
-    motion: Array
-    banks: dict[str, IMM]
+    plant: list[ActuatorModel]
+    hand_over: str
+    columns: list[int]
+    banks: Mapping[str, Bank]
+    control: Array
+    grid: Grid
+    noise: Array
+    process: Array
+    seed: int
+
+    def record(self, kind: str, number: int, rows: int) -> tuple[Array, Array]:
+        """The first rows of a record, (k, m), and the inputs held up to them, (k,).
+
+        Of each a noise of its own, and an input that starts anywhere in the sequence: the fault
+        comes at any moment of it.
+        """
+        names = self.sweep, f"{self.share:g}", kind, str(number)
+        stream = random_stream(self.seed, "imm", "closeness", *names)
+        begin = int(stream.integers(len(self.control) - self.grid.steps + 1))
+        held = self.control[begin : begin + rows]
+        mode = (np.arange(rows) >= self.grid.begin).astype(np.int64)
+        motion = simulate(self.plant, mode, held, self.grid.period, self.hand_over)
+        motion = motion[1:, self.columns]
+        noise = self.noise * stream.standard_normal(motion.shape)
+        if not self.process.any():
+            return motion + noise, held
+        kicks = self.process * stream.standard_normal((rows, len(self.process)))
+        filters = next(iter(self.banks.values()))[0].filters
+        one, other = (cast(LinearFilter, mode).model.arrays for mode in filters)
+        return motion + noise + driven(one, other, self.grid.begin, kicks), held
+
+
+@kernel
+def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Array:
+    """What noise of the states adds to the outputs, at the ends of steps: shape (k, m).
+
+    ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
+    states, which go on as they are.
+    """
+    states, outputs = np.zeros(kicks.shape[1]), np.empty((len(kicks), len(one.H)))
+    for k in range(len(kicks)):
+        model = one if k < begin else other
+        states = model.A @ states + kicks[k]
+        outputs[k] = model.H @ states
+    return outputs
 
 
 def run(job: Job, plant: Series) -> list[Row]:
-    """For each share, noise, run and bank: the faulty model's mean probability at the end.
+    """For each pair: its gap, thresholds, and by run and detector the time of its alarm [s].
+
+    The time counts from the fault: up to zero it is that of a false alarm, and nan is none. Of
+    banks there are the faulty model's mean probabilities before the fault and at the end.
 
     Raises
     ------
     InputError
         If a setting cannot be used.
     """
-    study, observers = job.study, _with_unmixed(job.observers)
-    period = job.scenario.period
-    normal, _, leakage = modes(job.plant)
-    steps, begin, judged = _grid(study, period)
-    control = Signal.parse("input", study.input, 1)(np.arange(steps) * period)[:, 0]
-    late = (np.arange(steps) >= begin).astype(np.int64)
-    rest = np.zeros(steps, dtype=np.int64)
-    healthy = simulate([normal], rest, control, period)
-    columns = measured_columns(next(iter(observers.values())))
-    size = np.sqrt(np.mean(healthy[:, columns] ** 2, axis=0))
-    # Noise changes neither the models nor the record that it is added to.
-    pairs = []
-    for share in study.shares:
-        faulty = normal.blended(leakage, share)
-        gap = nu_gap(*(_fraction(model) for model in (normal, faulty)))
-        motion = simulate([normal, faulty], late, control, period)[1:, columns]
-        pairs.append((share, faulty, gap, motion))
     rows: list[Row] = []
-    for level in study.noise_levels:
-        tasks = []
-        for share, faulty, gap, motion in pairs:
-            banks = {}
-            for name, body in observers.items():
-                told = replace(body, measurement_noise=((level * size) ** 2).tolist())
-                with located(f"observers.{name}"):
-                    banks[name] = bank(job.plant, told, period, [normal, faulty])
-            tasks.append(Task(share, gap, motion, banks))
-            rows.append(("models", f"noise_{level:g}", share, 0, "nu_gap", gap, "1"))
-        for number in range(1, study.runs + 1):
-            stream = random_stream(job.seed, "imm", "closeness", f"{level:g}", str(number))
-            noise = level * size * stream.standard_normal((steps, len(columns)))
+    with ThreadPoolExecutor(THREADS) as pool:
 
-            def probabilities(task: Task, noise: Array = noise) -> list[float]:
-                found = []
-                for name, chosen in task.banks.items():
-                    one = run_bank(chosen, observers[name], task.motion + noise, control)
-                    # A bank that diverges has not diagnosed anything.
-                    whole = one.diverged_at is None
-                    mean = float(np.mean(one["probability"][-judged:, 1])) if whole else 0.0
-                    found.append(mean)
-                return found
+        def each(call: Callable[[int], Result], count: int) -> list[Result]:
+            return list(pool.map(call, range(1, count + 1)))
 
-            with ThreadPoolExecutor(THREADS) as pool:
-                for task, means in zip(tasks, pool.map(probabilities, tasks), strict=True):
-                    for name, mean in zip(observers, means, strict=True):
-                        sweep = f"noise_{level:g}"
-                        rows.append((name, sweep, task.share, number, "probability", mean, "1"))
+        for pair in _pairs(job):
+            rows += _judged(pair, job.study, each)
     return rows
+
+
+def _pairs(job: Job) -> Iterator[Pair]:
+    study, period = job.study, job.scenario.period
+    observers, grid = with_units(job.observers, study.layer_units), _grid(study, period)
+    longest = grid.steps + multiple("starts", study.starts, period, "the scenario's period")
+    control = Signal.parse("input", study.input, 1)(np.arange(longest) * period)[:, 0]
+    normal, _, leakage = modes(job.plant)
+    columns = measured_columns(next(iter(observers.values())))
+    healthy = simulate([normal], np.zeros(longest, dtype=np.int64), control, period)
+    size = np.sqrt(np.mean(healthy[:, columns] ** 2, axis=0))
+    for kind, level in _settings(study):
+        noise = level * size
+        for share in study.shares:
+            models = [normal, normal.blended(leakage, share)]
+            banks: dict[str, Bank] = {}
+            for name, body in observers.items():
+                told = replace(body, measurement_noise=(noise**2).tolist())
+                with located(f"observers.{name}"):
+                    banks[name] = bank(job.plant, told, period, models), told
+            first = next(iter(banks.values()))[0].filters[0]
+            spread = np.sqrt(np.diag(first.model.arrays.Q))
+            yield Pair(
+                sweep_name(kind, level), share, nu_gap(*(_fraction(one) for one in models)), models,
+                job.scenario.hand_over, columns, banks, control, grid, noise,
+                spread if kind == DRIVEN else np.zeros_like(spread), job.seed,
+            )  # fmt: skip
+
+
+def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
+    grid = pair.grid
+    first = next(iter(pair.banks.values()))
+    rest = rest_likelihoods(first, grid.steps)
+
+    def far(number: int) -> float:
+        told = likelihoods(first, 0, *pair.record("faultless", number, grid.begin))
+        return float(np.mean(distances(rest, told)[grid.settling :]))
+
+    foretold = float(np.mean(each(far, study.faultless_runs)))
+    detectors = Detectors(pair.banks, grid.settling, rest, foretold)
+
+    def greatest(number: int) -> dict[str, float]:
+        found = detectors.statistics(*pair.record("faultless", number, grid.begin))
+        return {name: float(row[grid.settling :].max()) for name, row in found.items()}
+
+    def statistics(number: int) -> dict[str, Array]:
+        return detectors.statistics(*pair.record("judged", number, grid.steps))
+
+    peaks = each(greatest, study.faultless_runs)
+    limits = {
+        name: threshold(np.array([peak[name] for peak in peaks]), study.budget) for name in peaks[0]
+    }
+    at = pair.sweep, pair.share
+    yield "models", *at, 0, "nu_gap", pair.gap, "1"
+    for name, limit in limits.items():
+        yield name, *at, 0, "threshold", limit, "1"
+    for number, found in enumerate(each(statistics, study.runs), 1):
+        for name, statistic in found.items():
+            yield name, *at, number, "alarm_time", alarm_time(statistic, limits[name], grid), "s"
+            if name in pair.banks:
+                for when, end in (("before", grid.begin), ("after", grid.steps)):
+                    mean = float(np.mean(expit(statistic[end - grid.judged : end])))
+                    yield name, *at, number, f"probability_{when}", mean, "1"
+
+
+def alarm_time(statistic: Array, limit: float, grid: Grid) -> float:
+    """From the fault to the first statistic above the limit [s], the start left out; nan for none.
+
+    Up to zero it is the time of a false alarm: the first row that a fault moves ends a step of it.
+    """
+    above = statistic[grid.settling :] > limit
+    if not above.any():
+        return float("nan")
+    return (grid.settling + int(np.argmax(above)) + 1 - grid.begin) * grid.period
 
 
 def check(job: Job) -> None:
@@ -112,7 +226,10 @@ def check(job: Job) -> None:
     """
     study, period = job.study, job.scenario.period
     _grid(study, period)
-    Signal.parse("input", study.input, 1).check_grid("input", period, study.horizon)
+    multiple("starts", study.starts, period, "the scenario's period")
+    signal = Signal.parse("input", study.input, 1)
+    signal.check_grid("input", period, study.starts + study.horizon)
+    threshold(np.zeros(study.faultless_runs), study.budget)
     normal, _, leakage = modes(job.plant)
     for share in study.shares:
         try:
@@ -121,26 +238,53 @@ def check(job: Job) -> None:
             raise InputError("shares", error.problem) from None
 
 
-def _grid(study: keys.Closeness, period: float) -> tuple[int, int, int]:
-    """Steps of the whole run, before the fault, and of the end that is judged."""
-    steps, begin, judged = (
+def _grid(study: keys.Closeness, period: float) -> Grid:
+    steps, begin, settling, judged = (
         multiple(name, getattr(study, name), period, "the scenario's period")
-        for name in ("horizon", "onset", "judged")
+        for name in ("horizon", "onset", "settling", "judged")
     )
+    for name, count in (("settling", settling), ("judged", judged)):
+        if count >= begin:
+            raise InputError(
+                name, f"{count * period:g} s must end before the onset at {study.onset:g} s"
+            )
     if begin + judged > steps:
         raise InputError(
             "judged",
             f"{study.judged:g} s must fit between onset and horizon, {study.onset:g} and "
             f"{study.horizon:g} s",
         )
-    return steps, begin, judged
+    return Grid(period, steps, begin, settling, judged)
 
 
-def _with_unmixed(observers: Mapping[str, keys.Observer]) -> dict[str, keys.Observer]:
-    """The observers, and the first one without mixing after it: what mixing does to a diagnosis."""
-    first = next(iter(observers))
-    unmixed = {f"{first}_unmixed": replace(observers[first], mixing=False)}
-    return {first: observers[first], **unmixed, **observers}
+def _settings(study: keys.Closeness) -> Iterator[tuple[str, float]]:
+    """Of the plant: without process noise or with it, and the noise of its outputs."""
+    for kind, levels in ((EXACT, study.noise_levels), (DRIVEN, study.driven_levels)):
+        for level in levels:
+            yield kind, level
+
+
+def sweep_name(kind: str, level: float) -> str:
+    """What a plant's noise is called in the study's table."""
+    return f"{kind}_{level:g}"
+
+
+def sweep_kind(sweep: str) -> tuple[str, float]:
+    """What `sweep_name` was made of."""
+    kind, _, level = sweep.partition("_")
+    return kind, float(level)
+
+
+def with_units(
+    observers: Mapping[str, keys.Observer], units: list[float]
+) -> dict[str, keys.Observer]:
+    """The observers, and the first SVSF with its boundary layers in other units."""
+    more: dict[str, keys.Observer] = dict(observers)
+    for name, body in observers.items():
+        if isinstance(body, keys.SmoothVariableStructure):
+            more |= {f"{name}_unit_{unit:g}": replace(body, layer_unit=unit) for unit in units}
+            break
+    return more
 
 
 def _fraction(model: ActuatorModel) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +32,9 @@ def run(job: Job, plant: Series) -> list[Row]:
         If the search's kept result cannot be read.
     """
     study = job.study
+    kept = read_kept(Path(study.kept))
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     stated = calibration.stated()
-    kept = read_kept(Path(study.kept))
     rows: list[Row] = [
         ("search", "kept", 1.0, 0, name, float(getattr(kept, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
@@ -83,6 +83,7 @@ class KeptSearch:
     tuned: int
     targets: int
     history: tuple[tuple[int, float], ...]
+    outside: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

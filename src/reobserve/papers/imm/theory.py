@@ -1,13 +1,14 @@
 """Stage theory: what the paper says of its filters and equations, and no figure shows.
 
 Whether the SVSF's full correction is stable; what a wrong model does to a filter alone and to a
-bank; whether any gain is better than Kalman's; what (8) and (15) give as they are printed.
+bank; whether the SVSF comes to its layers, and what it makes of one that is as wide as the model is
+wrong.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,18 +16,27 @@ from numpy.typing import NDArray
 
 from reobserve.errors import DivergenceError, InputError, located, nearest
 from reobserve.ledger.types import Job, Settings, read_job
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.random_streams import random_stream
+from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.setup import MODES, UNITS, bank, measured_columns, modes, run
-from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, simulate
+from reobserve.papers.imm.setup import (
+    MODES,
+    UNITS,
+    bank,
+    boundary_layer,
+    measured_columns,
+    modes,
+    run,
+)
+from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part
-from reobserve.synthesis.linear import steady_kalman_gain
+from reobserve.scoring.responses import root_mean_square
 from reobserve.timeseries.grid import multiple
 from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
+
+LEAST_LAYER = 1e-12  # where the models agree
 Observers = dict[str, keys.Observer]
 
 
@@ -44,9 +54,10 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     chosen = check(job.theory, job.observers)
     return [
         *_corrections(job),
+        *_own_corrections(job, chosen),
         *_mismatches(job, chosen),
-        *_gains(job, chosen),
-        *_printed(job, chosen),
+        *_layers(job, chosen),
+        *_informed(job, chosen),
     ]
 
 
@@ -83,104 +94,127 @@ def corrected_radius(A: Array, H: Array) -> float:
 
 @part
 def _corrections(job: Job) -> Iterator[Metric]:
-    """The largest radius of all modes, for each choice of outputs; no unit of states matters."""
-    period = job.theory.period
+    """The largest radius of all modes, for each realisation."""
     for realisation in REALISATIONS:
-        radius = 0.0
-        for mode in modes(job.plant):
-            one = mode.sampled(realisation, period, 1.0 / period)
-            radius = max(radius, corrected_radius(one.A, one.H))
+        radius = _largest_radius(job, realisation)
         yield Metric("svsf_law", f"corrected_radius_{realisation}", radius, "1")
 
 
 @part
-def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank.
+def _own_corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """The same for the realisation that each SVSF has."""
+    for name, body in _smooth(chosen):
+        yield Metric(name, "corrected_radius", _largest_radius(job, body.realisation), "1")
 
-    Root mean square over the time from the leak on, without noise.
-    """
-    rules, known = job.theory, modes(job.plant)
-    period = rules.period
-    steps, begin, signal = _grid(rules)
-    control = signal(np.arange(steps) * period)[:, 0]
-    leaks = (np.arange(steps) >= begin).astype(np.int64)
-    healthy, leaky = known[0], known[MODES.index("leakage")]
-    motion = simulate([healthy, leaky], leaks, control, period)[1:]
+
+def _largest_radius(job: Job, realisation: str) -> float:
+    """Of all modes; no unit of states matters."""
+    period = job.theory.period
+    sampled = (mode.sampled(realisation, period, 1.0 / period) for mode in modes(job.plant))
+    return max(corrected_radius(one.A, one.H) for one in sampled)
+
+
+def _smooth(chosen: Observers) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
     for name, body in chosen.items():
-        columns = measured_columns(body)
-        names = REALISATIONS[body.realisation]
+        if isinstance(body, keys.SmoothVariableStructure):
+            yield name, body
+
+
+@dataclass(frozen=True)
+class _Leak:
+    """The motion after each step, (k, 4), of an actuator that begins to leak, without noise.
+
+    ``begin`` is the first step of the leak, ``healthy`` the motion without it.
+    """
+
+    models: list[ActuatorModel]
+    motion: Array
+    healthy: Array
+    control: Array
+    begin: int
+
+
+def _leak(job: Job) -> _Leak:
+    rules, known = job.theory, modes(job.plant)
+    steps, begin, signal = _grid(rules)
+    control = signal(np.arange(steps) * rules.period)[:, 0]
+    leaks = (np.arange(steps) >= begin).astype(np.int64)
+    two = [known[0], known[MODES.index("leakage")]]
+    motion, healthy = (
+        simulate(two, mode, control, rules.period, rules.hand_over)[1:]
+        for mode in (leaks, np.zeros_like(leaks))
+    )
+    return _Leak(known, motion, healthy, control, begin)
+
+
+def _filtered(
+    job: Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
+) -> tuple[Array, IMM]:
+    """States of a bank on the leaking actuator, and the bank."""
+    with located(f"observers.{name}"):
+        filters = bank(job.plant, body, job.theory.period, models)
+        found = run(filters, body, leak.motion[:, measured_columns(body)], leak.control)
+    if found.diverged_at is not None:
+        raise DivergenceError(name, found.diverged_at)
+    return found["state"], filters
+
+
+def _velocity_error(body: keys.Observer, leak: _Leak, states: Array, filters: IMM) -> float:
+    """Root mean square over the time from the leak on."""
+    row = filters.filters[0].model.H[REALISATIONS[body.realisation].index("velocity")]
+    error = states @ row - leak.motion[:, MOTION.index("velocity")]
+    return float(np.sqrt(np.mean(error[leak.begin :] ** 2)))
+
+
+@part
+def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank."""
+    leak = _leak(job)
+    for name, body in chosen.items():
         alone = replace(body, stay=1.0)  # a bank of one
-        for what, told, models in (("single", alone, [healthy]), ("bank", body, known)):
-            with located(f"observers.{name}"):
-                filters = bank(job.plant, told, period, models)
-                found = run(filters, body, motion[:, columns], control)
-            if found.diverged_at is not None:
-                raise DivergenceError(name, found.diverged_at)
-            row = filters.filters[0].model.H[names.index("velocity")]
-            error = found["state"] @ row - motion[:, MOTION.index("velocity")]
-            size = float(np.sqrt(np.mean(error[begin:] ** 2)))
+        for what, told, models in (
+            ("single", alone, leak.models[:1]), ("bank", body, leak.models),
+        ):  # fmt: skip
+            size = _velocity_error(told, leak, *_filtered(job, name, told, leak, models))
             yield Metric(name, f"{what}_velocity_error", size, UNITS["velocity"])
 
 
-def error_variance(model: LinearModel, gain: Array) -> float:
-    """Trace of the covariance at rest of the a posteriori error under a fixed gain.
+@part
+def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """The largest a posteriori output error, over the layer, in the second half of the leak.
 
-    Infinite if the error does not come to rest; the fixed point of (12) and (17).
+    Of the normal model's filter alone: the existence subspace is where it is one or less.
     """
-    from scipy.linalg import solve_discrete_lyapunov
-
-    A, _, H, _, Q, R = model.arrays
-    left = np.eye(len(A)) - gain @ H
-    moves = left @ A
-    if np.abs(np.linalg.eigvals(moves)).max() >= 1.0:
-        return float("inf")
-    return float(np.trace(solve_discrete_lyapunov(moves, left @ Q @ left.T + gain @ R @ gain.T)))
-
-
-@part
-def _gains(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """How much larger the variance is at least with gains near Kalman's, of all modes."""
-    rules = job.theory
-    stream = random_stream(0, "imm", "theory", "gains")
-    for name, body in chosen.items():
-        if not isinstance(body, keys.Kalman):
-            continue
-        with located(f"observers.{name}"):
-            filters = bank(job.plant, body, rules.period).filters
-        least = np.inf
-        for one in filters:
-            model: LinearModel = one.model
-            gain = steady_kalman_gain(model)
-            best = error_variance(model, gain)
-            for _ in range(rules.gains):
-                moved = gain * (1.0 + rules.spread * stream.standard_normal(gain.shape))
-                least = min(least, error_variance(model, moved) / best)
-        yield Metric(name, "least_variance_rise", float(least) - 1.0, "1")
-
-
-def printed_weights(transition: Array, probabilities: Array) -> Array:
-    """Mixing weights (7) over the sums of (8) as it is printed, which end at j."""
-    reached = np.triu(transition) * probabilities[:, None]
-    weights: Array = transition * probabilities[:, None] / reached.sum(axis=0)
-    return weights
+    leak = _leak(job)
+    late = (leak.begin + len(leak.motion)) // 2
+    for name, body in _smooth(chosen):
+        alone = replace(body, stay=1.0)
+        states, filters = _filtered(job, name, alone, leak, leak.models[:1])
+        model = filters.filters[0].model
+        told = states @ model.H.T + leak.control[:, None] @ np.asarray(model.D).T
+        error = leak.motion[:, measured_columns(body)] - told
+        share = np.abs(error[late:]) / boundary_layer(body, error.shape[1])
+        yield Metric(name, "layer_share", float(share.max()), "1")
 
 
 @part
-def _printed(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """What (8) and (15) give by the letter."""
-    period = job.theory.period
-    equal = np.full(len(MODES), 1.0 / len(MODES))
-    largest = 0.0
-    for name, body in chosen.items():
-        with located(f"observers.{name}"):
-            filters = bank(job.plant, body, period)
-        weights = printed_weights(np.asarray(filters.transition, dtype=np.float64), equal)
-        largest = max(largest, float(np.abs(weights.sum(axis=0) - 1.0).max()))
-    yield Metric("equation_8", "largest_weight_excess", largest, "1")
-    widths = [
-        len(body.boundary_layer)
-        for body in chosen.values()
-        if isinstance(body, keys.SmoothVariableStructure)
-    ]
-    if widths:
-        yield Metric("equation_15", "states_without_gain", float(ORDER - max(widths)), "1")
+def _informed(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """Errors of the velocity with layers that are as wide as the model is wrong, and of the model.
+
+    As wide as the largest difference between the outputs of the leaking and the normal actuator:
+    an upper bound on the dynamics that are not modelled.
+    """
+    leak = _leak(job)
+    apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
+    velocity = MOTION.index("velocity")
+    yield Metric(
+        "model", "open_velocity_error", float(root_mean_square(apart[:, velocity])),
+        UNITS["velocity"],
+    )  # fmt: skip
+    for name, body in _smooth(chosen):
+        bound = np.maximum(apart.max(axis=0), LEAST_LAYER)[measured_columns(body)]
+        told = replace(
+            body, stay=1.0, boundary_layer=bound.tolist(), layer_unit=1.0, layer_factor=1.0
+        )
+        size = _velocity_error(told, leak, *_filtered(job, name, told, leak, leak.models[:1]))
+        yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])

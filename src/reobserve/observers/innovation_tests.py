@@ -1,0 +1,123 @@
+"""Tests of a filter's innovations for a change: Page's cumulative sum, and a likelihood ratio.
+
+They read one number a sample, and make a statistic of it that stays low as long as the filter's
+model holds. Whoever uses them raises an alarm where it exceeds a threshold, which false alarms on
+records without a fault decide. A missing number (nan) tells nothing: the statistic stays.
+
+- `cusum` sums log-likelihood ratios of two filters, of the healthy plant and of the faulty one: the
+  quickest test where both models are known (Page 1954; Lorden 1971).
+- `inflation_glr` knows the healthy model alone: it looks for innovations that have become larger by
+  an unknown factor at an unknown time (generalised likelihood ratio, Willsky & Jones 1976, here of
+  a covariance's size), over windows of some lengths only (Lai 1995).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.errors import InputError, shown
+from reobserve.numerics.arguments import as_whole
+from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import as_numbers, as_scalar
+
+Array = NDArray[np.float64]
+
+
+def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
+    """Page's cumulative sum g(k) = max(0, g(k-1) + s(k)), shape (k,).
+
+    Parameters
+    ----------
+    increments
+        s, shape (k,), nan where missing: of negative mean before a change and of positive mean
+        after it, as the logarithm of the likelihood after over that before has.
+    start
+        g before the first of them: zero, or the last one of the record that this one continues.
+
+    Raises
+    ------
+    InputError
+        If an increment is infinite, or the start negative.
+    """
+    first = as_scalar("start", start)
+    if first < 0:
+        raise InputError("start", f"{first:g} must be 0 or more")
+    return _cusum(_as_record("increments", increments), first)
+
+
+def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Array:
+    """Logarithm of the generalised likelihood ratio for larger innovations, shape (k,).
+
+    Before the change an innovation has the covariance S, from the change on c S, with c > 1 and the
+    time of the change unknown. Over the last n samples, whose distances sum to Q, it is greatest
+    for c = Q / (n m), where it is [Q - n m - n m ln(Q / (n m))] / 2; or zero where Q < n m. The
+    largest over all lengths n that fit in the record so far is the statistic.
+
+    Parameters
+    ----------
+    distances
+        d = e' S^-1 e of the innovations e, shape (k,), nan where missing: chi-squared with m
+        degrees of freedom, so of mean m, as long as the filter's model holds.
+    outputs
+        m, the number of entries of an innovation.
+    lengths
+        n, whole numbers from 1 on: how many samples ago the change may have been. Some of them,
+        such as powers of two, are nearly as good as all (Lai 1995).
+
+    Raises
+    ------
+    InputError
+        If a distance is negative or infinite, or a number is not whole or less than 1.
+    """
+    record = _as_record("distances", distances)
+    if (record < 0).any():
+        row = int(np.argmax(record < 0))
+        raise InputError("distances", f"{record[row]:g} at row {row} must be 0 or more")
+    m = as_whole("outputs", outputs, 1)
+    given = as_numbers("lengths", lengths)
+    if given.ndim != 1 or not len(given) or (given < 1).any() or (given != np.floor(given)).any():
+        raise InputError("lengths", f"{shown(lengths)} must be whole numbers from 1 on")
+    return _inflation_glr(record, m, given.astype(np.int64))
+
+
+def _as_record(name: str, value: ArrayLike) -> Array:
+    record = as_numbers(name, value)
+    if record.ndim != 1:
+        raise InputError(name, f"have shape {record.shape}, must be (k,)")
+    if np.isinf(record).any():
+        raise InputError(name, f"are infinite at row {int(np.argmax(np.isinf(record)))}")
+    return record
+
+
+@kernel
+def _cusum(increments: Array, start: float) -> Array:
+    statistic, last = np.empty(len(increments)), start
+    for k in range(len(increments)):
+        if not math.isnan(increments[k]):
+            last = max(0.0, last + increments[k])
+        statistic[k] = last
+    return statistic
+
+
+@kernel
+def _inflation_glr(distances: Array, outputs: int, lengths: NDArray[np.int64]) -> Array:
+    """``totals`` of the distances that are not missing: of the first 0, 1, 2, ... of them."""
+    statistic, totals = np.empty(len(distances)), np.zeros(len(distances) + 1)
+    taken, last = 0, 0.0
+    for k in range(len(distances)):
+        if not math.isnan(distances[k]):
+            taken += 1
+            totals[taken] = totals[taken - 1] + distances[k]
+            last = 0.0
+            for length in lengths:
+                if length <= taken:
+                    expected = float(length * outputs)
+                    found = totals[taken] - totals[taken - length]
+                    if found > expected:
+                        ratio = 0.5 * (found - expected - expected * math.log(found / expected))
+                        last = max(last, ratio)
+        statistic[k] = last
+    return statistic

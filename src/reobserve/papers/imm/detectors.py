@@ -1,0 +1,134 @@
+"""What must tell that a plant has changed from one model to another: banks, and standard tests.
+
+Each makes of a record one number a sample, its statistic, and alarms where that exceeds a
+threshold, which records without a fault decide. Of a bank it is the logarithm of the odds of the
+faulty model. Beside the banks of the ledger there are, on the first one's two filters, each for
+itself: a bank without mixing, Page's cumulative sum of the logarithms of their likelihood ratios,
+and, on the normal model's filter alone, the likelihood ratio for innovations that have become
+larger.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.numerics.kernel import kernel
+from reobserve.observers.imm import IMM
+from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
+from reobserve.observers.innovation_tests import cusum, inflation_glr
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.papers.imm import keys
+from reobserve.papers.imm.setup import run, start
+
+Array = NDArray[np.float64]
+Bank = tuple[IMM, keys.Observer]
+
+UNMIXED, CUSUM, GLR = "unmixed", "cusum", "glr"
+LENGTHS = 2 ** np.arange(10)  # samples: how long ago the likelihood ratio takes a change to be
+
+FAR = 700.0  # of the logarithm of odds: exp(-FAR) is about the least probability that can be told
+
+
+@dataclass(frozen=True)
+class Detectors:
+    """Banks of two models, the normal one first, by name; and the tests on the first one's filters.
+
+    A record's first ``settling`` rows tell the tests nothing: the filters come from other states.
+    ``rest`` are `rest_likelihoods` of as many rows as a record has or more, and ``foretold`` is the
+    mean of `distances` over records without a fault: m, if the model's noise is the plant's.
+    """
+
+    banks: Mapping[str, Bank]
+    settling: int
+    rest: Array
+    foretold: float
+
+    def statistics(self, measured: Array, held: Array) -> dict[str, Array]:
+        """By detector, each shape (k,); -inf from where a bank diverged.
+
+        ``measured``, shape (k, m), are ends of steps and ``held``, (k,), the inputs over them.
+        """
+        found = {name: log_odds(bank, measured, held) for name, bank in self.banks.items()}
+        first = next(iter(self.banks.values()))
+        normal, faulty = (likelihoods(first, mode, measured, held) for mode in (0, 1))
+        told = np.stack([normal, faulty], axis=1)
+        found[UNMIXED] = unmixed_log_odds(np.asarray(first[0].transition), told)
+        ratios, far = faulty - normal, distances(self.rest, normal)
+        ratios[: self.settling] = far[: self.settling] = np.nan
+        found[CUSUM] = cusum(ratios)
+        outputs = first[0].measurements
+        found[GLR] = inflation_glr(far * (outputs / self.foretold), outputs, LENGTHS)
+        return found
+
+
+def log_odds(bank: Bank, measured: Array, held: Array) -> Array:
+    """Of the faulty model, shape (k,), between -700 and 700; -inf from where the bank diverged."""
+    found = run(*bank, measured, held)["probability"]
+    known = np.log(np.maximum(found, math.exp(-FAR)))
+    odds = np.full(len(measured), -np.inf)
+    odds[: len(known)] = known[:, 1] - known[:, 0]
+    return odds
+
+
+def likelihoods(bank: Bank, mode: int, measured: Array, held: Array) -> Array:
+    """Log-likelihoods of a record, shape (k,), by the filter of one mode, which runs alone."""
+    one, observer = bank
+    alone = cast(LinearFilter, one.filters[mode])
+    belief = start(one, observer).beliefs[mode]
+    begin = alone.init(belief.mean, belief.covariance, u=held[:1])
+    control = np.append(held[1:], held[-1:])
+    return np.asarray(alone.run(measured, control, state=begin)["log_likelihood"])
+
+
+def rest_likelihoods(bank: Bank, rows: int) -> Array:
+    """Those of a record at rest by the normal model's filter: no innovation, and the same S."""
+    return likelihoods(bank, 0, np.zeros((rows, bank[0].measurements)), np.zeros(rows))
+
+
+def distances(rest: Array, told: Array) -> Array:
+    """e' S^-1 e, shape (k,): twice what a record's log-likelihoods fall short of those at rest."""
+    return np.maximum(2.0 * (rest[: len(told)] - told), 0.0)
+
+
+@kernel
+def unmixed_log_odds(transition: Array, told: Array) -> Array:
+    """Of the second of two modes, shape (k,), from equal odds a sample before the first.
+
+    ``told`` are log-likelihoods, shape (k, 2): only the probabilities follow the chain.
+    """
+    odds = np.empty(len(told))
+    weights, predicted = np.empty((2, 2)), np.empty(2)
+    log_probabilities = np.full(2, -math.log(2.0))
+    for k in range(len(told)):
+        mixing_probabilities(transition, log_probabilities, weights, predicted)
+        update_probabilities(predicted, told[k], log_probabilities)
+        odds[k] = log_probabilities[1] - log_probabilities[0]
+    return odds
+
+
+def threshold(greatest: Array, budget: float) -> float:
+    """What the greatest statistic of a new record exceeds with a probability of ``budget`` at most.
+
+    ``greatest`` are those of n records without a fault, shape (n,). One more is as likely to be the
+    first, second, ... of all n + 1, so it exceeds the j-th with a probability of 1 - j / (n + 1).
+
+    Raises
+    ------
+    InputError
+        If there are too few records for the budget.
+    """
+    place = math.ceil((1.0 - budget) * (len(greatest) + 1) - 1e-9)
+    if place > len(greatest):
+        raise InputError(
+            "budget",
+            f"{budget:g} needs {math.ceil(1.0 / budget - 1e-9) - 1} records without a fault or "
+            f"more, there are {len(greatest)}",
+        )
+    return float(np.sort(greatest)[place - 1])

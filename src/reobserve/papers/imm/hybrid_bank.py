@@ -1,0 +1,183 @@
+"""A bank whose filters are half Kalman's and half another law's: which half makes a difference?
+
+A gain acts on a bank in two ways: it moves the means, and with them the innovations; and by (17) it
+makes the covariances, and with them the likelihoods. Here each filter has one mean, and covariances
+by either gain; one of the gains moves the mean, and one of the covariances tells the likelihood.
+With both of one kind it is the bank of that kind, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.models.linear import ModelArrays
+from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm_loop import (
+    Bank,
+    interact,
+    mixing_probabilities,
+    update_probabilities,
+)
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.linear_filter_loop import (
+    Size,
+    Work,
+    correct_covariance,
+    foretell,
+    kalman_gain,
+    new_work,
+    output_error,
+    predict,
+)
+
+Array = NDArray[np.float64]
+
+KALMAN, LAW = 0, 1
+
+
+@dataclass(frozen=True)
+class HybridRun:
+    """Mode probabilities, shape (k, r), innovations, (k, r, m), and each law's mean gain (r, n, m).
+
+    There are as many rows as a bank has before it leaves the range of floating-point numbers.
+    """
+
+    probability: Array
+    innovation: Array
+    mean_gain: Array
+
+
+def run_hybrid(
+    bank: IMM,
+    gain: int,
+    covariance: int,
+    state: State,
+    measured: Array,
+    held: Array,
+    *,
+    unsaturated: Array | None = None,
+) -> HybridRun:
+    """Filter a record with the bank's models, one of its gains and one of its covariances.
+
+    Parameters
+    ----------
+    bank
+        Linear filters with a law of their own, such as SVSFs.
+    gain, covariance
+        `KALMAN` or `LAW`: whose gain moves the means, and whose covariance tells likelihoods.
+    state
+        From the bank's ``init`` with an input: a sampling period before the first row.
+    measured, held
+        Ends of steps, shape (k, m), and the inputs held over them, (k,).
+    unsaturated
+        Boundary layers, shape (m,), whose edge SVSFs are not to know: outside of it the gain goes
+        on as within it.
+    """
+    filters = [one for one in bank.filters if isinstance(one, LinearFilter)]
+    arrays = [one.model.arrays for one in filters]
+    loop = Bank(
+        ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
+        np.array([one.law_parameters for one in filters]),
+        np.asarray(bank.transition),
+        bank.mixing,
+    )
+    (n, m), r, k = (filters[0].model.states, filters[0].model.outputs), len(filters), len(measured)
+    spread = np.array([belief.covariance for belief in state.beliefs])
+    probability, innovation = np.empty((k, r)), np.empty((k, r, m))
+    gains = np.zeros((r, n, m))
+    edges = np.full(m, np.inf) if unsaturated is None else unsaturated
+    good = _run(
+        (0,) * n, (0,) * m, loop, filters[0].law, gain, covariance, edges,
+        np.array([belief.mean for belief in state.beliefs]), np.array([spread, spread]),
+        np.zeros((r, m)), state.log_probabilities.copy(), measured, held[:, None],
+        new_work(n, m), probability, innovation, gains,
+    )  # fmt: skip
+    return HybridRun(probability[:good], innovation[:good], gains / max(good, 1))
+
+
+@inlined_kernel
+def _leave_saturation(gain: Array, innovation: Array, edges: Array) -> None:
+    """Beyond an edge a saturated gain falls as 1 / |e|; this makes up for it."""
+    for o in range(len(innovation)):
+        for a in range(len(gain)):
+            gain[a, o] *= max(1.0, abs(innovation[o]) / edges[o])
+
+
+@inlined_kernel
+def _correct_mean(mean: Array, gain: Array, innovation: Array) -> None:
+    for a in range(len(mean)):
+        for o in range(len(innovation)):
+            mean[a] += gain[a, o] * innovation[o]
+
+
+@kernel
+def _run(
+    states: Size,
+    outputs: Size,
+    bank: Bank,
+    law: Callable[..., None],
+    gain: int,
+    told: int,
+    edges: Array,
+    means: Array,
+    covariances: Array,
+    errors: Array,
+    log_probabilities: Array,
+    measured: Array,
+    held: Array,
+    work: Work,
+    probability: Array,
+    innovation: Array,
+    gains: Array,
+) -> int:
+    """``covariances``, (2, r, n, n), are those by Kalman's gain and by the law's.
+
+    Both predict the same mean, so that there is one innovation.
+    """
+    r, n, m = len(means), len(states), len(outputs)
+    weights, predicted, likelihood = np.empty((r, r)), np.empty(r), np.empty(r)
+    mixed, spread = np.empty((2, r, n)), np.empty((2, r, n, n))
+    factor, chosen = np.empty((m, m)), np.empty((n, m))
+    for k in range(len(measured)):
+        mixing_probabilities(bank.transition, log_probabilities, weights, predicted)
+        for kind in range(2):
+            if bank.mixing:
+                interact(states, weights, means, covariances[kind], mixed[kind], spread[kind])
+            else:
+                mixed[kind], spread[kind] = means, covariances[kind]
+        for j in range(r):
+            model = ModelArrays(
+                bank.model.A[j], bank.model.B[j], bank.model.H[j],
+                bank.model.D[j], bank.model.Q[j], bank.model.R[j],
+            )  # fmt: skip
+            mean, error, e = means[j], errors[j], innovation[k, j]
+            for kind in range(2):
+                covariance = covariances[kind, j]
+                predict(
+                    states, model, held[k], mixed[kind, j], spread[kind, j], mean, covariance, work
+                )
+                output_error(states, model, measured[k], held[k], mean, e)
+                found = foretell(states, outputs, model, covariance, e, factor, work)
+                if kind == told:
+                    likelihood[j] = found
+                if kind == KALMAN:
+                    kalman_gain(outputs, factor, work)
+                else:
+                    law(work.cross, factor, e, error, bank.parameters[j], work.gain)
+                    _leave_saturation(work.gain, e, edges)
+                    gains[j] += work.gain
+                if kind == gain:
+                    chosen[:] = work.gain
+                correct_covariance(states, outputs, model, covariance, work)
+            _correct_mean(mean, chosen, e)
+            output_error(states, model, measured[k], held[k], mean, error)
+        whole = update_probabilities(predicted, likelihood, log_probabilities)
+        probability[k] = np.exp(log_probabilities)
+        if not np.isfinite(whole + means.sum() + covariances.sum()):
+            return k
+    return len(measured)
