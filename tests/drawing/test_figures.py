@@ -16,6 +16,7 @@ from reobserve.drawing.figures import (
     TRUTH,
     Style,
     decades,
+    few_ticks,
     fix_layout,
     new_figure,
     save,
@@ -64,7 +65,9 @@ def test_every_figure_has_the_look_of_the_house(name: str) -> None:
 
 def test_a_figure_is_sized_for_print() -> None:
     """On the page as it is, without scaling: text of 7 to 9 points, a grid below all lines."""
-    figure, _ = new_figure((1.0, 2.0))
+    figure, panels = new_figure((1.0, 2.0))
+    assert figure.axes == panels
+    assert len(panels) == 2
     assert figure.get_size_inches() == pytest.approx([6.6, 3.35])
     sizes = [matplotlib.rcParams[f"{part}size"] for part in ("font.", "axes.label", "axes.title")]
     assert all(7 <= size <= 9 for size in [*sizes, matplotlib.rcParams["legend.fontsize"]])
@@ -136,3 +139,13 @@ def test_a_logarithmic_axis_is_labelled_by_its_powers_of_ten() -> None:
         "10⁻¹²", "10⁻³", "10⁰", "10³", "10¹⁰",
     ]  # fmt: skip
     assert axes.xaxis.get_minor_formatter()(3.0, 0) == ""
+
+
+def test_few_ticks_are_labelled_and_no_others() -> None:
+    _, (axes,) = new_figure((1.0,))
+    axes.set_xscale("log")
+    axes.set_xlim(0.05, 30)
+    few_ticks(axes, [0.1, 0.5, 20])
+    axes.figure.draw_without_rendering()
+    labels = [tick.get_text() for tick in axes.get_xticklabels(which="both")]
+    assert [text for text in labels if text] == ["0.1", "0.5", "20"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
@@ -61,8 +62,10 @@ def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
     assert drawn.outputs == [f"results/ilo/fig1.{kind}" for kind in ("svg", "pdf", "caption.rst")]
     assert "workflow/report/ilo/_settings.rst" in drawn.inputs["partials"]
     assert GRAPH.job("robustness", paper="ilo").command.endswith(
-        "--draws 3 --no-flips --output results/ilo/robustness.json"
+        "--draws 3 --no-flips --kept config/draws/ilo.json --output results/ilo/robustness.json"
     )
+    anew = replace(GRAPH, kept=False).job("robustness", paper="ilo")
+    assert anew.command.endswith("--no-flips --output results/ilo/robustness.json")
 
 
 def test_names_are_quoted_for_the_shell() -> None:

@@ -88,7 +88,7 @@ def _fenced(block: str) -> Iterator[File]:
 
 
 def _indented(lines: list[str]) -> Iterator[Command | Printed]:
-    if lines[0].startswith(("Job ", "Snakefile")):
+    if lines[0].startswith(("… of …", "Snakefile")):
         yield Printed(tuple(lines))
         return
     for line in lines:
@@ -149,10 +149,7 @@ def check_printed(project: Project, lines: tuple[str, ...]) -> None:
             assert (project.folder / name).exists(), name
         return
     told = project.snakemake("--dry-run", "--verbose").stdout
-    message, finished, steps = lines
-    job, _, text = message.partition(": ")
-    assert job == "Job 0"
-    assert text in told
-    assert finished == "Finished jobid: 0 (Rule: all)"
-    assert re.search(r"^total +\d+$", told, re.MULTILINE)
-    assert steps == "… of … steps (100%) done"
+    (line,) = lines
+    count, _, text = line.split("  ")
+    assert count == "… of …"
+    assert f"Job 0: {text}" in told

@@ -107,7 +107,7 @@ def test_a_file_whose_name_is_a_pattern(fresh: Project) -> None:
 def test_a_step_that_fails_before_a_pipe_fails_the_job(fresh: Project) -> None:
     """A search tells its progress through `tee`, which never fails."""
     option = with_config(
-        fresh, imm={"searches": {"calibrated": {"observers": ["kalman", "svsf_tuned"]}}}
+        fresh, imm={"searches": {"calibrated": {"observers": ["kalman_retuned", "svsf_tuned"]}}}
     )
     done = fresh.snakemake("results/imm/calibrated.search.json", *option, check=False)
     said = "reobserve: imm.observers.svsf_tuned: must have the noise of the others tuned"

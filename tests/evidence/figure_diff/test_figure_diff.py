@@ -146,6 +146,7 @@ def test_what_agrees_is_quiet(project: Path, capsys: pytest.CaptureFixture[str])
     assert "5 compared: 5 agree." in (project / "figdiff/summary.md").read_text()
     page = (project / "figdiff/index.html").read_text()
     assert page.count("the same, pixel by pixel") == 2
+    assert page.count("data:image/png") == 2  # each once, as it was accepted
     assert not re.search(r"(?:src|href)=\"(?!data:|#)|https?:|url\(", page)
 
 

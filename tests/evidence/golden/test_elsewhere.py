@@ -113,6 +113,7 @@ def test_a_number_that_is_off_elsewhere_fails(
     said = capsys.readouterr().out
     assert "1 off; at most" in said
     assert "tolerances: ilo fig1, continuous:rms_error" in said
+    assert said.startswith(f"{len(gate_parts(LEDGERS['ilo']))} figures, tables and theories of ilo")
     assert "the first is `" in said  # here or before it, on another machine than the digests'
 
 

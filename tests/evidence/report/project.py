@@ -100,7 +100,7 @@ def make_project(folder: Path) -> Path:
         (folder / name).mkdir(parents=True)
     built.mkdir(parents=True)
     (folder / "config/config.yaml").write_text(
-        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nflips: true\n"
+        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nkept: true\nflips: true\n"
     )
     shutil.copy(TOY / "toy.yaml", folder / "config/papers")
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
@@ -129,8 +129,8 @@ def make_project(folder: Path) -> Path:
         {"values": [k], **one} for k, one in enumerate([held] * 30 + [failed] * 8 + [lost] * 2)
     ]
     drawn = {
-        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": 1,
-        "looked": True, "flip": None,
+        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [7],
+        "looked": True, "flip": None, "basis": "", "kept": 38,
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
     stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}

@@ -9,7 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError
+from reobserve.evidence.claims.draws_command import keep
 from reobserve.evidence.claims.gallery import put_into
+from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.figure_diff import page, pixels, summary
 from reobserve.evidence.figure_diff.built import drawings
 from reobserve.evidence.figure_diff.comparison import compare_all
@@ -17,12 +19,12 @@ from reobserve.evidence.figure_diff.model import Diff, Origin
 from reobserve.evidence.figure_diff.origin import origin_here, read_origin, write_origin
 from reobserve.evidence.figure_diff.project_copy import build, copy_project
 from reobserve.evidence.golden import claims as golden_claims
-from reobserve.evidence.golden.commands import named_papers, renew
+from reobserve.evidence.golden.commands import renew
 from reobserve.evidence.golden.files import folder
 from reobserve.evidence.golden.guard import check_may_renew, keep_reason
 from reobserve.evidence.golden.kept import part_names, record_names
 from reobserve.evidence.meanings import write_lists
-from reobserve.ledger.config import known_papers
+from reobserve.ledger.config import known_papers, named_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import write_text
 
@@ -62,6 +64,7 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
             raise ReobserveError(f"nothing is accepted: {gaps[0]}")
         moved = renew(project, chosen, cores)
         moved += golden_claims.renew(project, copy / "results", paper)
+        _keep_draws(project, copy / "results", chosen)
         put_into(project / "README.md", copy / "results" / "verdicts.md", known if paper else ())
         write_lists(project)
         redrawn = _renew_references(reference, copy / "results", chosen)
@@ -116,6 +119,14 @@ def _compare(project: Path, reference: Path, results: Path, output: Path, gaps: 
     if diff.failed or gaps:
         said = "; ".join([f"{len(diff.failed)} do not agree with what was accepted", *gaps])
         raise ReobserveError(f"{said}; see {output / 'index.html'}")
+
+
+def _keep_draws(project: Path, results: Path, papers: Sequence[str]) -> None:
+    """Keep the draws that the build made or took, of papers that have claims."""
+    for paper in papers:
+        path = results / paper / "robustness.json"
+        if path.exists():
+            keep(project, paper, read_robustness(path, paper))
 
 
 def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> list[str]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve.errors import InputError, ReobserveError, nearest
+from reobserve.errors import ReobserveError
 from reobserve.evidence.golden import digests
 from reobserve.evidence.golden.comparison import Worst, differences
 from reobserve.evidence.golden.elsewhere import compare_elsewhere
 from reobserve.evidence.golden.files import folder
 from reobserve.evidence.golden.guard import check_may_renew, keep_reason
-from reobserve.evidence.golden.job import default_ledger
 from reobserve.evidence.golden.kept import kept_paper
 from reobserve.evidence.golden.processors import PINNED, REFINED, processors
 from reobserve.evidence.golden.renewal import Evidence, prepare
 from reobserve.evidence.golden.runs import Run, run_all
-from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.ledger.config import known_papers, named_papers, read_yaml
+from reobserve.ledger.ledger import default_ledger
 from reobserve.pipeline.evaluation import Evaluator
 
 
@@ -88,14 +88,6 @@ def renew(project: Path, papers: Sequence[str], cores: int, *, anew: bool = Fals
     for renewal in renewals:
         renewal.write()
     return [line for renewal in renewals for line in renewal.moved]
-
-
-def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
-    """The papers that are named, or all that are known; `InputError` if there is no such one."""
-    for paper in papers:
-        if paper not in known:
-            raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
-    return list(dict.fromkeys(papers or known))
 
 
 def _built(project: Path) -> list[str]:

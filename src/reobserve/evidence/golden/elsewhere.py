@@ -11,11 +11,10 @@ from reobserve.evidence.golden import digests
 from reobserve.evidence.golden.comparison import Worst, differences
 from reobserve.evidence.golden.deviation import Deviation, OtherCell
 from reobserve.evidence.golden.files import folder
-from reobserve.evidence.golden.job import default_ledger
 from reobserve.evidence.golden.kept import THEORY, KeptPaper, part_names
 from reobserve.evidence.golden.processors import ONE_ULP, Condition, processors
 from reobserve.evidence.golden.runs import Order, Run, run_all
-from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.ledger import Ledger, default_ledger
 
 GATE = 2  # so many processors, the most telling, are enough for every change
 

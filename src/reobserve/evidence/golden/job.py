@@ -15,8 +15,7 @@ import numpy as np
 
 from reobserve.errors import ReobserveError
 from reobserve.evidence.golden.kept import kept_paper
-from reobserve.ledger.config import read_yaml
-from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.ledger import default_ledger
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.pipeline.jobs import Job
 from reobserve.plain_data.files import write_whole
@@ -41,12 +40,6 @@ class MovedByOneUlp(Evaluator):
             for name, channel in record.channels.items()
         }
         return Series(record.time, channels, record.events, record.provenance)
-
-
-def default_ledger(project: Path, paper: str) -> Ledger:
-    """The ledger of a paper without overrides, with the seed of the config."""
-    seed = read_yaml(project / "config" / "config.yaml")["seed"]
-    return Ledger.load(project, paper, seed=seed)
 
 
 def main(project: str, output: str, order: str) -> int:

@@ -138,6 +138,7 @@ class Robustness:
     looked: bool = True
     diverged: int = 0
     refused: int = 0
+    kept: int = 0
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,8 @@ def _robustness(row: Mapping[str, str], draws: Drawn) -> Robustness | None:
         flip=moved,
         looked=looked,
         diverged=draws.diverged,
-        refused=draws.refused,
+        refused=len(draws.refused),
+        kept=draws.kept,
     )
 
 
