@@ -71,7 +71,7 @@ def ledger_file(paper: str) -> Path:
 def record(paper: str) -> Path:
     """The plant's record of the scenario of `OBSERVERS`."""
     path = _folder() / f"{paper}.plant.parquet"
-    command("plant", ledger_file(paper), OBSERVERS[paper][0], "--output", path)
+    command("stage", "plant", ledger_file(paper), OBSERVERS[paper][0], "--output", path)
     return path
 
 
@@ -79,7 +79,7 @@ def record(paper: str) -> Path:
 def design(paper: str, name: str) -> Path:
     """A design of a paper."""
     path = _folder() / f"{paper}.{name}.design.json"
-    command("design", ledger_file(paper), name, "--output", path)
+    command("stage", "design", ledger_file(paper), name, "--output", path)
     return path
 
 
@@ -92,7 +92,7 @@ def estimates(figure: str) -> list[Path]:
         path = _folder() / f"lie.{observer}.parquet"
         named = design("lie", ledger("lie").section("observers", observer)["design"])
         chosen = ["--design-file", named, "--output", path]
-        command("observe", ledger_file("lie"), record("lie"), observer, *chosen)
+        command("stage", "observe", ledger_file("lie"), record("lie"), observer, *chosen)
         made.append(path)
     return made
 
@@ -102,7 +102,7 @@ def study() -> Path:
     """A study of `lie`: its orders."""
     path = _folder() / "lie.orders.study.csv"
     made = ["--design-file", design("lie", "linear"), "--output", path]
-    command("study", ledger_file("lie"), record("lie"), "orders", *made)
+    command("stage", "study", ledger_file("lie"), record("lie"), "orders", *made)
     return path
 
 
@@ -116,7 +116,7 @@ def claims_table() -> Path:
     (results / "eso" / "robustness.json").write_text(json.dumps(nothing))
     for figure in (*ledger("eso").tree["figures"], "theory"):
         (results / "eso" / f"{figure}.metrics.csv").write_bytes(metrics("eso", figure))
-    command("claims", "eso", "--results", results, "--project", ROOT, "--output", path)
+    command("stage", "claims", "eso", "--results", results, "--project", ROOT, "--output", path)
     return path
 
 

@@ -67,7 +67,9 @@ def places(tmp_path: Path) -> Path:
 )
 def test_a_result_goes_to_no_other_kind_of_thing(places: Path, place: str) -> None:
     before = sorted(os.listdir(places))
-    done = reobserve(places, "ledger", "ilo", "--output", place, "--project", os.fspath(ROOT))
+    done = reobserve(
+        places, "stage", "ledger", "ilo", "--output", place, "--project", os.fspath(ROOT)
+    )
     assert refused(done)
     assert sorted(os.listdir(places)) == before
     assert (places / "file").read_bytes() == b"x\n"
@@ -77,7 +79,7 @@ def test_a_result_goes_to_no_other_kind_of_thing(places: Path, place: str) -> No
     "name", ["ü\u202ename".encode(), b"\xff\xfe", b"a\nb; touch $HOME", b"\xf0\x9f\x98\x80"]
 )
 def test_a_result_may_have_any_name(places: Path, name: bytes) -> None:
-    line = ("ledger", "ilo", "--project", os.fspath(ROOT), "--output", name)
+    line = ("stage", "ledger", "ilo", "--project", os.fspath(ROOT), "--output", name)
     done = reobserve(places, *line, locale="C")
     assert done.returncode == 0, done.stderr.decode()
     assert name in os.listdir(os.fsencode(places))
@@ -85,7 +87,7 @@ def test_a_result_may_have_any_name(places: Path, name: bytes) -> None:
 
 @pytest.mark.parametrize("place", ["fifo", "/dev/zero"])
 def test_nothing_else_than_a_file_is_read(places: Path, place: str) -> None:
-    assert refused(reobserve(places, "plant", place, "plain", "--output", "out.parquet"))
+    assert refused(reobserve(places, "stage", "plant", place, "plain", "--output", "out.parquet"))
     assert not (places / "out.parquet").exists()
 
 

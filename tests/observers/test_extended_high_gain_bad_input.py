@@ -311,7 +311,15 @@ def test_the_ledger(
     overrides: dict[str, Any], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "ledger.json"
-    arguments = ["ledger", "delay", "--project", str(ROOT), "--overrides", json.dumps(overrides)]
+    arguments = [
+        "stage",
+        "ledger",
+        "delay",
+        "--project",
+        str(ROOT),
+        "--overrides",
+        json.dumps(overrides),
+    ]
     assert main([*arguments, "--output", str(target)]) == 1
     captured = capsys.readouterr()
     assert captured.err.count("\n") == 1, captured.err

@@ -140,7 +140,7 @@ def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
     overrides, where, what = BAD_CONFIG[case]
     said = refused(
         capsys,
-        *("ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("stage", "ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
         *("--output", tmp_path / "ledger.json"),
     )
     assert where in said
@@ -155,7 +155,7 @@ def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
     overrides = {"scenarios": {"constant": {"fault": [term]}}}
     said = refused(
         capsys,
-        *("ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("stage", "ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
         *("--output", tmp_path / "ledger.json"),
     )
     assert str(record) in said
@@ -165,21 +165,21 @@ def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
 @pytest.fixture
 def ledger_file(tmp_path: Path) -> Path:
     path = tmp_path / "ledger.json"
-    assert main(["ledger", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
+    assert main(["stage", "ledger", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
     return path
 
 
 @pytest.fixture
 def record(ledger_file: Path) -> Path:
     path = ledger_file.with_name("plant.parquet")
-    assert main(["plant", str(ledger_file), "constant", "--output", str(path)]) == 0
+    assert main(["stage", "plant", str(ledger_file), "constant", "--output", str(path)]) == 0
     return path
 
 
 def test_a_record_cut_short(ledger_file: Path, record: Path, capsys: Capture) -> None:
     record.write_bytes(record.read_bytes()[:-1000])
     output = record.with_name("out") / "sampled.parquet"
-    said = refused(capsys, "observe", ledger_file, record, "sampled", "--output", output)
+    said = refused(capsys, "stage", "observe", ledger_file, record, "sampled", "--output", output)
     assert said.startswith(f"{record}: is damaged or no Parquet file")
     assert not output.parent.exists()
 
@@ -191,14 +191,21 @@ def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: C
     foreign = tmp_path / "foreign.parquet"
     parquet.write_table(pa.table({"time": [0.0, 1.0]}), foreign)
     said = refused(
-        capsys, "observe", ledger_file, foreign, "sampled", "--output", tmp_path / "out.parquet"
+        capsys,
+        "stage",
+        "observe",
+        ledger_file,
+        foreign,
+        "sampled",
+        "--output",
+        tmp_path / "out.parquet",
     )
     assert "has no reobserve metadata" in said
 
 
 def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
     missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
-    said = refused(capsys, "observe", ledger_file, missing, "sampled", "--output", output)
+    said = refused(capsys, "stage", "observe", ledger_file, missing, "sampled", "--output", output)
     assert said == f"{missing}: cannot be read (No such file or directory)"
 
 
@@ -207,7 +214,7 @@ def test_a_design_for_an_observer_without_one(
 ) -> None:
     output = tmp_path / "out.parquet"
     said = refused(
-        capsys, "observe", ledger_file, record, "sampled",
+        capsys, "stage", "observe", ledger_file, record, "sampled",
         "--design-file", tmp_path / "some.json", "--output", output,
     )  # fmt: skip
     assert said == "--design-file: is given, but the ledger names no design here"
@@ -219,7 +226,7 @@ def test_too_few_estimates_and_an_unknown_format(
 ) -> None:
     inputs = ["fig1", "--plant-file", record, "--estimate-files", record]
     output = tmp_path / "fig1.metrics.csv"
-    said = refused(capsys, "metrics", ledger_file, *inputs, "--output", output)
+    said = refused(capsys, "stage", "metrics", ledger_file, *inputs, "--output", output)
     assert said == (
         "--estimate-files: 1 given, must be one each for sampled, continuous, forgetting"
     )
@@ -230,9 +237,9 @@ def test_an_unknown_name_lists_the_known_ones(
     ledger_file: Path, record: Path, capsys: Capture
 ) -> None:
     output = record.with_name("out.parquet")
-    said = refused(capsys, "observe", ledger_file, record, "sampeld", "--output", output)
+    said = refused(capsys, "stage", "observe", ledger_file, record, "sampeld", "--output", output)
     assert "there is no 'sampeld'; did you mean 'sampled'?" in said
-    said = refused(capsys, "plant", ledger_file, "nothing", "--output", output)
+    said = refused(capsys, "stage", "plant", ledger_file, "nothing", "--output", output)
     assert "constant, periodic, aperiodic, combined" in said
     said = refused(capsys, "params", "ill", "--project", ROOT)
     assert "did you mean 'ilo'" in said
@@ -242,7 +249,7 @@ def test_an_unknown_name_lists_the_known_ones(
 def test_an_output_folder_that_cannot_be_written(ledger_file: Path, capsys: Capture) -> None:
     """A file where a folder must be: refused for everyone, also for root."""
     blocked = ledger_file / "plant.parquet"
-    said = refused(capsys, "plant", ledger_file, "constant", "--output", blocked)
+    said = refused(capsys, "stage", "plant", ledger_file, "constant", "--output", blocked)
     assert said.startswith(f"{blocked}: cannot be written")
     assert [path.name for path in ledger_file.parent.iterdir()] == ["ledger.json"]
 
@@ -263,7 +270,7 @@ def test_an_output_folder_without_permission(
     ledger_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = closed_folder(tmp_path) / "plant.parquet"
-    said = refused(capsys, "plant", ledger_file, "constant", "--output", output)
+    said = refused(capsys, "stage", "plant", ledger_file, "constant", "--output", output)
     assert said == f"{output}: cannot be written (Permission denied)"
     assert not output.exists()
 
@@ -276,7 +283,7 @@ def test_a_divergent_observer_names_the_time(
     ledger["ledger"]["observers"]["adaptive"]["damping"]["value"] = 1e6
     ledger_file.write_text(json.dumps(ledger))
     output = record.with_name("adaptive.parquet")
-    said = refused(capsys, "observe", ledger_file, record, "adaptive", "--output", output)
+    said = refused(capsys, "stage", "observe", ledger_file, record, "adaptive", "--output", output)
     place, _, found = said.partition(" (AdaptiveObserver) diverged: its state is finite up to t = ")
     assert place == "ilo.observers.adaptive"
     assert "its step of 0.00025 s is too long" in found

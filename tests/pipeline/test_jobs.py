@@ -52,8 +52,8 @@ def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
         "design": ["results/lie/linear.design.json"],
     }
     assert job.command == (
-        "observe results/lie/ledger.json results/lie/figure/plant.parquet order4 --design-file "
-        "results/lie/linear.design.json --output results/lie/figure/order4.parquet"
+        "stage observe results/lie/ledger.json results/lie/figure/plant.parquet order4 "
+        "--design-file results/lie/linear.design.json --output results/lie/figure/order4.parquet"
     )
     assert set(job.settings) == {"plant", "observer", "design"}
     without = GRAPH.job("observe", paper="ilo", scenario="constant", observer="sampled")
@@ -73,7 +73,7 @@ def test_names_are_quoted_for_the_shell() -> None:
     mine = {"a b; c": tree["scenarios"]["constant"]}
     graph = Graph({"ilo": Ledger("ilo", {**tree, "scenarios": mine}, 0)})
     words = shlex.split(graph.job("plant", paper="ilo", scenario="a b; c").command)
-    assert words[2] == "a b; c"
+    assert words[3] == "a b; c"
 
 
 def test_a_user_s_paper_without_claims_has_none_decided() -> None:

@@ -94,7 +94,7 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
     output = built.snakemake(
         "--dry-run", "--force", "--printshellcmds", "results/ilo/fig2.metrics.csv"
     ).stdout
-    command = re.search(r"Shell command: (\(set -x; reobserve metrics .*)", output)
+    command = re.search(r"Shell command: (\(set -x; reobserve stage metrics .*)", output)
     assert command
     before = built.results()["ilo/fig2.metrics.csv"]
     built.run("bash", "-c", command[1])

@@ -232,8 +232,8 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     again = toy.folder / "again"
     again.mkdir()
     for command, name in (
-        (("robustness", LEDGER, "--draws", "40"), "toy/robustness.json"),
-        (("claims", "toy"), "claims.csv"),
+        (("stage", "robustness", LEDGER, "--draws", "40"), "toy/robustness.json"),
+        (("stage", "claims", "toy"), "claims.csv"),
         (("report",), "report.html"),
     ):
         output = again / Path(name).name
@@ -305,17 +305,20 @@ def test_what_claims_are_drawn_over_makes_their_robustness_stale(
 
 
 def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> None:
-    for command in (("observe", LEDGER, PLANT, "placed"), ("study", LEDGER, PLANT, "faster")):
+    for command in (
+        ("stage", "observe", LEDGER, PLANT, "placed"),
+        ("stage", "study", LEDGER, PLANT, "faster"),
+    ):
         assert refused(toy, *command) == (
             "reobserve: --design-file: must be given: the ledger names the design 'gains'"
         )
-    assert refused(toy, "observe", LEDGER, PLANT, "slow", "--design-file", DESIGN) == (
+    assert refused(toy, "stage", "observe", LEDGER, PLANT, "slow", "--design-file", DESIGN) == (
         "reobserve: --design-file: is given, but the ledger names no design here"
     )
     other = toy.folder / "other.json"
     text = (toy.folder / DESIGN).read_text()
     other.write_text(text.replace('"job": "gains"', '"job": "others"'))
-    assert refused(toy, "table", LEDGER, "table1", "--design-file", "other.json") == (
+    assert refused(toy, "stage", "table", LEDGER, "table1", "--design-file", "other.json") == (
         "reobserve: other.json: is 'others' of toy, must be 'gains' of toy"
     )
     other.unlink()
@@ -323,14 +326,14 @@ def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> 
 
 def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     overrides = ("--overrides", '{"designs": {"gains": {"pole": -1}}}')
-    said = refused(toy, "ledger", "toy", *overrides)
+    said = refused(toy, "stage", "ledger", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
-    said = refused(toy, "ledger", "toy", *overrides)
+    said = refused(toy, "stage", "ledger", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: gives a number that is not finite"
-    said = refused(toy, "design", LEDGER, "gain")
+    said = refused(toy, "stage", "design", LEDGER, "gain")
     assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"
-    said = refused(toy, "table", LEDGER, "table2", "--design-file", DESIGN)
+    said = refused(toy, "stage", "table", LEDGER, "table2", "--design-file", DESIGN)
     assert said == "reobserve: toy.tables: there is no 'table2'; did you mean 'table1'?"
 
 

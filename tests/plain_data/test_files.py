@@ -117,7 +117,7 @@ def test_an_output_that_is_no_file_is_one_sentence(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["ledger", "ilo", "--project", str(ROOT), "--output", output]) == 1
+    assert main(["stage", "ledger", "ilo", "--project", str(ROOT), "--output", output]) == 1
     said = capsys.readouterr().err
     assert said.startswith("reobserve: ")
     assert said.count("\n") == 1
@@ -310,16 +310,25 @@ def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> No
     ("arguments", "said"),
     [
         (
-            ["ledger", "ilo", "--seed", "-5"],
+            ["stage", "ledger", "ilo", "--seed", "-5"],
             "--seed: '-5' must be a whole number from 0 to 9007199",
         ),
-        (["ledger", "ilo", "--seed", "x" * 20_000], "must be a whole number from 0 to"),
-        (["robustness", "l.json", "--draws", "-3"], "--draws: '-3' must be a whole number from 1"),
-        (["robustness", "l.json", "--draws", "0"], "--draws: '0' must be a whole number from 1 to"),
+        (["stage", "ledger", "ilo", "--seed", "x" * 20_000], "must be a whole number from 0 to"),
+        (
+            ["stage", "robustness", "l.json", "--draws", "-3"],
+            "--draws: '-3' must be a whole number from 1",
+        ),
+        (
+            ["stage", "robustness", "l.json", "--draws", "0"],
+            "--draws: '0' must be a whole number from 1 to",
+        ),
         (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
-        (["ledger", "ilo", "--overrides", "[" * 20_000], "is nested deeper than 40 levels"),
-        (["ledger", "ilo", "--overrides", '{"a": NaN}'], "a: nan must be a finite number"),
-        (["ledger", "ilo", "--overrides", '{"a": 1, "a": 1}'], "has the key 'a' twice"),
+        (
+            ["stage", "ledger", "ilo", "--overrides", "[" * 20_000],
+            "is nested deeper than 40 levels",
+        ),
+        (["stage", "ledger", "ilo", "--overrides", '{"a": NaN}'], "a: nan must be a finite number"),
+        (["stage", "ledger", "ilo", "--overrides", '{"a": 1, "a": 1}'], "has the key 'a' twice"),
     ],
 )
 def test_odd_arguments_are_refused_when_they_are_parsed(
@@ -335,7 +344,15 @@ def test_odd_arguments_are_refused_when_they_are_parsed(
 
 
 def test_claims_of_a_paper_that_there_is_not(tmp_path: Path, capsys: Capture) -> None:
-    arguments = ["claims", "nope", "--project", str(ROOT), "--output", str(tmp_path / "c.csv")]
+    arguments = [
+        "stage",
+        "claims",
+        "nope",
+        "--project",
+        str(ROOT),
+        "--output",
+        str(tmp_path / "c.csv"),
+    ]
     assert main(arguments) == 1
     assert capsys.readouterr().err.startswith("reobserve: paper: there is no 'nope'; there are: ")
     assert os.listdir(tmp_path) == []
@@ -358,8 +375,18 @@ def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
     folder = tmp_path / "née"
     for arguments, code in (
         (["list", "delay"], 0),
-        (["ledger", "ilo", "--output", f"{folder}/ledger.json"], 0),
-        (["plant", f"{folder}/none.json", "constant", "--output", f"{folder}/plant.parquet"], 1),
+        (["stage", "ledger", "ilo", "--output", f"{folder}/ledger.json"], 0),
+        (
+            [
+                "stage",
+                "plant",
+                f"{folder}/none.json",
+                "constant",
+                "--output",
+                f"{folder}/plant.parquet",
+            ],
+            1,
+        ),
     ):
         project = ["--project", str(ROOT)] if arguments[0] != "plant" else []
         command = [sys.executable, "-m", "reobserve", *arguments, *project]

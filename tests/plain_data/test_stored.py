@@ -55,8 +55,8 @@ def made(ledger: Ledger, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "ledger.json"
     path.write_text(ledger.text())
     plant, estimate = folder / "plant.parquet", folder / "sampled.parquet"
-    assert main(["plant", str(path), "constant", "--output", str(plant)]) == 0
-    arguments = ["observe", str(path), str(plant), "sampled", "--output", str(estimate)]
+    assert main(["stage", "plant", str(path), "constant", "--output", str(plant)]) == 0
+    arguments = ["stage", "observe", str(path), str(plant), "sampled", "--output", str(estimate)]
     assert main(arguments) == 0
     return folder
 
@@ -139,7 +139,7 @@ def test_a_record_is_checked_against_the_ledger(
     with pytest.raises(InputError, match=said) as caught:
         read_record(path, ledger)
     assert str(caught.value).startswith(str(path))
-    arguments = ["observe", str(made / "ledger.json"), str(path), "sampled"]
+    arguments = ["stage", "observe", str(made / "ledger.json"), str(path), "sampled"]
     assert main([*arguments, "--output", str(output)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert not output.exists()

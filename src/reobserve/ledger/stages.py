@@ -71,51 +71,51 @@ _RUNS = ("plant", "scenario", "observers", "metrics")  # what all see that run o
 STAGES = {
     "design": Stage(
         ("design",), ("plant", "design"), ("ledger",),
-        "{ledger} {design} --output {output}",
+        "stage design {ledger} {design} --output {output}",
         ("results/{paper}/{design}.design.json",), "logs/{paper}/{design}.design.log",
     ),
     "plant": Stage(
         ("scenario",), ("plant", "scenario", "seed"), ("ledger", "signals"),
-        "{ledger} {scenario} --output {output}",
+        "stage plant {ledger} {scenario} --output {output}",
         ("results/{paper}/{scenario}/plant.parquet",), "logs/{paper}/{scenario}/plant.log",
     ),
     "observe": Stage(
         ("scenario", "observer"), ("plant", "observer", "design"), ("ledger", "plant", "design"),
-        "{ledger} {plant} {observer} [--design-file {design}] --output {output}",
+        "stage observe {ledger} {plant} {observer} [--design-file {design}] --output {output}",
         ("results/{paper}/{scenario}/{observer}.parquet",),
         "logs/{paper}/{scenario}/{observer}.log",
     ),
     "study": Stage(
         ("study",), (*_RUNS, "study", "seed", "designs"), ("ledger", "plant", "files", "design"),
-        "{ledger} {plant} {study} [--design-file {design}] --output {output}",
+        "stage study {ledger} {plant} {study} [--design-file {design}] --output {output}",
         ("results/{paper}/{study}.study.csv",), "logs/{paper}/{study}.study.log",
     ),
     "search": Stage(
         ("search",), (*_RUNS, "search", "seed", "designs"), ("ledger", "plant"),
-        "{ledger} {plant} {search} --output {output}",
+        "stage search {ledger} {plant} {search} --output {output}",
         ("results/{paper}/{search}.search.json",), "logs/{paper}/{search}.search.log",
     ),
     "table": Stage(
         ("table",), ("plant", "table", "design"), ("ledger", "design"),
-        "{ledger} {table} --design-file {design} --output {output}",
+        "stage table {ledger} {table} --design-file {design} --output {output}",
         ("results/{paper}/{table}.csv",), "logs/{paper}/{table}.table.log",
     ),
     "theory": Stage(
         (), ("plant", "observers", "designs", "metrics", "theory"), ("ledger", "designs"),
-        "{ledger} --design-files {designs} --output {output}",
+        "stage theory {ledger} --design-files {designs} --output {output}",
         ("results/{paper}/theory.metrics.csv",), "logs/{paper}/theory.log",
     ),
     "metrics": Stage(
         ("figure",), (*_RUNS, "figure", "study", "designs"),
         ("ledger", "plant", "estimates", "study"),
-        "{ledger} {figure} --plant-file {plant} --estimate-files {estimates}"
+        "stage metrics {ledger} {figure} --plant-file {plant} --estimate-files {estimates}"
         " [--study-file {study}] --output {output}",
         ("results/{paper}/{figure}.metrics.csv",), "logs/{paper}/{figure}.metrics.log",
     ),
     "plot": Stage(
         ("figure",), (*_RUNS, "figure", "study", "designs"),
         ("ledger", "plant", "estimates", "study", "metrics", "template", "partials"),
-        "{ledger} {figure} --plant-file {plant} --estimate-files {estimates}"
+        "stage plot {ledger} {figure} --plant-file {plant} --estimate-files {estimates}"
         " [--study-file {study}] --metrics-file {metrics} --template {template}"
         " --caption {caption} --outputs {drawings}",
         ("results/{paper}/{figure}.{format}", "results/{paper}/{figure}.caption.rst"),
@@ -123,28 +123,28 @@ STAGES = {
     ),
     "robustness": Stage(
         (), (), ("ledger", "registry", "kept"),
-        "{ledger} --draws {draws} [{flips}] [--kept {kept}] --output {output}",
+        "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}] --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(
         (), (), ("ledger", "registry", "robustness"),
-        "{ledger} {robustness} --outputs {output}",
+        "stage sensitivity {ledger} {robustness} --outputs {output}",
         ("results/{paper}/specification.{format}", "results/{paper}/sensitivity.{format}"),
         "logs/{paper}/sensitivity.log",
     ),
     "claims": Stage(
         (), (), ("ledger", "registry", "numbers", "robustness"),
-        "{claimed} --output {output}",
+        "stage claims {claimed} --output {output}",
         ("results/claims.csv",), "logs/claims.log",
     ),
     "report": Stage(
         (), (), ("products", "claims", "sensitivity"),
-        "--papers {papers} --formats {formats} --output {output}",
+        "report --papers {papers} --formats {formats} --output {output}",
         ("results/report.html",), "logs/report.log",
     ),
     "verdicts": Stage(
         (), (), ("claims", "report"),
-        "{claims} --output {output}",
+        "stage verdicts {claims} --output {output}",
         ("results/verdicts.md",), "logs/verdicts.log",
     ),
 }

@@ -106,7 +106,7 @@ class Job:
             STAGES[self.stage].command,
         )
         quoted = {word: shlex.join(map(str, listed)) for word, listed in words.items()}
-        return f"{self.stage} {usage.format_map(quoted)}"
+        return usage.format_map(quoted)
 
 
 @dataclass(frozen=True, eq=False)

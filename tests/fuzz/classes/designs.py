@@ -51,6 +51,6 @@ def case(reader: tuple[str, str, str, str], content: bytes, told: str) -> Case:
     arguments = [stage, material.ledger_file(paper), *record, name]
     return Case(
         f"{paper} {stage} {name}, design {design}: {told}",
-        lambda: command(*arguments, "--design-file", "d.json", "--output", "out"),
+        lambda: command("stage", *arguments, "--design-file", "d.json", "--output", "out"),
         {"d.json": content},
     )

@@ -53,6 +53,6 @@ def case(paper: str, job: tuple[Any, ...], content: bytes, told: str) -> Case:
         arguments += ["--design-file", material.design(paper, design)]
     return Case(
         f"{paper} {' '.join(map(str, job))}: {told}",
-        lambda: command(*arguments, "--output", "out"),
+        lambda: command("stage", *arguments, "--output", "out"),
         {"l.json": content},
     )

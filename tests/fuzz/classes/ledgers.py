@@ -41,7 +41,7 @@ def case(paper: str, tree: Any, told: str) -> Case:
     def run() -> None:
         # A tree that YAML has read already: what reads bytes is another class.
         with mock.patch("reobserve.ledger.ledger.read_yaml", read):
-            command("ledger", paper, "--project", material.ROOT, "--output", "ledger.json")
+            command("stage", "ledger", paper, "--project", material.ROOT, "--output", "ledger.json")
 
     def read(path: Path) -> Any:
         if path.parent.name == "papers":

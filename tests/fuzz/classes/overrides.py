@@ -36,7 +36,17 @@ def case(paper: str, over: Any) -> Case:
     text = json.dumps(over)
 
     def run() -> None:
-        command("ledger", paper, "--overrides", text, "--project", material.ROOT, "--output", "l")
+        command(
+            "stage",
+            "ledger",
+            paper,
+            "--overrides",
+            text,
+            "--project",
+            material.ROOT,
+            "--output",
+            "l",
+        )
 
     return Case(f"{paper} --overrides {text:.300}", run)
 

@@ -54,7 +54,9 @@ def case(paper: str, content: bytes, told: str, *, cut: bool = False) -> Case:
     ledger = material.ledger_file(paper)
     return Case(
         f"{paper}{' cut' if cut else ''}: {told}",
-        lambda: command("observe", ledger, "r.parquet", observer, *chosen, "--output", "e.parquet"),
+        lambda: command(
+            "stage", "observe", ledger, "r.parquet", observer, *chosen, "--output", "e.parquet"
+        ),
         {"r.parquet": content},
     )
 

@@ -44,7 +44,7 @@ def case(content: bytes, told: str) -> Case:
     """Write the table of claims; a row says if the file is refused."""
 
     def run() -> None:
-        command("claims", "eso", "--output", "claims.csv", "--project", material.ROOT)
+        command("stage", "claims", "eso", "--output", "claims.csv", "--project", material.ROOT)
         told = Path("claims.csv").read_text(encoding="utf-8")
         Path("claims.csv").unlink()
         if "robustness.json: " in told:

@@ -52,12 +52,14 @@ def _metrics() -> Callable[[], object]:
 def _study() -> Callable[[], object]:
     files = ["--plant-file", material.record("lie"), "--study-file", "t.csv"]
     files += ["--estimate-files", *material.estimates("fig1_orders"), "--output", "m.csv"]
-    arguments = ["metrics", material.ledger_file("lie"), "fig1_orders", *files]
+    arguments = ["stage", "metrics", material.ledger_file("lie"), "fig1_orders", *files]
     return lambda: command(*arguments)
 
 
 def _claims() -> Callable[[], object]:
-    return lambda: command("verdicts", "t.csv", "--project", material.ROOT, "--output", "v.md")
+    return lambda: command(
+        "stage", "verdicts", "t.csv", "--project", material.ROOT, "--output", "v.md"
+    )
 
 
 _READERS = {"metrics": _metrics, "study": _study, "claims": _claims}

@@ -262,7 +262,15 @@ BAD_CONFIG: dict[str, tuple[dict[str, Any], str, str]] = {
 def test_the_ledger(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     changes, where, what = BAD_CONFIG[case]
     target = tmp_path / "ledger.json"
-    arguments = ["ledger", "lie", "--project", str(ROOT), "--overrides", json.dumps(changes)]
+    arguments = [
+        "stage",
+        "ledger",
+        "lie",
+        "--project",
+        str(ROOT),
+        "--overrides",
+        json.dumps(changes),
+    ]
     assert main([*arguments, "--output", str(target)]) == 1
     captured = capsys.readouterr()
     assert captured.err.count("\n") == 1, captured.err

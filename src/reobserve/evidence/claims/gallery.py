@@ -35,12 +35,12 @@ def gallery(rows: Rows, ledgers: Sequence[Ledger]) -> str:
     return "\n".join(_of_paper(rows, ledger) for ledger in ledgers)
 
 
-# Between these the README holds what `reobserve verdicts` writes.
+# Between these the README holds what `reobserve stage verdicts` writes.
 _BEGIN, _END = "<!-- verdicts -->\n", "<!-- end -->\n"
 
 
 def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
-    """Put what `reobserve verdicts` wrote in its place in the README.
+    """Put what `reobserve stage verdicts` wrote in its place in the README.
 
     With ``papers``, all that there are, what the README tells of those that the verdicts are not
     about stays.
