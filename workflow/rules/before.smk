@@ -2,8 +2,10 @@
 
 import fcntl
 import json
+import socket
 import subprocess
 
+from reobserve.pipeline.fork_client import SOCKET
 from reobserve.plain_data.files import write_text
 
 
@@ -21,6 +23,32 @@ def take_build_lock():
         sys.exit(
             "reobserve: another build is running in this folder; wait for it to end"
         )
+
+
+def start_fork_server():
+    """Have the jobs of this build forked from one process, if they run here and by this Python.
+
+    It ends with this process, however that ends: then nobody holds the other end of its standard
+    input.
+    """
+    global fork_server
+    path = Path(".snakemake/fork.socket")
+    path.unlink(missing_ok=True)
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        listener.listen(256)
+        fork_server = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "reobserve.pipeline.fork_server",
+                str(listener.fileno()),
+            ],
+            stdin=subprocess.PIPE,
+            pass_fds=[listener.fileno()],
+            start_new_session=True,
+        )
+    shell.prefix(f"{PREFIX}export {SOCKET}={path}; ")
 
 
 def write_ledgers():

@@ -21,10 +21,10 @@ PROJECT = Path()  # the working directory, as everywhere in Snakemake
 # Jobs run what runs Snakemake, also where its environment is not activated. With conda they run
 # what the environment of their rule holds. A prefix takes the place of Snakemake's strict mode,
 # so that must be said here: without it the failure of a step before a pipe goes unnoticed.
-if not workflow.deployment_settings.deployment_method:
-    shell.prefix(
-        f"set -euo pipefail; export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; "
-    )
+PREFIX = f"set -euo pipefail; export PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH; "
+DEPLOYED = bool(workflow.deployment_settings.deployment_method)
+if not DEPLOYED:
+    shell.prefix(PREFIX)
 
 
 def load_ledgers():

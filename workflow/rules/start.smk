@@ -5,6 +5,8 @@
 onstart:
     take_build_lock()
     write_ledgers()
+    if sys.platform == "linux" and workflow.local_exec and not DEPLOYED:
+        start_fork_server()
 
 
 onerror:
