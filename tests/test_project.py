@@ -47,7 +47,7 @@ def inside(modules: set[str], *packages: str) -> set[str]:
 ROOMS = (
     "errors", "numerics", "power_series", "plain_data", "timeseries", "models", "synthesis",
     "plants", "observers", "scoring", "ledger", "drawing", "papers", "pipeline", "evidence",
-    "stages", "command_line", "cli", "__main__",
+    "stages", "command_line", "cli", "forking", "__main__",
 )  # fmt: skip
 
 

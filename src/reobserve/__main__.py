@@ -6,7 +6,7 @@ import os
 import sys
 from typing import NoReturn
 
-from reobserve.pipeline.fork_client import SOCKET, ask
+from reobserve.forking.client import SOCKET, ask
 
 
 def run() -> NoReturn:

@@ -5,7 +5,7 @@ import json
 import socket
 import subprocess
 
-from reobserve.pipeline.fork_client import SOCKET
+from reobserve.forking.client import SOCKET
 from reobserve.plain_data.files import write_text
 
 
@@ -41,7 +41,7 @@ def start_fork_server():
             [
                 sys.executable,
                 "-m",
-                "reobserve.pipeline.fork_server",
+                "reobserve.forking.server",
                 str(listener.fileno()),
             ],
             stdin=subprocess.PIPE,

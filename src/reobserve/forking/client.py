@@ -1,4 +1,4 @@
-"""Asks the process that jobs are forked from for one, see `reobserve.pipeline.fork_server`."""
+"""Asks the process that jobs are forked from for one, see `reobserve.forking.server`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Jobs forked from one warm process, since what most of them do longest is to import libraries.
 
 A build starts this module before its first job, with a socket that listens. `reobserve` sends what
-was typed and its own standard streams there, see `reobserve.pipeline.fork_client`, and leaves with
+was typed and its own standard streams there, see `reobserve.forking.client`, and leaves with
 the exit code that comes back. Each job is a process of its own, forked before anything is
 computed: jobs share what is imported, and nothing else. When whoever asked for a job ends, however
 that comes, the job is ended; when the build ends, all jobs and the server are.
@@ -28,7 +28,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from reobserve.pipeline.fork_client import CODE, LENGTH
+from reobserve.forking.client import CODE, LENGTH
 
 # What jobs import of the world outside: first what all need, then what those need that come later
 # in a build. Of the package nothing: some of its modules compile loops.

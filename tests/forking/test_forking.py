@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.pipeline.fork_client import CODE, LENGTH, SOCKET
+from reobserve.forking.client import CODE, LENGTH, SOCKET
 
-from .conftest import ROOT
+ROOT = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it is for Linux")
 
@@ -70,7 +70,7 @@ def serving(folder: Path) -> Iterator[Served]:
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(folder / "socket"))
         listener.listen()
-        command = [sys.executable, "-m", "reobserve.pipeline.fork_server", str(listener.fileno())]
+        command = [sys.executable, "-m", "reobserve.forking.server", str(listener.fileno())]
         server = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=[listener.fileno()])
     yield Served(server, folder / "socket")
     server.stdin.close()

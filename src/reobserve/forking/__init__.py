@@ -1,0 +1,1 @@
+"""Jobs forked from one warm process: the server, and what asks it."""
