@@ -14,7 +14,7 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report test check elsewhere bench figdiff accept draws mutations lock env clean distclean \
+.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations lock env clean distclean \
 	help
 .DEFAULT_GOAL := figures
 
@@ -23,6 +23,9 @@ figures: $(STAMP)  ## every figure, claim and results/report.html (the default);
 
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html
+
+quick: $(STAMP)  ## style, types and the tests of what is not committed yet, in under a minute
+	python -m tests.quick
 
 test: check  ## everything below `check`, then the whole test suite
 	pytest --numprocesses $(CORES)
