@@ -160,6 +160,27 @@ def test_a_package_and_a_home_that_cannot_be_written_cost_time_only(sums: Path) 
     assert run(sums, HITS, **environment) == COMPILED
 
 
+def test_copies_of_the_package_share_what_is_compiled(tmp_path: Path) -> None:
+    """As far as their sources are the same; a module elsewhere keeps to its own place."""
+    modules = ("__init__", "numerics/__init__", "numerics/kernel", "numerics/kernel_cache")
+    program = RUN.replace("from sums", "from reobserve.numerics.sums")
+    program += "; print(len(twice.stats.cache_hits))"
+    cache = str(tmp_path / "cache")
+    for number, (result, found) in enumerate(
+        (("x + x", COMPILED), ("x + x", LOADED), ("3 * x", "3\n0\n"))
+    ):
+        folder = tmp_path / str(number)
+        (folder / "reobserve/numerics").mkdir(parents=True)
+        for module in modules:
+            source = Path(reobserve.__file__).parent / f"{module}.py"
+            shutil.copy(source, folder / f"reobserve/{module}.py")
+        (folder / "reobserve/numerics/sums.py").write_text(
+            "from reobserve.numerics.kernel import kernel\n\n\n"
+            f"@kernel\ndef twice(x):\n    return {result}\n"
+        )
+        assert run(folder, program, NUMBA_CACHE_DIR=cache) == found
+
+
 FULL = """
 import sys
 from numba.core.caching import IndexDataCacheFile

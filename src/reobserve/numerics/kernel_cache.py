@@ -11,12 +11,19 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    NullCache,
+    UserProvidedCacheLocator,
+)
 
 _DIGEST = hashlib.sha256().digest_size
+_PACKAGE = Path(__file__).parents[1]
 
 
 def usable_folder(package: Path, name: str) -> Path | None:
@@ -85,8 +92,29 @@ class _Nothing(NullCache):
         _tell("and again at every start: there is no folder to keep the code in")
 
 
+class _Locator(UserProvidedCacheLocator):
+    """Where the code of a module is kept: of this package by its name, wherever the package is.
+
+    So copies of the package share what is compiled; what has changed is in another folder.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """The name of a folder in the cache."""
+        path = Path(py_file)
+        if _PACKAGE in path.parents:
+            return ".".join(path.relative_to(_PACKAGE.parent).with_suffix("").parts)
+        return str(super().get_suitable_cache_subpath(py_file))  # type: ignore[no-untyped-call]
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes: ClassVar[list[type]] = [_Locator]
+
+
 class _KernelCache(FunctionCache):
     """numba's cache, over files that are checked."""
+
+    _impl_class = _Implementation
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]

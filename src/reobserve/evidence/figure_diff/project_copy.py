@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import reobserve
 from reobserve.errors import ReobserveError
 
 
@@ -33,8 +34,12 @@ def copy_project(project: Path, target: Path) -> None:
 
 
 def copy_environment(folder: Path) -> dict[str, str]:
-    """The variables under which commands in the copy ``folder`` run its own package."""
+    """The variables under which commands in the copy ``folder`` run its own package.
+
+    Compiled loops are shared with this package, as far as their sources are the same.
+    """
     return {
+        "NUMBA_CACHE_DIR": str(Path(reobserve.__file__).parent / "__pycache__"),
         **os.environ,
         "PYTHONPATH": str(folder / "src"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]),
