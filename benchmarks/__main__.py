@@ -20,9 +20,9 @@ def main() -> int:
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
             "against C, numpy, scipy, control and filterpy, designs by Clarabel against SCS, "
-            "normal forms against sympy and DACE, pinned code paths against free ones, the cold "
-            "build against its bare imports. Slow is no failure; the exit code is 1 only if a peer "
-            "computes other numbers."
+            "normal forms against sympy and DACE, pinned code paths against free ones, "
+            "builds against one process in memory. Slow is no failure; the exit code is 1 only "
+            "if a peer computes other numbers."
         ),
     )
     parser.add_argument(

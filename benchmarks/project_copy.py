@@ -1,4 +1,4 @@
-"""A copy of the project in a temporary folder, and builds of all figures in it."""
+"""A copy of the project in a temporary folder, and builds in it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,15 +37,11 @@ class ProjectCopy:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "project"
-        self.notes = folder / "notes"
         self.reference = folder / "reference"
-        self.notes.mkdir(parents=True)
         copy_project(PROJECT, self.folder)
 
-    def build(self, cache: str, stand_in: str = "") -> Build:
-        """Build all figures with two cores, from nothing but the numba cache named ``cache``.
-
-        ``stand_in`` names a script beside this one that takes the place of ``reobserve``.
+    def build(self, cache: str, targets: Sequence[str]) -> Build:
+        """Build these targets with two cores, from nothing but the loops in the ``cache``.
 
         Raises
         ------
@@ -53,18 +50,22 @@ class ProjectCopy:
         """
         for name in _MADE:
             shutil.rmtree(self.folder / name, ignore_errors=True)
-        command = [sys.executable, "-m", "snakemake", "figures", "--cores", "2"]
-        command += ["--benchmark-extended"]
+        command = [sys.executable, "-m", "snakemake", "--cores", "2", "--benchmark-extended"]
+        return self.run(cache, [*command, *targets])
+
+    def run(self, cache: str, command: Sequence[str]) -> Build:
+        """Run a command in the copy, with all processes that it waits for.
+
+        Raises
+        ------
+        BuildError
+            If it fails.
+        """
         before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         done = subprocess.run(
-            command,
-            cwd=self.folder,
-            env=self._environment(cache, stand_in),
-            check=False,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
+            command, cwd=self.folder, env=self._environment(cache), check=False,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
         wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
         if done.returncode != 0:
             raise BuildError("\n".join(done.stdout.splitlines()[-15:]))
@@ -85,20 +86,8 @@ class ProjectCopy:
         )
         return sorted(name for name in here | there if here.get(name) != there.get(name))
 
-    def _environment(self, cache: str, stand_in: str) -> dict[str, str]:
-        environment = {
-            **copy_environment(self.folder),
-            "NUMBA_CACHE_DIR": str(self.folder.parent / cache),
-            "BENCHMARK_NOTES": str(self.notes),
-            "BENCHMARK_REFERENCE": str(self.reference),
-        }
-        if stand_in:
-            # A function of the shell wins over any PATH that the workflow sets for its jobs,
-            # and leaves the workflow as it is. -P: what lies beside the script is not for it.
-            script = Path(__file__).with_name(stand_in)
-            call = f'() {{ "{sys.executable}" -P "{script}" "$@"; }}'
-            environment["BASH_FUNC_reobserve%%"] = call
-        return environment
+    def _environment(self, cache: str) -> dict[str, str]:
+        return copy_environment(self.folder) | {"NUMBA_CACHE_DIR": str(self.folder.parent / cache)}
 
     def _stages(self) -> dict[str, list[float]]:
         """Seconds of each job by rule, as Snakemake measured them."""

@@ -1,5 +1,6 @@
 # What happens once, before the first job of a build.
 
+import atexit
 import fcntl
 import json
 import socket
@@ -31,13 +32,12 @@ def start_fork_server():
     It ends with this process, however that ends: then nobody holds the other end of its standard
     input.
     """
-    global fork_server
     path = Path(".snakemake/fork.socket")
     path.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
         listener.listen(256)
-        fork_server = subprocess.Popen(
+        server = subprocess.Popen(
             [
                 sys.executable,
                 "-m",
@@ -48,6 +48,7 @@ def start_fork_server():
             pass_fds=[listener.fileno()],
             start_new_session=True,
         )
+    atexit.register(server.communicate)
     shell.prefix(f"{PREFIX}export {SOCKET}={path}; ")
 
 

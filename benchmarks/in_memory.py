@@ -1,0 +1,52 @@
+"""Computes figures and draws them in all formats, in one process and without a file.
+
+Run as a script, with the names of figures of a paper, as ``ilo fig1 fig2``; without any it is all
+figures of all papers.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from reobserve.numerics.code_paths import pin_code_paths
+
+pin_code_paths()  # as the command line does it
+
+from reobserve.drawing.figures import fix_layout  # noqa: E402
+from reobserve.drawing.layouts import draw  # noqa: E402
+from reobserve.ledger.config import known_papers, read_yaml  # noqa: E402
+from reobserve.ledger.ledger import Ledger  # noqa: E402
+from reobserve.pipeline.common import paper_module  # noqa: E402
+from reobserve.pipeline.evaluation import Evaluator  # noqa: E402
+from reobserve.pipeline.figures import figure_data  # noqa: E402
+from reobserve.scoring.metrics import lookup  # noqa: E402
+
+PROJECT = Path(__file__).parents[1]
+
+
+def make(paper: str, figures: Iterable[str] = ()) -> None:
+    """Make these figures of a paper, or all."""
+    config = read_yaml(PROJECT / "config" / "config.yaml")
+    ledger = Ledger.load(PROJECT, paper, seed=config["seed"])
+    evaluator = Evaluator(ledger)
+    for figure in figures or ledger.tree["figures"]:
+        found = evaluator.figure(figure)
+        settings = ledger.settings("plot", figure)
+        data = figure_data(paper, settings, found.plant, found.estimates, found.study)
+        layouts = paper_module(paper, "plot").LAYOUTS
+        drawing = draw(layouts, replace(data, metrics=lookup(found.metrics)))
+        fix_layout(drawing)
+        for kind in config["formats"]:
+            drawing.savefig(io.BytesIO(), format=kind)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        make(sys.argv[1], sys.argv[2:])
+    else:
+        for one in known_papers(PROJECT):
+            make(one)
