@@ -388,7 +388,7 @@ def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
             1,
         ),
     ):
-        project = ["--project", str(ROOT)] if arguments[0] != "plant" else []
+        project = ["--project", str(ROOT)] if "plant" not in arguments else []
         command = [sys.executable, "-m", "reobserve", *arguments, *project]
         done = subprocess.run(command, env=told, capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stderr

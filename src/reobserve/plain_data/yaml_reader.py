@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import yaml
+from yaml.composer import Composer
 from yaml.constructor import ConstructorError
 from yaml.error import MarkedYAMLError
 from yaml.events import AliasEvent, CollectionStartEvent, ScalarEvent
@@ -48,11 +49,17 @@ def _separate(branch: Any) -> Any:
     return branch
 
 
-class _PlainLoader(yaml.SafeLoader):
+# libyaml reads texts in a sixth of the time. It composes nodes by itself, uncounted, unless the
+# composer in Python comes first.
+_BASES = (Composer, yaml.CSafeLoader) if yaml.__with_libyaml__ else (yaml.SafeLoader,)
+
+
+class _PlainLoader(*_BASES):
     """PyYAML's own safe loader, which builds nothing before all of this has been counted."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(text)
+        _BASES[-1].__init__(self, text)
+        Composer.__init__(self)
         self._depth = self._nodes = self._aliases = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
