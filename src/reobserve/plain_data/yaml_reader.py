@@ -54,7 +54,7 @@ def _separate(branch: Any) -> Any:
 _BASES = (Composer, yaml.CSafeLoader) if yaml.__with_libyaml__ else (yaml.SafeLoader,)
 
 
-class _PlainLoader(*_BASES):
+class _PlainLoader(*_BASES):  # type: ignore[misc]
     """PyYAML's own safe loader, which builds nothing before all of this has been counted."""
 
     def __init__(self, text: str) -> None:
@@ -63,7 +63,7 @@ class _PlainLoader(*_BASES):
         self._depth = self._nodes = self._aliases = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        event: Any = self.peek_event()
         self._nodes += 1
         self._aliases += isinstance(event, AliasEvent)
         if self._nodes > MOST_NODES:
