@@ -17,18 +17,22 @@ from .conftest import LEDGERS, PAPERS, ROOT
 
 GRAPH = Graph(LEDGERS, PAPERS, ["pdf", "svg"], draws=3, flips=False, project=ROOT)
 JOBS = GRAPH.behind(GRAPH.job("verdicts"))
+IN_CHUNKS = replace(GRAPH, draws=10, chunks=4)
+SCATTERED = IN_CHUNKS.behind(IN_CHUNKS.job("verdicts"))
 
 
 def test_every_file_is_made_once_and_each_job_has_its_own_log() -> None:
-    made = Counter(path for job in JOBS for path in job.outputs)
-    assert set(made.values()) == {1}
-    assert len({job.log for job in JOBS}) == len(JOBS)
-    assert {job.stage for job in JOBS} == set(STAGES) - {"search"}
+    for jobs in (JOBS, SCATTERED):
+        made = Counter(path for job in jobs for path in job.outputs)
+        assert set(made.values()) == {1}
+        assert len({job.log for job in jobs}) == len(jobs)
+    assert {job.stage for job in JOBS} == set(STAGES) - {"search", "draw"}
+    assert {job.stage for job in SCATTERED} == set(STAGES) - {"search"}
 
 
 def test_what_a_job_needs_is_made_before_it_or_is_there() -> None:
     there: set[str] = set()
-    for job in JOBS:
+    for job in SCATTERED:
         read = {path for paths in job.inputs.values() for path in paths}
         assert all(path in there or (ROOT / path).is_file() for path in read), job.name
         there |= set(job.outputs)
@@ -36,7 +40,7 @@ def test_what_a_job_needs_is_made_before_it_or_is_there() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_commands_are_what_the_command_line_takes(stage: str) -> None:
-    jobs = [job for job in JOBS if job.stage == stage] or GRAPH.all_of("search", "imm")
+    jobs = [job for job in SCATTERED if job.stage == stage] or GRAPH.all_of("search", "imm")
     assert jobs
     for job in jobs:
         options = vars(_parser().parse_args(shlex.split(job.command)))
@@ -64,6 +68,9 @@ def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
     assert GRAPH.job("robustness", paper="ilo").command.endswith(
         "--draws 3 --no-flips --kept config/draws/ilo.json --output results/ilo/robustness.json"
     )
+    gathering = IN_CHUNKS.job("robustness", paper="ilo").inputs
+    names = ("0-2", "3-5", "6-8", "9-11")
+    assert gathering["chunks"] == [f"results/ilo/draws/{name}.json" for name in names]
     anew = replace(GRAPH, kept=False).job("robustness", paper="ilo")
     assert anew.command.endswith("--no-flips --output results/ilo/robustness.json")
 

@@ -47,7 +47,9 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
     shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
     shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
-    config = "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nkept: true\nflips: true\n"
+    config = (
+        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    )
     (folder / "config/config.yaml").write_text(config)
     git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
     project.run("git", "init", "--quiet")

@@ -66,7 +66,8 @@ def check_files(ledger):
 LEDGERS = load_ledgers()
 
 GRAPH = Graph(
-    LEDGERS, *(config[key] for key in ("papers", "formats", "draws", "flips", "kept"))
+    LEDGERS,
+    *(config[key] for key in ("papers", "formats", "draws", "flips", "kept", "chunks")),
 )
 
 # What a job runs and what it leaves in its log: its one command first, then what it says.
@@ -147,6 +148,13 @@ def built(*jobs):
 def inputs(stage):
     """An input function: all files that a job reads and whose age counts, by role."""
     return lambda wildcards: job(stage, wildcards).inputs
+
+
+def ageless_inputs(stage):
+    """An input function: the same files, which must be there, but whose age does not count."""
+    return lambda wildcards: {
+        role: ancient(paths) for role, paths in job(stage, wildcards).inputs.items()
+    }
 
 
 def outputs(stage):

@@ -30,6 +30,31 @@ rule theory:
         RUN
 
 
+# None of these jobs with `chunks=1`: then the robustness makes all draws itself. What is in a chunk
+# stays right whatever is kept or drawn besides, so other files are awaited, and their age is none.
+rule draw:
+    input:
+        unpack(ageless_inputs("draw")),
+    output:
+        outputs("draw"),
+    log:
+        log_of("draw"),
+    benchmark:
+        log_of("draw", ".tsv")
+    priority: 2
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        command=command("draw"),
+        settings=lambda wildcards: digest(drawn_from(wildcards.paper)),
+        code=code("draw"),
+        packages=packages,
+    message:
+        "{wildcards.paper}: make the draws {wildcards.chunk} of what is left open"
+    shell:
+        RUN
+
+
 rule robustness:
     input:
         unpack(inputs("robustness")),

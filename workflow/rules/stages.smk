@@ -6,6 +6,7 @@
 
 wildcard_constraints:
     paper=any_of(LEDGERS),
+    chunk=r"\d+-\d+",
     scenario=names("scenarios"),
     design=names("designs"),
     observer=names("observers"),

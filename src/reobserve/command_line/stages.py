@@ -125,9 +125,18 @@ def _add_evidence(commands: Any) -> None:
         "--no-flips", dest="flips", action="store_false",
         help="do not look for the smallest change that turns a claim over, which takes longest",
     )  # fmt: skip
-    robustness.add_argument("--kept", type=Path, help="draws that need not all be made again")
+    _known_draws(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
     add_project(robustness)
+
+    draw = add_command(
+        commands, "draw", "stages.draw:run", "make a chunk of these draws, for robustness to gather"
+    )
+    _ledger_file(draw)
+    draw.add_argument("chunk", help="the first and the last number of a draw, as 50-99")
+    _known_draws(draw)
+    add_output(draw, "the draws, JSON")
+    add_project(draw)
 
     sensitivity = add_command(
         commands, "sensitivity", "stages.sensitivity:run",
@@ -162,6 +171,14 @@ def _ledger_file(command: argparse.ArgumentParser) -> None:
 def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
     text = "by `reobserve stage design`" + ("" if required else ", if the ledger names a design")
     command.add_argument("--design-file", type=Path, required=required, metavar="FILE", help=text)
+
+
+def _known_draws(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--kept", type=Path, help="draws that need not all be made again")
+    command.add_argument(
+        "--chunk-files", type=Path, nargs="+", default=[], metavar="FILE",
+        help="by `reobserve stage draw`; draws that they lack are made here",
+    )  # fmt: skip
 
 
 def _figure_inputs(command: argparse.ArgumentParser) -> None:

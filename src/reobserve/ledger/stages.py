@@ -43,8 +43,8 @@ class Stage:
     Parameters
     ----------
     about
-        What tells its jobs apart, by the words of `SECTIONS`; a theory, and what is told of claims,
-        there is one of.
+        What tells its jobs apart, by the words of `SECTIONS`, or a chunk of draws; a theory, and
+        what is told of claims, there is one of.
     sees
         The branches of the ledger, see `seen`.
     reads
@@ -121,9 +121,16 @@ STAGES = {
         ("results/{paper}/{figure}.{format}", "results/{paper}/{figure}.caption.rst"),
         "logs/{paper}/{figure}.plot.log",
     ),
+    "draw": Stage(
+        ("chunk",), (), ("ledger", "registry", "kept", "chunks"),
+        "stage draw {ledger} {chunk} [--kept {kept}] [--chunk-files {chunks}] --output {output}",
+        ("results/{paper}/draws/{chunk}.json",), "logs/{paper}/draws/{chunk}.log",
+    ),
     "robustness": Stage(
-        (), (), ("ledger", "registry", "kept"),
-        "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}] --output {output}",
+        (), (), ("ledger", "registry", "kept", "chunks"),
+        "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}]"
+        " [--chunk-files {chunks}]"
+        " --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(

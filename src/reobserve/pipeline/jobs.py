@@ -16,6 +16,7 @@ from typing import Any
 
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES, kept_file
+from reobserve.pipeline.chunks import chunks_of, earlier
 from reobserve.timeseries.signals import sample_files
 
 
@@ -114,8 +115,9 @@ class Graph:
     """The jobs of some ledgers, by paper.
 
     ``papers`` are those that are built (without any: all), in these ``formats``, their claims
-    decided over ``draws`` with or without a look for ``flips``. ``project`` is the folder that
-    paths are relative to: what is there of captions and claims decides who reads what.
+    decided over ``draws``, made in ``chunks`` if in more than one, with or without a look for
+    ``flips``. ``project`` is the folder that paths are relative to: what is there of captions and
+    claims decides who reads what.
     """
 
     ledgers: Mapping[str, Ledger]
@@ -124,6 +126,7 @@ class Graph:
     draws: int = 0
     flips: bool = True
     kept: bool = True
+    chunks: int = 1
     project: Path = Path()
     _jobs: dict[tuple[str, frozenset[tuple[str, str]]], Job] = field(
         default_factory=dict, init=False, repr=False
@@ -230,8 +233,17 @@ class Graph:
             yield self.job("metrics", paper=paper, figure=job.names["figure"])
         elif role == "robustness":
             yield self.job(role, paper=paper)
+        elif role == "chunks":
+            for one in self._chunks_for(job):
+                yield self.job("draw", paper=paper, chunk=one)
         else:
             yield from self._read_of_project(job, role, paper)
+
+    def _chunks_for(self, job: Job) -> Iterable[str]:
+        """Of draws: those before a chunk, or all for who gathers them."""
+        if "chunk" in job.names:
+            return earlier(job.names["chunk"])
+        return chunks_of(self.draws, self.chunks) if self.chunks > 1 else ()
 
     def _read_of_project(self, job: Job, role: str, paper: str) -> Iterator[str]:
         """Files that no job makes."""

@@ -30,7 +30,7 @@ _CHECKED = ("observe", "study", "search", "metrics", "plot")
 
 def stage_modules(stage: str, paper: str) -> list[str]:
     """The modules a job of a stage starts from: the command line, the stage, the paper's part."""
-    parts = _EVALUATED if stage == "robustness" else (stage,)
+    parts = _EVALUATED if stage in ("draw", "robustness") else (stage,)
     if stage in _CHECKED:
         parts = (*parts, "record")
     return [

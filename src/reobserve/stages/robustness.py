@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.evidence.claims.kept_draws import read_kept
+from reobserve.evidence.claims.known_draws import read_chunks
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import assess
 from reobserve.evidence.claims.robustness_file import to_data
@@ -14,12 +16,14 @@ from reobserve.plain_data.files import write_text
 
 
 def run(
-    ledger_file: Path, draws: int, flips: bool, kept: Path | None, output: Path, project: Path
-) -> None:
+    ledger_file: Path, draws: int, flips: bool, kept: Path | None, chunk_files: Sequence[Path],
+    output: Path, project: Path,
+) -> None:  # fmt: skip
     """Draw, move and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
     past = {} if kept is None else read_kept(kept, ledger.paper)
-    found = assess(ledger, read_registry(project, ledger).claims, draws, flips, past)
+    made = read_chunks(chunk_files, ledger.paper)
+    found = assess(ledger, read_registry(project, ledger).claims, draws, flips, past, made)
     stored = {
         "paper": ledger.paper,
         "seed": ledger.seed,

@@ -100,7 +100,7 @@ def make_project(folder: Path) -> Path:
         (folder / name).mkdir(parents=True)
     built.mkdir(parents=True)
     (folder / "config/config.yaml").write_text(
-        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nkept: true\nflips: true\n"
+        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
     )
     shutil.copy(TOY / "toy.yaml", folder / "config/papers")
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")

@@ -49,8 +49,12 @@ class KeptDraws:
 
     def numbers(self, number: int) -> tuple[float, ...] | None:
         """Those of a draw; None where it was refused."""
-        draw = self.draws[number]
-        return None if draw is None else tuple(map(float, draw.split()))
+        return numbers_in(self.draws[number])
+
+
+def numbers_in(draw: str | None) -> tuple[float, ...] | None:
+    """The numbers of a draw as it is kept; `ValueError` if it holds anything else."""
+    return None if draw is None else tuple(map(float, draw.split()))
 
 
 def as_text(numbers: tuple[float, ...] | None) -> str | None:

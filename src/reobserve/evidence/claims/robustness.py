@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,8 @@ from reobserve.errors import InputError
 from reobserve.evidence.claims import sequential
 from reobserve.evidence.claims.choices import chosen, draw
 from reobserve.evidence.claims.flips import Flip, smallest_flips
-from reobserve.evidence.claims.kept_draws import KeptDraws, alike, as_text
+from reobserve.evidence.claims.kept_draws import KeptDraws, as_text
+from reobserve.evidence.claims.known_draws import KnownDraws, MadeDraws
 from reobserve.evidence.claims.outcomes import Outcome, Outcomes, decided
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
@@ -26,9 +27,6 @@ _LEAST = 20
 
 # Draws that the code refuses are drawn again, up to this many for each that is wanted.
 _ATTEMPTS = 4
-
-# Of draws that are kept so many are made again, to see whether the code still gives what it gave.
-_AGAIN = 2
 
 # So many draws with the same numbers show that what a claim depends on does not reach them.
 _ALIKE = 8
@@ -61,6 +59,7 @@ class Robustness:
     looked: bool = True
     basis: str = ""
     kept: int = 0
+    _counted: tuple[int, int] = field(default=(0, 0), init=False, repr=False, compare=False)
 
     def add(
         self,
@@ -92,7 +91,11 @@ class Robustness:
     @property
     def held(self) -> int:
         """In how many the claim held."""
-        return sum(trial.outcome.held for trial in self.trials)
+        # It is asked after every draw: those that were counted are not counted again.
+        counted, held = self._counted
+        held += sum(trial.outcome.held for trial in self.trials[counted:])
+        self._counted = len(self.trials), held
+        return held
 
     @property
     def diverged(self) -> int:
@@ -131,12 +134,65 @@ class Robustness:
         return self.draws >= _ALIKE and len(numbers) == 1 and not self.diverged
 
 
+@dataclass(frozen=True)
+class Inquiry:
+    """Claims of which draws are made, and by name what is found and what was known of each."""
+
+    ledger: Ledger
+    outcomes: Outcomes
+    claims: Sequence[Claim]
+    found: dict[str, Robustness]
+    known: dict[str, KnownDraws]
+
+    @staticmethod
+    def begin(
+        ledger: Ledger,
+        claims: Sequence[Claim],
+        kept: Mapping[str, KeptDraws] | None = None,
+        made: MadeDraws | None = None,
+        looked: bool = True,
+    ) -> Inquiry:
+        """With no draws yet; left out are claims that are broken or depend on nothing."""
+        outcomes = Outcomes(ledger, [claim for claim in claims if claim.checks and claim.choices])
+        asked, found, known = [], {}, {}
+        for claim in claims:
+            if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
+                continue
+            basis = outcomes.basis(claim)
+            asked.append(claim)
+            found[claim.name] = Robustness(stated, claim.knob_names, looked=looked, basis=basis)
+            known[claim.name] = KnownDraws.of(claim.name, basis, kept or {}, made or {})
+        return Inquiry(ledger, outcomes, asked, found, known)
+
+    def ask(self, number: int, claims: Iterable[Claim]) -> None:
+        """Make a draw of some claims; what comes out is known from then on."""
+        together = defaultdict(list)
+        for claim in claims:
+            together[tuple(claim.keys)].append(claim)
+        here = self.outcomes.apart()  # claims that depend on the same choices share what they need
+        for members in together.values():
+            drawn, _ = draw(self.ledger, members[0].choices, number)
+            try:
+                there = here.at(drawn, members)
+            except InputError:
+                there = {}
+            for claim in members:
+                numbers = there[claim.name].numbers if there else None
+                self.known[claim.name].take(number, numbers)
+
+    def add(self, number: int, claim: Claim) -> None:
+        """Take the next draw of a claim, which must be known, for what is found."""
+        known, values = self.known[claim.name], chosen(self.ledger, claim.choices, number)
+        self.found[claim.name].add(claim, values, known[number], known.is_kept(number))
+
+
 def assess(
     ledger: Ledger,
     claims: Sequence[Claim],
     draws: int,
     flips: bool = True,
     kept: Mapping[str, KeptDraws] | None = None,
+    made: MadeDraws | None = None,
 ) -> dict[str, Robustness]:
     """The robustness of every claim that depends on something, by name.
 
@@ -152,6 +208,8 @@ def assess(
         Whether to look for the smallest change that flips a claim.
     kept
         By claim: draws that need not be made again, and the change that was found with them.
+    made
+        Draws that were made ahead, see `known_draws.read_chunks`.
 
     Raises
     ------
@@ -160,61 +218,31 @@ def assess(
     DivergenceError
         If something diverges with the ledger as it is.
     """
-    outcomes = Outcomes(ledger, [claim for claim in claims if claim.checks and claim.choices])
-    found: dict[str, Robustness] = {}
-    known: dict[str, KeptDraws] = {}
-    asked = []
-    for claim in claims:
-        if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
-            continue
-        asked.append(claim)
-        basis = outcomes.basis(claim)
-        found[claim.name] = Robustness(stated, claim.knob_names, looked=flips, basis=basis)
-        if kept and claim.name in kept and kept[claim.name].basis == basis:
-            known[claim.name] = kept[claim.name]
-    _draw_all(ledger, outcomes, draws, asked, found, known)
+    inquiry = Inquiry.begin(ledger, claims, kept, made, looked=flips)
+    _draw_all(inquiry, draws)
+    found, known = inquiry.found, inquiry.known
     if flips:
-        told = {name: one.flip for name, one in known.items() if one.looked}
-        sought = [claim for claim in asked if claim.name not in told]
-        for name, flip in (told | smallest_flips(ledger, outcomes, sought)).items():
+        told = {name: one.kept.flip for name, one in known.items() if one.kept and one.kept.looked}
+        sought = [claim for claim in inquiry.claims if claim.name not in told]
+        for name, flip in (told | smallest_flips(ledger, inquiry.outcomes, sought)).items():
             found[name].flip = flip
     return found
 
 
-def _draw_all(
-    ledger: Ledger,
-    outcomes: Outcomes,
-    most: int,
-    claims: list[Claim],
-    found: dict[str, Robustness],
-    known: dict[str, KeptDraws],
-) -> None:
-    """Ask one reader after the other, each about all claims that are not yet decided.
-
-    Draws of a claim that are known are forgotten where one that is made again comes out otherwise.
-    """
-    longest = max((len(one.draws) for one in known.values()), default=0)
+def _draw_all(inquiry: Inquiry, most: int) -> None:
+    """Ask one reader after the other, each about all claims that are not yet decided."""
+    found, known = inquiry.found, inquiry.known
+    longest = max((one.length for one in known.values()), default=0)
     for number in range(max(_ATTEMPTS * most, longest)):
-        asked = defaultdict(list)
-        for claim in claims:
-            one, past = found[claim.name], known.get(claim.name)
-            left = len(past.draws) - number if past else 0
-            if one.decided or (left <= 0 and (one.draws >= most or number >= _ATTEMPTS * most)):
-                continue
-            if past and left > 0 and number >= _AGAIN:
-                one.add(claim, chosen(ledger, claim.choices, number), past.numbers(number), True)
-            else:
-                asked[tuple(claim.keys)].append(claim)
-        here = outcomes.apart()  # claims that depend on the same choices share what they need
-        for members in asked.values():
-            drawn, values = draw(ledger, members[0].choices, number)
-            try:
-                there = here.at(drawn, members)
-            except InputError:
-                there = {}
-            for claim in members:
-                numbers = there[claim.name].numbers if there else None
-                found[claim.name].add(claim, values, numbers)
-                past = known.get(claim.name)
-                if past and number < len(past.draws) and not alike(numbers, past.numbers(number)):
-                    del known[claim.name]
+        more = number < _ATTEMPTS * most
+        going = [
+            claim
+            for claim in inquiry.claims
+            if not (one := found[claim.name]).decided
+            and (number < known[claim.name].length or (more and one.draws < most))
+        ]
+        if not going:
+            break
+        inquiry.ask(number, [claim for claim in going if number not in known[claim.name]])
+        for claim in going:
+            inquiry.add(number, claim)
