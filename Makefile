@@ -14,8 +14,8 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations lock env clean distclean \
-	help
+.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations lock env cluster clean \
+	distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
@@ -57,6 +57,9 @@ mutations: $(STAMP)  ## change one line at a time and see whether the tests noti
 
 env: $(STAMP)  ## set up .venv and nothing else
 
+cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Slurm
+	python -m pip install --quiet --no-deps --require-hashes -r requirements-cluster.lock
+
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
@@ -73,6 +76,7 @@ lock:  ## renew the locks from pyproject.toml
 	.venv-lock/bin/python -m pip install --quiet uv
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:dev pyproject.toml -o requirements.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock
 	rm -rf .venv-lock
 
 clean:  ## remove what was built

@@ -81,6 +81,21 @@ def copy_project(target: Path) -> Project:
     return Project(target)
 
 
+def copy_toy(target: Path) -> Project:
+    """The same with `toy`, a paper with every stage, which alone is built."""
+    toy, project = Path(__file__).parent / "toy", copy_project(target)
+    shutil.copytree(toy / "toy", target / "src/reobserve/papers/toy")
+    shutil.copy(toy / "toy.yaml", target / "config/papers")
+    (target / "workflow/report/toy").mkdir()
+    shutil.copy(toy / "fig1.rst", target / "workflow/report/toy")
+    shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
+    shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
+    config = "papers: [toy]\nformats: [svg]\nseed: 1\n"
+    config += "draws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    (target / "config/config.yaml").write_text(config)
+    return project
+
+
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A copy with everything built on two cores. Tests leave it as they find it.

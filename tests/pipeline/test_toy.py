@@ -19,10 +19,9 @@ from reobserve.pipeline.common import read_design
 from reobserve.plain_data.files import read_table
 from reobserve.timeseries.series import Series
 
-from .conftest import Project, copy_project
+from .conftest import Project, copy_toy
 from .test_staleness import TOLD, edited
 
-TOY = Path(__file__).parent / "toy"
 EVIDENCE = {"robustness": 1, "sensitivity": 1, "claims": 1, "report": 1, "verdicts": 1}
 DRAWN = ("robustness", "sensitivity")
 ALL = {
@@ -39,18 +38,7 @@ DESIGN = "results/toy/gains.design.json"
 @pytest.fixture(scope="module")
 def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A copy of the project in which `toy` is the one paper to build, built and committed."""
-    project = copy_project(tmp_path_factory.mktemp("toy"))
-    folder = project.folder
-    shutil.copytree(TOY / "toy", folder / "src/reobserve/papers/toy")
-    shutil.copy(TOY / "toy.yaml", folder / "config/papers")
-    (folder / "workflow/report/toy").mkdir()
-    shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
-    shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
-    shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
-    config = (
-        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
-    )
-    (folder / "config/config.yaml").write_text(config)
+    project = copy_toy(tmp_path_factory.mktemp("toy"))
     git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
     project.run("git", "init", "--quiet")
     project.run("git", "add", "--all")

@@ -1,0 +1,114 @@
+"""Draws in chunks as jobs: here, and on a Slurm of one node in which one of them is killed."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .conftest import Project, copy_toy
+from .slurm_node import ask, missing, slurm_node
+
+ROBUSTNESS = "results/toy/robustness.json"
+WHOLE = ("draws=40", "flips=false")
+
+PLUGIN = Path(sys.prefix) / "cluster"  # where .ci/run puts it
+LACKING = "on Debian and Ubuntu: apt-get install slurmctld slurmd slurm-client munge"
+NO_PLUGIN = "no executor for Slurm in this environment: make cluster"
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """The project in which `toy` is the one paper to build."""
+    return copy_toy(tmp_path_factory.mktemp("toy"))
+
+
+@pytest.fixture(scope="module")
+def in_one(toy: Project) -> bytes:
+    """What comes out where one job makes all draws."""
+    toy.snakemake(ROBUSTNESS, "--config", *WHOLE)
+    assert not (toy.folder / "results/toy/draws").exists()
+    return (toy.folder / ROBUSTNESS).read_bytes()
+
+
+def chunks(toy: Project) -> list[str]:
+    names = (path.stem for path in (toy.folder / "results/toy/draws").glob("*.json"))
+    return sorted(names, key=lambda name: int(name.partition("-")[0]))
+
+
+def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) -> None:
+    toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
+    assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
+    assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
+    more = ["draws=70", "chunks=7", "flips=false"]
+    assert toy.stale(ROBUSTNESS, config=more) == {"draw": 3, "robustness": 1}
+    (toy.folder / ROBUSTNESS).unlink()
+    (toy.folder / "results/toy/draws/30-39.json").unlink()
+    lost = toy.stale(ROBUSTNESS, config=[*WHOLE, "chunks=4"])
+    assert lost == {"draw": 1, "robustness": 1}
+
+
+@pytest.fixture
+def slurm() -> Iterator[dict[str, str]]:
+    """Of a Slurm that runs. Where none can, tests are skipped; in CI they fail."""
+    without = f"no {', '.join(missing())}; {LACKING}" if missing() else ""
+    if not (importlib.util.find_spec("snakemake_executor_plugin_slurm") or PLUGIN.is_dir()):
+        without = without or NO_PLUGIN
+    if without:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(without)
+    folder = tempfile.TemporaryDirectory(prefix="slurm-")
+    with folder as name, slurm_node(Path(name)) as environment:
+        yield environment
+
+
+def test_slurm_runs_the_jobs_and_a_killed_one_again(
+    toy: Project, in_one: bytes, slurm: dict[str, str]
+) -> None:
+    """Two behind the table go as one, two are chunks, one of them twice, and one gathers."""
+    shutil.rmtree(toy.folder / "results/toy")
+    paths = (toy.environment["PYTHONPATH"], str(PLUGIN))
+    environment = toy.environment | slurm | {"PYTHONPATH": os.pathsep.join(paths)}
+    command = (
+        "snakemake", "--profile", "profiles/slurm", "--cores", "2", "--latency-wait", "5",
+        "--slurm-no-account", "--slurm-status-command", "squeue",
+        "--slurm-init-seconds-before-status-checks", "1", "--seconds-between-status-checks", "3",
+        "results/toy/table1.csv", ROBUSTNESS, "--config", *WHOLE, "chunks=2",
+    )  # fmt: skip
+    log = (toy.folder / "slurm.log").open("w+")
+    with log, subprocess.Popen(command, cwd=toy.folder, env=environment, stderr=log) as build:
+        try:
+            killed = kill_first_chunk(slurm, build)
+            build.wait(240)
+        finally:
+            build.kill()
+            log.seek(0)
+            told = log.read()
+            print(told)
+    assert build.returncode == 0, told
+    assert f"'{killed}' failed, SLURM status is: 'CANCELLED'" in told
+    assert chunks(toy) == ["0-19", "20-39"]
+    assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
+    assert (toy.folder / "results/toy/table1.csv").is_file()
+    states = ask(slurm, "squeue", "--noheader", "--states=all", "--format=%T").split()
+    assert sorted(states) == ["CANCELLED", *4 * ["COMPLETED"]]
+
+
+def kill_first_chunk(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> str:
+    """Wait for a chunk to run and cancel it; which job of Slurm that was."""
+    while build.poll() is None:
+        rows = ask(slurm, "squeue", "--noheader", "--states=RUNNING", "--format=%i %k")
+        for row in rows.splitlines():
+            number, _, comment = row.partition(" ")
+            if "draw" in comment:
+                ask(slurm, "scancel", number)
+                return number
+        time.sleep(0.2)
+    raise AssertionError("no chunk ran")
