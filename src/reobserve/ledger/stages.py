@@ -129,8 +129,7 @@ STAGES = {
     "robustness": Stage(
         (), (), ("ledger", "registry", "kept", "chunks"),
         "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}]"
-        " [--chunk-files {chunks}]"
-        " --output {output}",
+        " [--chunk-files {chunks}] --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(
