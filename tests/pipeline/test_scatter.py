@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Project, copy_toy
+from reobserve.ledger.config import read_yaml
+
+from .conftest import ROOT, Project, copy_toy
 from .slurm_node import ask, missing, slurm_node
 
 ROBUSTNESS = "results/toy/robustness.json"
@@ -37,6 +40,14 @@ def in_one(toy: Project) -> bytes:
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE)
     assert not (toy.folder / "results/toy/draws").exists()
     return (toy.folder / ROBUSTNESS).read_bytes()
+
+
+def test_the_profile_speaks_of_every_rule_and_no_other() -> None:
+    profile = read_yaml(ROOT / "profiles/slurm/config.yaml")
+    text = "".join(path.read_text() for path in (ROOT / "workflow").rglob("*.smk"))
+    alone, grouped = {*profile["set-resources"]}, {*profile["groups"]}
+    assert not alone & grouped
+    assert alone | grouped | {"search"} == set(re.findall(r"^rule (\w+):", text, re.MULTILINE))
 
 
 def chunks(toy: Project) -> list[str]:
