@@ -46,8 +46,8 @@ def inside(modules: set[str], *packages: str) -> set[str]:
 # made of, and each of the evidence's own rooms, has its own order inside.
 ROOMS = (
     "errors", "numerics", "power_series", "plain_data", "timeseries", "models", "synthesis",
-    "plants", "observers", "scoring", "ledger", "drawing", "papers", "pipeline", "evidence",
-    "stages", "command_line", "cli", "forking", "__main__",
+    "plants", "observers", "designs", "scoring", "ledger", "drawing",
+    "papers", "pipeline", "evidence", "stages", "command_line", "cli", "forking", "__main__",
 )  # fmt: skip
 
 

@@ -1,0 +1,137 @@
+"""Design files give the observer that was designed, to the bit, and are certified again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import place_poles
+
+from reobserve.designs import eso, kalman, luenberger
+from reobserve.designs.design import Design
+from reobserve.designs.file import load_design, save_design
+from reobserve.designs.linear_system import LinearSystem
+from reobserve.errors import InputError
+from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.synthesis.extended_state import pd_pi
+
+
+def system(kind: Any, example: str) -> Any:
+    return parse(kind, parse_yaml(example, "model.yaml"))
+
+
+PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))
+
+
+@pytest.fixture(scope="module")
+def designs() -> dict[str, Design]:
+    noisy = system(kalman.NoisySystem, kalman.EXAMPLE)
+    return {
+        "steady": kalman.design_kalman(noisy),
+        "varying": kalman.design_kalman(noisy, steady=False),
+        "luenberger": luenberger.design_luenberger(
+            system(LinearSystem, luenberger.EXAMPLE), [-3, -4]
+        ),
+        "eso": eso.design_eso(system(eso.FaultySystem, eso.EXAMPLE)),
+    }
+
+
+@pytest.fixture
+def stored(designs: dict[str, Design], tmp_path: Path) -> dict[str, Path]:
+    for name, design in designs.items():
+        save_design(tmp_path / f"{name}.json", design)
+    return {name: tmp_path / f"{name}.json" for name in designs}
+
+
+def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
+    designs: dict[str, Design], stored: dict[str, Path]
+) -> None:
+    for name, design in designs.items():
+        loaded = load_design(stored[name])
+        y = np.sin(np.arange(30.0))[:, None] * np.ones(len(design.measurements))
+        runs = [
+            each.observer.run(y, 0.1 * y[:, :1], state=each.start()) for each in (design, loaded)
+        ]
+        assert set(loaded.estimates) == set(runs[0].estimates)
+        for estimate, signals in loaded.estimates.items():
+            assert np.array_equal(runs[0][estimate], runs[1][estimate])
+            assert np.prod(runs[0][estimate].shape[1:]) == len(signals)
+
+
+def test_the_kalman_gain_is_that_of_scipys_riccati_equation(stored: dict[str, Path]) -> None:
+    H, R = np.array([[1.0, 0.0]]), 1e-6
+    P = solve_discrete_are(PENDULUM[:2, :2].T, H.T, np.diag([1e-10, 1e-8]), [[R]])
+    expected = P @ H.T / (H @ P @ H.T + R)
+    assert load_design(stored["steady"]).gains.gain == pytest.approx(expected, rel=1e-9)
+
+
+def test_luenbergers_poles_are_those_asked_for(stored: dict[str, Path]) -> None:
+    design = load_design(stored["luenberger"])
+    A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by what the prediction leaves over
+    gain = place_poles(A.T, C.T, np.exp([-0.03, -0.04])).gain_matrix.T
+    assert design.gains.gain == pytest.approx(gain, rel=1e-8)
+    poles = np.array(design.certificate["poles"])
+    assert np.log(poles[:, 0]) / 0.01 == pytest.approx([-3, -4], rel=1e-9)
+
+
+def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
+    design = load_design(stored["eso"])
+    expected = pd_pi.design(design.system.augmented, 1.05)
+    assert np.array_equal(design.gains.L, expected.gains.L)
+    assert design.certificate["norm_upper"] == expected.certificate.norm_upper
+    assert design.certificate["norm_upper"] < design.gains.gamma
+
+
+def tampered(path: Path, *keys: Any, value: Any) -> Path:
+    tree = json.loads(path.read_text())
+    branch = tree
+    for key in keys[:-1]:
+        branch = branch[key]
+    branch[keys[-1]] = value(branch[keys[-1]]) if callable(value) else value
+    path.write_text(json.dumps(tree))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "value", "said"),
+    [
+        ("steady", ("gains", "gain", 0, 0), lambda g: 1.001 * g, "Riccati equation gives 0.04185"),
+        ("steady", ("gains", "gain", 0, 0), -1.0, "must be below 1, it is 1.9"),
+        ("luenberger", ("gains", "gain", 1, 0), lambda g: 1.01 * g, "but the gains give 0.9"),
+        ("luenberger", ("gains", "gain", 1, 0), -9.0, "must be below 1, it is 1.31095"),
+        ("luenberger", ("system", "sampling_period"), 0.02, "certificate.poles: says 0.97"),
+        ("luenberger", ("certificate", "spectral_radius"), 0.5, "the gains give 0.97"),
+        ("eso", ("gains", "L", 0, 0), lambda g: 1.001 * g, "certificate.poles: says -3.6"),
+        ("eso", ("gains", "L", 0, 0), 100.0, "norm, 1.09413476 to 1.09413476, is not proved"),
+        ("eso", ("gains", "gamma"), 1.0, "below 1.005.*, which no gains get below"),
+        ("eso", ("system", "Fs"), [[0.0], [0.0]], "has rank 0, must have 1"),
+        ("steady", ("schema",), 2, "schema: 2 must be 1, which this version reads"),
+        ("steady", ("kind",), "kallman", "kind: 'kallman' must be one of kalman, luenberger"),
+        ("steady", ("format",), "x", "format: 'x' must be 'reobserve design'"),
+        ("steady", ("system", "states", "angle"), "radd", "'radd' is no unit"),
+        ("steady", ("system", "A"), [[1.0]], r"system.A: has shape \(1, 1\), must be \(2, 2\)"),
+    ],
+)  # fmt: skip
+def test_what_was_changed_is_refused_with_the_number(
+    stored: dict[str, Path], name: str, keys: tuple[Any, ...], value: Any, said: str
+) -> None:
+    path = tampered(stored[name], *keys, value=value)
+    with pytest.raises(InputError, match=said) as refused:
+        load_design(path)
+    assert str(refused.value).startswith(str(path))
+
+
+def test_a_design_that_cannot_be_written_leaves_what_there_was(
+    designs: dict[str, Design], stored: dict[str, Path]
+) -> None:
+    path = stored["steady"]
+    before = path.read_bytes()
+    path.chmod(0o444)
+    with pytest.raises(InputError, match="is read-only"):
+        save_design(path, designs["steady"])
+    assert path.read_bytes() == before
