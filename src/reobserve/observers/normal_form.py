@@ -14,8 +14,10 @@ from reobserve.numerics.matrices import as_floats
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.power_series.expressions import from_expressions
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.synthesis.normal_form.known_inputs import split
 
 FORMS = ("identity", "transformed")
 
@@ -33,8 +35,13 @@ def normal_form_observer(
     gain: str = "series",
     degree: int | None = None,
     expanded: int = 9,
+    inputs: Sequence[Any] = (),
+    higher: Sequence[Any] | None = None,
 ) -> NormalFormObserver:
     """The observer (11), or (9) with (10), of a system given by expressions.
+
+    Known inputs may enter the dynamics wherever the errors stay linear for it: see
+    `reobserve.synthesis.normal_form.known_inputs`, and ``degree``, up to which that is checked.
 
     Parameters
     ----------
@@ -60,6 +67,10 @@ def normal_form_observer(
     expanded
         The degree up to which f and h are expanded, at least that of the series: what is no
         polynomial of this degree is cut off, also in the model that the observer runs on.
+    inputs
+        Known inputs that stand in the dynamics: symbols, or their names.
+    higher
+        With poles: n expressions in y1 to yp, the terms of l(y) beyond the linear ones.
 
     Raises
     ------
@@ -68,9 +79,20 @@ def normal_form_observer(
     """
     as_word("form", form, FORMS)
     order = as_whole("order", order, 0)
-    highest = max(order + 1, 0 if degree is None else as_whole("degree", degree, 0))
+    driven = len(inputs) > 0
+    # What inputs must not do shows one degree above what the observer needs.
+    least = order + 1 + driven
+    highest = max(least, 0 if degree is None else as_whole("degree", degree, 0))
     kept = max(highest, as_whole("expanded", expanded, 0))
-    system = PolynomialSystem.from_expressions(dynamics, output, variables, kept)
+    effect = None
+    if driven:
+        known = [*variables, *inputs]
+        field = from_expressions("dynamics", dynamics, known, kept)
+        autonomous, effect = split(field, len(variables))
+        shown = from_expressions("output", output, variables, kept)
+        system = PolynomialSystem(autonomous, shown)
+    else:
+        system = PolynomialSystem.from_expressions(dynamics, output, variables, kept)
     matrix = None
     if injection is not None:
         values = as_floats("injection", injection)
@@ -80,7 +102,26 @@ def normal_form_observer(
                 f"has shape {values.shape}, must be {(system.states, system.outputs)}",
             )
         matrix = PolynomialMap.linear(values)
-    series = normal_form(system, highest, injection=matrix, poles=poles)
+    added = None
+    if higher is not None:
+        outputs = [f"y{place + 1}" for place in range(system.outputs)]
+        added = _higher(from_expressions("higher", higher, outputs, kept), system.states)
+    names = [str(one) for one in (*variables, *inputs)]
+    series = normal_form(
+        system, highest, injection=matrix, poles=poles, higher=added, effect=effect, names=names
+    )
     if form == "identity":
         return IdentityObserver(series, order, sampling_period, gain)
     return TransformedObserver(series, order, sampling_period)
+
+
+def _higher(terms: PolynomialMap, states: int) -> PolynomialMap:
+    """The terms of l(y) beyond the linear ones, as many components as there are states."""
+    if terms.components != states:
+        raise InputError("higher", f"has {terms.components} expressions, must have {states}")
+    low = terms.coefficients[:, : terms.variables + 1].any(axis=1)
+    if low.any():
+        raise InputError(
+            f"higher[{int(low.argmax())}]", "has terms below degree 2, which the poles decide"
+        )
+    return terms

@@ -1,6 +1,9 @@
 """Identity form of a normal-form observer (Thomas, Kwatny & Chang, (11) and (12)).
 
-    x^' = f(x^) + L(x^) (l(h(x^)) - l(y)),      l(y) = L0 y + ...
+    x^' = f(x^) + L(x^) (l(h(x^)) - l(y) + beta(y, u)),      l(y) = L0 y + ...
+
+beta injects known inputs, see `reobserve.synthesis.normal_form.known_inputs`; without any it is
+none.
 
 The paper prints y - h(x^) in (11); with A = F + L0 H the error then obeys F - L0 H, so the sign
 here is that of (8). A truncated gain is read in one of the three ways that
@@ -32,7 +35,7 @@ class Law(NamedTuple):
     """The polynomials of the right-hand side.
 
     ``inner`` holds, row by row, f(x), l(h(x)) and, by the ``kind`` 0, 1 or 2 of the gain, L,
-    dS/dx or S; ``outer`` is dT/dz, which kind 2 alone needs.
+    dS/dx or S; ``outer`` is dT/dz, which kind 2 alone needs; ``injection`` is l(y) - beta(y, u).
     """
 
     inner: Polynomials
@@ -72,20 +75,20 @@ class IdentityObserver(NormalFormObserver):
             gain = form.gain.upto(self.order)
         else:
             gain, outer = form.S.upto(degree), form.T.upto(degree).jacobian()
-        system, injection = problem.system, problem.injection
-        fed = injection.after(system.output, injection.degree * system.output.degree)
+        system, injected = problem.system, problem.injection
+        fed = injected.after(system.output, injected.degree * system.output.degree)
         kind = GAINS.index(self.gain) if self.order else 0
         inner = polynomials(stacked([system.dynamics, fed, gain]))
-        return Law(inner, polynomials(outer), polynomials(injection), kind)
+        return Law(inner, polynomials(outer), polynomials(form.injected), kind)
 
     def _values(self, estimate: Array) -> Array:
         return estimate
 
-    def _run(self, output: Samples, rows: Array) -> int:
+    def _run(self, known: Samples, rows: Array) -> int:
         law, n = self._law, rows.shape[1]
         room = max(len(part.parent) for part in law[:-1])
         work = Work(np.empty(room), np.empty(len(law.inner.start) - 1), np.empty(n * n))
-        return _run(law, work, self.sampling_period, output.right, output.left, rows)
+        return _run(law, work, self.sampling_period, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
         return {"state": rows}
@@ -93,7 +96,7 @@ class IdentityObserver(NormalFormObserver):
 
 @kernel
 def _run(  # noqa: PLR0912, see below
-    law: Law, work: Work, step: float, output: Array, output_before: Array, rows: Array
+    law: Law, work: Work, step: float, known: Array, known_before: Array, rows: Array
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows.
 
@@ -106,8 +109,8 @@ def _run(  # noqa: PLR0912, see below
     values = work.values
     for k in range(len(rows) - 1):
         for j in range(2):
-            evaluate(law.injection, output[2 * k + j], work.monomials, measured[j])
-        evaluate(law.injection, output_before[2 * k + 2], work.monomials, measured[2])
+            evaluate(law.injection, known[2 * k + j], work.monomials, measured[j])
+        evaluate(law.injection, known_before[2 * k + 2], work.monomials, measured[2])
         for stage in range(4):
             for i in range(n):
                 x[i] = rows[k, i]

@@ -42,9 +42,9 @@ class State:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class NormalFormObserver(FixedStepObserver[State]):
-    """An observer that measures y of an autonomous system and estimates its state.
+    """An observer that measures y of a system, knows its inputs if there are any, and estimates x.
 
-    It has no known input. Its estimate is ``state``, x^, shape (k, n). Without a state a run
+    Its estimate is ``state``, x^, shape (k, n). Without a state a run
     starts from x^ = 0, the equilibrium about which the series are expanded.
 
     Parameters
@@ -68,7 +68,6 @@ class NormalFormObserver(FixedStepObserver[State]):
     order: int
     sampling_period: float
 
-    inputs: ClassVar[int] = 0
     units: ClassVar[Mapping[str, str]] = {"state": ""}
 
     def __post_init__(self) -> None:
@@ -89,13 +88,21 @@ class NormalFormObserver(FixedStepObserver[State]):
         """p, the number of outputs of the system."""
         return self.normal_form.problem.system.outputs
 
+    @property
+    def inputs(self) -> int:
+        """m, the number of known inputs of the system."""
+        return self.normal_form.inputs
+
     @abstractmethod
     def _values(self, estimate: Array) -> Array:
         """What a state holds for an estimate of x."""
 
     @abstractmethod
-    def _run(self, output: Samples, rows: Array) -> int:
-        """Run the compiled loop, fill ``rows`` from the first; return how many are finite."""
+    def _run(self, known: Samples, rows: Array) -> int:
+        """Run the compiled loop, fill ``rows`` from the first; return how many are finite.
+
+        ``known`` has the columns of y and then those of u.
+        """
 
     @abstractmethod
     def _estimates(self, rows: Array) -> dict[str, Array]:
@@ -117,15 +124,19 @@ class NormalFormObserver(FixedStepObserver[State]):
 
     def _checked(self, state: Any) -> State:
         n = self.normal_form.problem.system.states
-        problem = f"must be of an observer of {n} states and {self.measurements} outputs"
-        return check_state(state, State, problem, values=(n,), sample=(self.measurements,))
+        p, m = self.measurements, self.inputs
+        told = f", {m} inputs" if m else ""
+        problem = f"must be of an observer of {n} states{told} and {p} outputs"
+        return check_state(state, State, problem, values=(n,), sample=(p + m,))
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
-        output = steps.y
-        rows = np.empty((output.steps + 1, len(state.values)))
+        known = steps.y
+        if self.inputs:
+            known = Samples(*(np.hstack(sides) for sides in zip(steps.y, steps.u, strict=True)))
+        rows = np.empty((known.steps + 1, len(state.values)))
         rows[0] = state.values
-        finite = self._run(output, rows)
-        after = State(rows[-1].copy(), state.sample, state.count + output.steps)
+        finite = self._run(known, rows)
+        after = State(rows[-1].copy(), state.sample, state.count + known.steps)
         return Rows(self._estimates(rows[:finite]), finite, after)
 
     def check_domain(self, run: Run[State]) -> str | None:

@@ -1,10 +1,11 @@
 """Transformed form of a normal-form observer (Thomas, Kwatny & Chang, (9), (10) and (12)).
 
-    z' = A z - l(y),      x^ = T(z)
+    z' = A z - l(y) + beta(y, u),      x^ = T(z)
 
-The dynamics are linear, so they are not integrated but discretised exactly, for an l(y) that runs
-through its three samples of a step as a parabola; that has order 4, as Simpson's rule has. The
-start is z = S(x^).
+beta injects known inputs, see `reobserve.synthesis.normal_form.known_inputs`; without any it is
+none. The dynamics are linear, so they are not integrated but discretised exactly, for an injection
+that runs through its three samples of a step as a parabola; that has order 4, as Simpson's rule
+has. The start is z = S(x^).
 """
 
 from __future__ import annotations
@@ -62,10 +63,10 @@ class TransformedObserver(NormalFormObserver):
         # Of series in fractions the values are no floats.
         return np.asarray(self.normal_form.S.upto(self.order + 1)(estimate), dtype=np.float64)
 
-    def _run(self, output: Samples, rows: Array) -> int:
+    def _run(self, known: Samples, rows: Array) -> int:
         transition, weights = self._transition
-        injection = polynomials(self.normal_form.problem.injection)
-        return _run(transition, weights, injection, output.right, output.left, rows)
+        injection = polynomials(self.normal_form.injected)
+        return _run(transition, weights, injection, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:
         estimate = np.empty_like(rows)
@@ -78,8 +79,8 @@ def _run(
     transition: Array,
     weights: Array,
     injection: Polynomials,
-    output: Array,
-    output_before: Array,
+    known: Array,
+    known_before: Array,
     rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows."""
@@ -87,8 +88,8 @@ def _run(
     room, fed = np.empty(len(injection.parent)), np.empty((3, n))
     for k in range(len(rows) - 1):
         for j in range(2):
-            evaluate(injection, output[2 * k + j], room, fed[j])
-        evaluate(injection, output_before[2 * k + 2], room, fed[2])
+            evaluate(injection, known[2 * k + j], room, fed[j])
+        evaluate(injection, known_before[2 * k + 2], room, fed[2])
         for i in range(n):
             after = 0.0
             for c in range(n):

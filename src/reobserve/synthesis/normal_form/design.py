@@ -14,6 +14,7 @@ from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
+from reobserve.synthesis.normal_form.known_inputs import input_injection, joined
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import Resonance, check_nonresonant
@@ -26,7 +27,8 @@ class NormalForm:
 
     ``S`` and ``T`` are z = S(x) and x = T(z) up to the degree of the problem; ``gain`` is L(x),
     dT/dz at z = S(x), with n n components by rows and one degree less. ``resonance`` is the
-    smallest divisor behind them; None for degree 1, which has none.
+    smallest divisor behind them; None for degree 1, which has none. ``known`` is beta(y, u) of
+    `reobserve.synthesis.normal_form.known_inputs`; None for a system without inputs.
     """
 
     problem: NormalFormProblem
@@ -34,6 +36,18 @@ class NormalForm:
     S: PolynomialMap
     T: PolynomialMap
     gain: PolynomialMap
+    known: PolynomialMap | None = None
+
+    @property
+    def inputs(self) -> int:
+        """m, the number of known inputs."""
+        return 0 if self.known is None else self.known.variables - self.problem.system.outputs
+
+    @property
+    def injected(self) -> PolynomialMap:
+        """What an observer injects: l(y), or l(y) - beta(y, u) in p + m variables."""
+        injection = self.problem.injection
+        return injection if self.known is None else joined(injection, self.known)
 
 
 def normal_form(
@@ -42,6 +56,9 @@ def normal_form(
     *,
     injection: PolynomialMap | None = None,
     poles: Sequence[complex] | None = None,
+    higher: PolynomialMap | None = None,
+    effect: PolynomialMap | None = None,
+    names: Sequence[str] = (),
 ) -> NormalForm:
     """The normal form of a system up to a degree.
 
@@ -55,12 +72,17 @@ def normal_form(
         l(y), whose linear part L0 makes A = F + L0 H stable.
     poles
         Instead of it: the eigenvalues [1/s] that A is to have.
+    higher
+        With poles: the terms of l(y) beyond the linear ones.
+    effect
+        b(x, u), in n + m variables, of known inputs; ``names`` are those of all variables.
 
     Raises
     ------
     InputError
         If both or none of ``injection`` and ``poles`` are given, A is unstable or resonant, the
-        pair (F, H) is not detectable, or the series would not fit into memory.
+        pair (F, H) is not detectable, the inputs leave no linear error dynamics, or the series
+        would not fit into memory.
     """
     if (injection is None) == (poles is None):
         raise InputError("injection, poles", "one of them must be given, and not both")
@@ -69,9 +91,13 @@ def normal_form(
         if as_kind("system", system, PolynomialSystem).dynamics.exact:
             raise InputError("poles", "give no exact injection; give the injection itself")
         injection = PolynomialMap.linear(np.asarray(injection_for(system, poles)))
+        if higher is not None:
+            linear = injection.upto(higher.degree).coefficients
+            injection = PolynomialMap(higher.basis, higher.coefficients + linear)
     problem = NormalFormProblem(system, injection, degree)
     smallest = check_nonresonant(problem)
     solver = solver_for(problem)
     S = PolynomialMap(problem.basis, solve_s(problem, solver))
     T = PolynomialMap(problem.basis, solve_t(problem, solver))
-    return NormalForm(problem, smallest, S, T, gain_series(S))
+    known = None if effect is None else input_injection(S, system.output, effect, names)
+    return NormalForm(problem, smallest, S, T, gain_series(S), known)
