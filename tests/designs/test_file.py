@@ -11,34 +11,26 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import place_poles
 
-from reobserve.designs import eso, kalman, luenberger
 from reobserve.designs.design import Design
-from reobserve.designs.file import load_design, save_design
-from reobserve.designs.linear_system import LinearSystem
+from reobserve.designs.file import KINDS, kind_of, load_design, save_design
 from reobserve.errors import InputError
-from reobserve.plain_data.typed_tree import parse
 from reobserve.plain_data.yaml_reader import parse_yaml
 from reobserve.synthesis.extended_state import pd_pi
-
-
-def system(kind: Any, example: str) -> Any:
-    return parse(kind, parse_yaml(example, "model.yaml"))
-
 
 PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))
 
 
 @pytest.fixture(scope="module")
 def designs() -> dict[str, Design]:
-    noisy = system(kalman.NoisySystem, kalman.EXAMPLE)
-    return {
-        "steady": kalman.design_kalman(noisy),
-        "varying": kalman.design_kalman(noisy, steady=False),
-        "luenberger": luenberger.design_luenberger(
-            system(LinearSystem, luenberger.EXAMPLE), [-3, -4]
-        ),
-        "eso": eso.design_eso(system(eso.FaultySystem, eso.EXAMPLE)),
-    }
+    chosen: dict[str, tuple[str, dict[str, Any]]] = {
+        "steady": ("kalman", {}), "varying": ("kalman", {"varying": True}),
+        **{name: (name, {}) for name in KINDS if name != "kalman"},
+    }  # fmt: skip
+    found = {}
+    for name, (kind, options) in chosen.items():
+        made: Any = kind_of(kind)
+        found[name] = made.designed(parse_yaml(made.example, "model.yaml"), **options)
+    return found
 
 
 @pytest.fixture
@@ -53,10 +45,9 @@ def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
 ) -> None:
     for name, design in designs.items():
         loaded = load_design(stored[name])
-        y = np.sin(np.arange(30.0))[:, None] * np.ones(len(design.measurements))
-        runs = [
-            each.observer.run(y, 0.1 * y[:, :1], state=each.start()) for each in (design, loaded)
-        ]
+        sine = 0.1 * np.sin(np.arange(30.0))[:, None]
+        y, u = (sine * np.ones(len(part)) for part in (design.measurements, design.inputs))
+        runs = [each.observer.run(y, u, state=each.start()) for each in (design, loaded)]
         assert set(loaded.estimates) == set(runs[0].estimates)
         for estimate, signals in loaded.estimates.items():
             assert np.array_equal(runs[0][estimate], runs[1][estimate])

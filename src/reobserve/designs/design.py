@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from typing import Any, ClassVar, Self, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from reobserve.designs.signals import Signal, listed
 from reobserve.errors import InputError, located
 from reobserve.observers.contract import Observer
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.typed_tree import parse
 
 Array = NDArray[np.float64]
 Certificate = dict[str, Any]  # of plain values; `poles` are pairs of real and imaginary part
@@ -31,6 +33,24 @@ class Design(ABC):
     system: Any
     gains: Any
     certificate: Certificate = field(default_factory=dict)
+
+    example: ClassVar[str]  # the text of a model's file that can be designed as it is
+
+    @classmethod
+    def designed(cls, model: Tree) -> Self:
+        """The design of a model's file, which states the gains; others find them.
+
+        Raises
+        ------
+        InputError
+            If a key is missing, unknown or wrong.
+        """
+        hints = get_type_hints(cls)
+        if "gains" not in model:
+            raise InputError("gains", "are missing; a design of this kind chooses none by itself")
+        rest = {name: part for name, part in model.items() if name != "gains"}
+        gains = parse(hints["gains"], model["gains"], "gains")
+        return cls(system=parse(hints["system"], rest), gains=gains)
 
     @property
     def states(self) -> tuple[Signal, ...]:

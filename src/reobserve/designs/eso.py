@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from reobserve.designs.signals import Signal, Signals, listed
 from reobserve.errors import InputError
 from reobserve.numerics.matrices import as_vector
 from reobserve.observers.extended_state import ExtendedStateObserver, State
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.design import Design as Found
@@ -102,6 +105,59 @@ class EsoDesign(Design):
     gains: EsoGains
     certificate: Certificate = field(default_factory=dict)
 
+    example: ClassVar[str] = EXAMPLE
+
+    @classmethod
+    def designed(cls, model: Tree, *, kind: str = "pd_pi", **criterion: Any) -> Self:
+        """The observer of a model's file; raises as `of`, and for wrong keys."""
+        return cls.of(parse(FaultySystem, model), derivative=kind == "pd_pi", **criterion)
+
+    @classmethod
+    def of(
+        cls,
+        system: FaultySystem,
+        *,
+        derivative: bool = True,
+        factor: float = 1.05,
+        decay: float | None = None,
+        bound: float | None = None,
+        radius: float = 3000.0,
+        solver: str = "CLARABEL",
+    ) -> Self:
+        """Gains by linear matrix inequalities; the criterion is told by what is given.
+
+        Parameters
+        ----------
+        derivative
+            PD/PI, or PI with Ld = 0.
+        factor
+            gamma over its floor, with the smallest matrices: the usual criterion.
+        decay
+            Instead, for PI: any gains with all poles left of -``decay`` [1/s].
+        bound, radius
+            Instead: the least gamma with all poles right of -``bound`` [1/s] and matrices of a norm
+            within ``radius``.
+
+        Raises
+        ------
+        InputError
+            If two criteria are given, the solver fails, or the certificate does not hold.
+        """
+        if decay is not None and (bound is not None or derivative):
+            raise InputError("decay", "is a criterion of its own, for PI, and goes without bound")
+        found: Found
+        augmented = system.augmented
+        if decay is not None:
+            found = pi.design_feasible(augmented, decay, solver)
+        elif bound is not None:
+            found = pd_pi.design_least_gamma(
+                augmented, 0.0, bound, radius, solver, derivative=derivative
+            )
+        else:
+            found = pd_pi.design(augmented, factor, solver=solver, derivative=derivative)
+        gains = EsoGains(found.gains.L, found.gains.Ld, found.method, found.gamma)
+        return cls(system=system, gains=gains)
+
     @cached_property
     def observer(self) -> ExtendedStateObserver:
         """The observer."""
@@ -155,48 +211,3 @@ class EsoDesign(Design):
             f"H-infinity norm from disturbances, noise and changes of faults to errors: at most "
             f"{known['norm_upper']:.6g}, proved; no gains get below {known['floor']:.6g}",
         ]
-
-
-def design_eso(
-    system: FaultySystem,
-    *,
-    derivative: bool = True,
-    factor: float = 1.05,
-    decay: float | None = None,
-    bound: float | None = None,
-    radius: float = 3000.0,
-    solver: str = "CLARABEL",
-) -> EsoDesign:
-    """Gains by linear matrix inequalities; the criterion is told by what is given.
-
-    Parameters
-    ----------
-    derivative
-        PD/PI, or PI with Ld = 0.
-    factor
-        gamma over its floor, with the smallest matrices: the usual criterion.
-    decay
-        Instead, for PI: any gains with all poles left of -``decay`` [1/s].
-    bound, radius
-        Instead: the least gamma with all poles right of -``bound`` [1/s] and matrices of a norm
-        within ``radius``.
-
-    Raises
-    ------
-    InputError
-        If two criteria are given, the solver fails, or the certificate does not hold.
-    """
-    if decay is not None and (bound is not None or derivative):
-        raise InputError("decay", "is a criterion of its own, for PI, and goes without bound")
-    found: Found
-    augmented = system.augmented
-    if decay is not None:
-        found = pi.design_feasible(augmented, decay, solver)
-    elif bound is not None:
-        found = pd_pi.design_least_gamma(
-            augmented, 0.0, bound, radius, solver, derivative=derivative
-        )
-    else:
-        found = pd_pi.design(augmented, factor, solver=solver, derivative=derivative)
-    gains = EsoGains(found.gains.L, found.gains.Ld, found.method, found.gamma)
-    return EsoDesign(system=system, gains=gains)

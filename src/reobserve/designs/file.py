@@ -34,6 +34,8 @@ KINDS = {
     "kalman": "kalman.KalmanDesign",
     "luenberger": "luenberger.LuenbergerDesign",
     "eso": "eso.EsoDesign",
+    "normal-form": "normal_form.NormalFormDesign",
+    "ilo": "ilo.IloDesign",
 }
 _HEADER = ("format", "schema", "kind", "versions")
 _PACKAGES = ("reobserve", "numpy", "scipy")

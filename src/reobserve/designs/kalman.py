@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from reobserve.errors import InputError
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter, State
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.linear import steady_kalman_gain
 
 Array = NDArray[np.float64]
@@ -67,6 +69,26 @@ class KalmanDesign(Design):
     gains: KalmanGains
     certificate: Certificate = field(default_factory=dict)
 
+    example: ClassVar[str] = EXAMPLE
+
+    @classmethod
+    def designed(cls, model: Tree, *, varying: bool = False) -> Self:
+        """The filter of a model's file; raises as `of`, and for wrong keys."""
+        return cls.of(parse(NoisySystem, model), steady=not varying)
+
+    @classmethod
+    def of(cls, system: NoisySystem, *, steady: bool = True) -> Self:
+        """The Kalman filter of a system.
+
+        Raises
+        ------
+        InputError
+            If it comes to no gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+        """
+        gain = steady_kalman_gain(system.model)
+        gains = KalmanGains("steady", gain) if steady else KalmanGains("varying")
+        return cls(system=system, gains=gains)
+
     @cached_property
     def observer(self) -> LinearFilter:
         """The filter."""
@@ -108,19 +130,6 @@ class KalmanDesign(Design):
         """Poles, and how fast errors decay."""
         kept = "steady gain" if self.gains.gain is not None else "gain that follows the covariance"
         return [f"Kalman filter, {kept}", *decay_told(self)]
-
-
-def design_kalman(system: NoisySystem, *, steady: bool = True) -> KalmanDesign:
-    """The Kalman filter of a system.
-
-    Raises
-    ------
-    InputError
-        If it comes to no gain, `reobserve.synthesis.linear.steady_kalman_gain`.
-    """
-    gain = steady_kalman_gain(system.model)
-    gains = KalmanGains("steady", gain) if steady else KalmanGains("varying")
-    return KalmanDesign(system=system, gains=gains)
 
 
 def filter_estimates(design: Design) -> Mapping[str, tuple[Signal, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +13,19 @@ from numpy.typing import NDArray
 from reobserve.designs.design import Certificate, Design, pairs
 from reobserve.designs.kalman import decay_told, filter_estimates
 from reobserve.designs.linear_system import LinearSystem
+from reobserve.designs.poles import as_pole_list, check_poles, parse_poles
 from reobserve.designs.signals import Signal
+from reobserve.errors import InputError
 from reobserve.numerics.arguments import as_poles
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
 from reobserve.observers.linear_filter import State
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.typed_tree import parse
 
 Array = NDArray[np.float64]
 
 EXAMPLE = """\
-# A pendulum whose angle is measured. The poles are told on the command line: --poles "-3, -4"
+# A pendulum whose angle is measured.
 time: continuous            # or discrete: A and B are then those of a sample
 sampling_period: 0.01       # [s]
 states: {angle: rad, rate: rad/s}
@@ -29,8 +34,16 @@ measurements: {angle: rad}
 A: [[0, 1], [-0.983, -0.1]]
 B: [[0], [1]]
 H: [[1, 0]]
+poles: [-3, -4]             # [1/s], of discrete time those of a sample; complex: "-3+1j"
 initial_state: [0.3, 0]
 """
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedSystem(LinearSystem):
+    """A linear system, and the poles that errors are to have."""
+
+    poles: Annotated[list[Any], check_poles] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +57,39 @@ class LuenbergerGains:
 class LuenbergerDesign(Design):
     """An observer of constant gain."""
 
-    system: LinearSystem
+    system: PlacedSystem
     gains: LuenbergerGains
     certificate: Certificate = field(default_factory=dict)
+
+    example: ClassVar[str] = EXAMPLE
+
+    @classmethod
+    def designed(cls, model: Tree, *, poles: str | None = None) -> Self:
+        """The observer of a model's file; raises as `of`, and for wrong keys."""
+        system = parse(PlacedSystem, model)
+        return cls.of(system, None if poles is None else parse_poles(poles))
+
+    @classmethod
+    def of(cls, system: PlacedSystem, poles: Sequence[complex] | None = None) -> Self:
+        """The observer whose error has these poles: [1/s] of continuous time, else of a sample.
+
+        Left out, they are those that the system states.
+
+        Raises
+        ------
+        InputError
+            If the poles cannot be placed, `reobserve.synthesis.linear.place`, are not stable, or
+            are nowhere.
+        """
+        if poles is None and system.poles is None:
+            raise InputError("poles", "are missing; the model or the command line states them")
+        chosen = as_pole_list("poles", system.poles or []) if poles is None else list(poles)
+        placed = as_poles("poles", chosen)
+        if system.time == "continuous":
+            with np.errstate(over="ignore"):
+                placed = np.exp(placed * system.sampling_period)
+        gain = luenberger(system.model, placed).gain
+        return cls(system=system, gains=LuenbergerGains(gain))
 
     @cached_property
     def observer(self) -> FixedGainObserver:
@@ -70,18 +113,3 @@ class LuenbergerDesign(Design):
     def summary(self) -> list[str]:
         """Poles, and how fast errors decay."""
         return ["Luenberger observer", *decay_told(self)]
-
-
-def design_luenberger(system: LinearSystem, poles: Sequence[complex]) -> LuenbergerDesign:
-    """The observer whose error has these poles: [1/s] of continuous time, else of a sample.
-
-    Raises
-    ------
-    InputError
-        If the poles cannot be placed, `reobserve.synthesis.linear.place`, or are not stable.
-    """
-    placed = as_poles("poles", list(poles))
-    if system.time == "continuous":
-        placed = np.exp(placed * system.sampling_period)
-    gain = luenberger(system.model, placed).gain
-    return LuenbergerDesign(system=system, gains=LuenbergerGains(gain))

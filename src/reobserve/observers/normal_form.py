@@ -70,7 +70,7 @@ def normal_form_observer(
     inputs
         Known inputs that stand in the dynamics: symbols, or their names.
     higher
-        With poles: n expressions in y1 to yp, the terms of l(y) beyond the linear ones.
+        n expressions in y1 to yp: the terms of l(y) beyond the linear ones.
 
     Raises
     ------

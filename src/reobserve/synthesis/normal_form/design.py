@@ -73,7 +73,7 @@ def normal_form(
     poles
         Instead of it: the eigenvalues [1/s] that A is to have.
     higher
-        With poles: the terms of l(y) beyond the linear ones.
+        Terms of l(y) that come on top of these, beyond the linear ones.
     effect
         b(x, u), in n + m variables, of known inputs; ``names`` are those of all variables.
 
@@ -91,9 +91,11 @@ def normal_form(
         if as_kind("system", system, PolynomialSystem).dynamics.exact:
             raise InputError("poles", "give no exact injection; give the injection itself")
         injection = PolynomialMap.linear(np.asarray(injection_for(system, poles)))
-        if higher is not None:
-            linear = injection.upto(higher.degree).coefficients
-            injection = PolynomialMap(higher.basis, higher.coefficients + linear)
+    if higher is not None:
+        degree = max(injection.degree, higher.degree)
+        linear = injection.upto(degree)
+        both = linear.coefficients + higher.upto(degree).coefficients
+        injection = PolynomialMap(linear.basis, both)
     problem = NormalFormProblem(system, injection, degree)
     smallest = check_nonresonant(problem)
     solver = solver_for(problem)

@@ -1,0 +1,199 @@
+"""Design of an iterative learning observer of a rigid body: stable, and how accurate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.designs.design import Certificate, Design
+from reobserve.designs.linear_system import Period
+from reobserve.designs.signals import Signal, Signals
+from reobserve.errors import InputError
+from reobserve.models.rigid_body import RigidBody
+from reobserve.numerics.matrices import as_vector
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.rigid_body_observer import State
+from reobserve.synthesis.ilo_accuracy import predicted_rms_error
+from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
+from reobserve.synthesis.ilo_stability import continuous_stability
+
+Array = NDArray[np.float64]
+
+EXAMPLE = """\
+# A satellite whose rates are measured, and whose thrusters may fail.
+reading: sampled            # v is updated once an interval and held; or continuous
+sampling_period: 0.01       # [s]
+states: {rate_x: rad/s, rate_y: rad/s, rate_z: rad/s}
+inputs: {torque_x: N m, torque_y: N m, torque_z: N m}
+inertia: [[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]]       # [kg m^2]
+expected:                   # sines of a fault for which the error is predicted
+  - {amplitude: [1, 0, 0], frequency: 10}               # [N m], [rad/s]
+gains:
+  K1: 1                     # learning: of the last v
+  K2: 500                   # [N m s/rad] of the rate's error
+  damping: 500              # [N m s/rad]
+  update_interval: 0.01     # [s]
+"""
+
+
+def three(place: str, value: Mapping[str, str]) -> None:
+    """Three axes."""
+    if len(value) != 3:
+        raise InputError(place, f"names {len(value)} signals, must be 3, one an axis")
+
+
+Axes = Annotated[Signals, three]
+
+
+@dataclass(frozen=True)
+class Sine:
+    """A part of a fault: ``amplitude`` [N m] of each axis, ``frequency`` [rad/s]."""
+
+    amplitude: list[float]
+    frequency: float
+
+    def __post_init__(self) -> None:
+        as_vector("amplitude", self.amplitude, 3)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodySystem:
+    """J w' = -w x J w + B u + B_f u_f, with w measured."""
+
+    sampling_period: Period
+    states: Axes = field(default_factory=lambda: {f"rate_{a}": "rad/s" for a in "xyz"})
+    inputs: Axes = field(default_factory=lambda: {f"torque_{a}": "N m" for a in "xyz"})
+    inertia: Array
+    input_matrix: Array = field(default_factory=lambda: np.eye(3))
+    fault_matrix: Array = field(default_factory=lambda: np.eye(3))
+    initial_state: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.initial_state is not None:
+            as_vector("initial_state", self.initial_state, 3)
+        for name, signals, unit in (
+            ("states", self.states, "rad/s"), ("inputs", self.inputs, "N m"),
+        ):  # fmt: skip
+            for signal, stated in signals.items():
+                if stated != unit:
+                    raise InputError(f"{name}.{signal}", f"{stated!r} must be {unit!r}")
+
+    @property
+    def measurements(self) -> dict[str, str]:
+        """The rates themselves."""
+        return self.states
+
+    @cached_property
+    def body(self) -> RigidBody:
+        """The body; `InputError` if it is none."""
+        return RigidBody(self.inertia, self.input_matrix, self.fault_matrix)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LearningSystem(BodySystem):
+    """A body, which way v is updated, and the fault that is expected."""
+
+    reading: Literal["sampled", "continuous"]
+    expected: list[Sine] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class LearningGains:
+    """K1 [1], K2 and damping [N m s/rad], update_interval [s]."""
+
+    K1: Array
+    K2: Array
+    damping: Array
+    update_interval: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IloDesign(Design):
+    """An iterative learning observer."""
+
+    system: LearningSystem
+    gains: LearningGains
+    certificate: Certificate = field(default_factory=dict)
+
+    example: ClassVar[str] = EXAMPLE
+
+    @cached_property
+    def observer(self) -> ILO | SampledILO:
+        """The observer; unstable gains are refused."""
+        kind = SampledILO if self.system.reading == "sampled" else ILO
+        gains = self.gains
+        return kind(
+            self.system.body, self.system.sampling_period, gains.K1, gains.K2, gains.damping,
+            gains.update_interval,
+        )  # fmt: skip
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The rate and the fault torque."""
+        return body_estimates(self)
+
+    def start(self) -> State | None:
+        """The initial rate without a fault; None for the first measurement."""
+        stated = self.system.initial_state
+        return None if stated is None else self.observer.init(stated)
+
+    def certify(self) -> Certificate:
+        """Stability, and the predicted errors of the expected fault [N m]."""
+        law, sampled = self.observer.law, self.system.reading == "sampled"
+        certificate = _sampled(law) if sampled else _continuous(law)
+        sines = self.system.expected
+        if sines:
+            errors = predicted_rms_error(
+                [sine.amplitude for sine in sines], [sine.frequency for sine in sines], law,
+                reading=self.system.reading,
+            )  # fmt: skip
+            for axis, error in zip("xyz", errors, strict=True):
+                certificate[f"rms_error_{axis}"] = float(error)
+        return certificate
+
+    def summary(self) -> list[str]:
+        """Stability and accuracy."""
+        known = self.certificate
+        lines = [f"iterative learning observer, {self.system.reading}: {known['verdict']}"]
+        if self.system.reading == "sampled":
+            lines.append(f"spectral radius of an update: {known['spectral_radius']:.6g}")
+            if known["limit_gain"] is not None:
+                lines.append(f"K2 may grow by a factor of {known['limit_gain']:.4g}")
+        else:
+            lines.append(f"worst factor of an interval: {known['worst_round_gain']:.6g}")
+        errors = [known[f"rms_error_{a}"] for a in "xyz" if f"rms_error_{a}" in known]
+        if errors:
+            listed = ", ".join(f"{error:.4g}" for error in errors)
+            lines.append(f"RMS error for the expected fault: {listed} N m")
+        return lines
+
+
+def _sampled(law: LearningLaw) -> Certificate:
+    verdict, limit = sampled_stability(law), sampled_limit_gain(law)
+    return {
+        "verdict": verdict.verdict,
+        "spectral_radius": verdict.spectral_radius,
+        "limit_gain": float(limit) if np.isfinite(limit) else None,
+    }
+
+
+def _continuous(law: LearningLaw) -> Certificate:
+    verdict = continuous_stability(law)
+    return {
+        "verdict": verdict.verdict,
+        "learning_radius": verdict.learning_radius,
+        "worst_round_gain": verdict.worst_round_gain,
+    }
+
+
+def body_estimates(design: Design) -> Mapping[str, tuple[Signal, ...]]:
+    """Names and units of what observers of a rigid body estimate."""
+    faults = tuple(Signal(f"{signal.name}_fault", "N m") for signal in design.inputs)
+    return {"rate": design.states, "fault": faults}
