@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from reobserve.command_line.designs import add_designs
 from reobserve.command_line.evidence import add_evidence
 from reobserve.command_line.overview import add_overview
 from reobserve.command_line.stages import add_stages
@@ -69,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
         description="State and fault observers from five papers.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    add_designs(commands)
     add_overview(commands)
     add_evidence(commands)
     add_stages(commands)

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from reobserve.designs.design import Design, plain
 from reobserve.errors import InputError, shown
@@ -37,6 +37,8 @@ KINDS = {
     "normal-form": "normal_form.NormalFormDesign",
     "ilo": "ilo.IloDesign",
 }
+DesignKind = TypeVar("DesignKind", bound=Design)
+
 _HEADER = ("format", "schema", "kind", "versions")
 _PACKAGES = ("reobserve", "numpy", "scipy")
 _ROW = re.compile(r"\[\n[^][{}]*\]")  # a list of numbers or words, which is put on one line
@@ -77,12 +79,12 @@ def load_design(path: str | Path) -> Design:
     body = {name: part for name, part in tree.items() if name not in _HEADER}
     if "certificate" not in body:
         raise InputError(f"{path}: certificate", "is missing; a design file needs it")
-    with _inside(path):
+    with naming(path):
         return parse(kind, body).checked()
 
 
-def save_design(path: str | Path, design: Design) -> None:
-    """Certify a design and write its file, whole or not at all.
+def save_design(path: str | Path, design: DesignKind) -> DesignKind:
+    """Certify a design, write its file, whole or not at all, and return it with its certificate.
 
     Raises
     ------
@@ -103,6 +105,7 @@ def save_design(path: str | Path, design: Design) -> None:
     }
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False)
     write_text(path, _ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n")
+    return certified
 
 
 def read_model(path: str | Path) -> dict[str, Any]:
@@ -120,7 +123,7 @@ def read_model(path: str | Path) -> dict[str, Any]:
 
 
 @contextmanager
-def _inside(path: str | Path) -> Iterator[None]:
+def naming(path: str | Path) -> Iterator[None]:
     """Put the file before the key that an `InputError` inside names."""
     try:
         yield

@@ -1,0 +1,91 @@
+"""Observers of one's own: designed from a model's file, and written as code."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from reobserve.command_line.parts import add_command
+from reobserve.command_line.types import number, whole
+
+_KINDS = """\
+a model to start from, its design, and that as code:
+  reobserve design kalman --example pendulum.yaml
+  reobserve design kalman pendulum.yaml --out pendulum.json
+  reobserve export pendulum.json --to c --out pendulum
+"""
+
+
+def add_designs(commands: Any) -> None:
+    """`design` and `export`."""
+    design = commands.add_parser(
+        "design", help="gains of an observer for a model of your own, certified",
+        description="Find gains, or judge those that are given, and keep them with a certificate.",
+        epilog=_KINDS, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    kinds = design.add_subparsers(title="kinds", metavar="KIND", required=True)
+    kalman = _add_kind(kinds, "kalman", "a Kalman filter, by the Riccati equation")
+    kalman.add_argument(
+        "--varying", action="store_true",
+        help="let the gain follow the covariance in time (default: the gain that it comes to)",
+    )  # fmt: skip
+    luenberger = _add_kind(kinds, "luenberger", "an observer by the poles of its error")
+    _poles(luenberger)
+    _add_eso(kinds)
+    normal = _add_kind(kinds, "normal-form", "a normal-form observer, of right-hand sides as text")
+    _poles(normal)
+    normal.add_argument("--order", type=whole(0, 20), help="of the gain (default: the model's)")
+    normal.add_argument(
+        "--form", choices=("identity", "transformed"), help="(default: the model's)"
+    )
+    for name, text in _CHOSEN.items():
+        _add_kind(kinds, name, text)
+
+
+# Kinds whose gains stand in the model's file.
+_CHOSEN = {
+    "ilo": "an iterative learning observer: stability, and error for a fault",
+}
+
+
+def _add_kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
+    command = add_command(kinds, name, "designs.command:run", text)
+    command.set_defaults(design=name)
+    command.add_argument("model", nargs="?", type=Path, metavar="MODEL.yaml", help="the model")
+    command.add_argument("--out", type=Path, metavar="FILE", help="the design, JSON")
+    command.add_argument(
+        "--example", type=Path, metavar="FILE", help="write a model that runs as it is, no more"
+    )
+    return command
+
+
+def _add_eso(kinds: Any) -> None:
+    eso = _add_kind(kinds, "eso", "an extended state observer, by matrix inequalities")
+    eso.add_argument(
+        "--kind", choices=("pd_pi", "pi"), default="pd_pi",
+        help="with the derivative of the output's error, or without (default: pd_pi)",
+    )  # fmt: skip
+    eso.add_argument(
+        "--factor", type=number, metavar="F",
+        help="gamma over its floor, above 1, with the smallest matrices (default: 1.05)",
+    )  # fmt: skip
+    eso.add_argument(
+        "--decay", type=number, metavar="RATE",
+        help="instead, of kind pi: any gains with poles left of -RATE [1/s]",
+    )  # fmt: skip
+    eso.add_argument(
+        "--bound", type=number, metavar="RATE",
+        help="instead: the least gamma with poles right of -RATE [1/s]",
+    )  # fmt: skip
+    eso.add_argument(
+        "--radius", type=number, metavar="R", help="and matrices within this norm (default: 3000)"
+    )
+    eso.add_argument("--solver", choices=("CLARABEL", "SCS"), help="(default: CLARABEL)")
+
+
+def _poles(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--poles", metavar='"P, P"',
+        help='of the error [1/s], as "-1+2j, -1-2j" in quotes (default: the model\'s)',
+    )  # fmt: skip
