@@ -1,0 +1,45 @@
+"""Which observers can be exported, and the program of one."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from reobserve.errors import InputError, shown
+from reobserve.export.statements import Program
+from reobserve.observers.contract import Observer
+
+# The class of an observer, and the module and function that make its program.
+_PROGRAMS = {
+    "FixedGainObserver": "linear:fixed_gain",
+    "KalmanFilter": "linear:kalman",
+    "SmoothVariableStructureFilter": "linear:smooth",
+    "ExtendedStateObserver": "eso:extended_state",
+}
+# Why the others have none.
+_LEFT_OUT: dict[str, str] = {}
+
+
+def program_of(observer: Observer[Any], state: Any = None) -> Program:
+    """One step of an observer as a program that starts from ``state``.
+
+    Without a state it starts as `Observer.run` does without one.
+
+    Raises
+    ------
+    InputError
+        If it is no observer, its steps are no fixed sequence, which is said, or it has to be given
+        a state.
+    """
+    if not isinstance(observer, Observer):
+        raise InputError("observer", f"{shown(observer)} must be an observer")
+    name = type(observer).__name__
+    if name in _LEFT_OUT:
+        raise InputError("observer", f"a {name} cannot be exported: {_LEFT_OUT[name]}")
+    if name not in _PROGRAMS:
+        raise InputError("observer", f"a {name} cannot be exported; {', '.join(_PROGRAMS)} can")
+    module, _, function = _PROGRAMS[name].partition(":")
+    begun = None if state is None else observer._checked(state)
+    make = getattr(import_module(f"reobserve.export.programs.{module}"), function)
+    found: Program = make(observer, begun)
+    return found

@@ -1,0 +1,1 @@
+"""The programs of observers: a module for each family."""

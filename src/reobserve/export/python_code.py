@@ -1,0 +1,127 @@
+"""A program as Python that imports nothing but ``math``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pprint import pformat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.export.expressions import Shape
+from reobserve.export.lowering import Block, Branch, Line, Loop, Lowered
+from reobserve.export.naming import function_block, places, replaced, step_block
+from reobserve.export.statements import Function, Program
+
+Array = NDArray[np.float64]
+
+_MODULE = '''\
+"""{title}.
+
+{about}
+
+    observer = Observer()
+    estimate = observer.step(y{and_u})     # for each row
+    estimate["{first}"]
+"""
+
+import math
+from math import copysign, exp, fabs, isnan, nan as NAN, sqrt  # noqa: F401
+
+SAMPLING_PERIOD = {period}  # [s]
+
+{constants}
+
+def log(x):
+    """The logarithm, which of zero is minus infinity."""
+    return math.log(x) if x > 0.0 else (-math.inf if x == 0.0 else NAN)
+
+
+def fmax(a, b):
+    """The larger of two."""
+    return a if a > b else b
+
+
+{functions}class Observer:
+    """All that is remembered from row to row."""
+
+    def __init__(self):
+{start}
+    def step(self, y{and_u}):
+        """The estimates at a row, by name.
+
+        {arguments}
+        """
+        estimate = {{}}
+{step}        return estimate
+'''
+
+
+def module(program: Program, signals: tuple[str, str], about: str, period: float) -> str:
+    """The text of the module; ``signals`` say what the columns of y and u are."""
+    told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
+    return _MODULE.format(
+        title=program.title, about=about, and_u=", u" if program.inputs else "",
+        first=next(iter(program.estimates)), period=repr(period), arguments=told,
+        constants="".join(
+            f"{name} = {pformat(part.values.tolist(), width=96)}\n"
+            for name, part in program.constants.items()
+        ),
+        functions="".join(
+            _function(function, function_block(program, function)) for function in program.functions
+        ),
+        start="".join(
+            f"        self.{name} = {_literal(part.initial, part.counter)}\n"
+            for name, part in program.memory.items()
+        ),
+        step="".join(_step(program)),
+    )  # fmt: skip
+
+
+def _literal(values: Array, counter: bool) -> str:
+    return repr(int(values)) if counter else repr(values.tolist()).replace("nan", "NAN")
+
+
+def _empty(shape: Shape) -> str:
+    if not shape:
+        return "0.0"
+    inner = _empty(shape[1:])
+    return f"[0.0] * {shape[0]}" if len(shape) == 1 else f"[{inner} for _ in range({shape[0]})]"
+
+
+def _function(function: Function, block: Block) -> str:
+    given = ", ".join(one.name for one in (*function.arguments, function.result))
+    body = "".join((*_variables(block, 1), *_printed(block.lines, {}, 1)))
+    return f"def {function.name}({given}):\n{body}\n\n"
+
+
+def _step(program: Program) -> Iterator[str]:
+    named = places(program, "self.", "")
+    for name, part in program.estimates.items():
+        named[f"estimate_{name}"] = f'estimate["{name}"]'
+        yield f'        estimate["{name}"] = {_empty(part.initial.shape)}\n'
+    block = step_block(program)
+    yield from _variables(block, 2)
+    yield from _printed(block.lines, named, 2)
+
+
+def _variables(block: Block, depth: int) -> Iterator[str]:
+    for name, shape in block.variables.items():
+        yield f"{'    ' * depth}{name} = {_empty(shape)}\n"
+
+
+def _printed(lines: Iterable[Lowered], named: dict[str, str], depth: int) -> Iterator[str]:
+    space = "    " * depth
+    for line in lines:
+        if isinstance(line, Line):
+            yield f"{space}{replaced(line.text, named)}\n"
+        elif isinstance(line, Loop):
+            span = line.end if line.first == "0" else f"{line.first}, {line.end}"
+            yield f"{space}for {line.variable} in range({span}):\n"
+            yield from _printed(line.body, named, depth + 1)
+        elif isinstance(line, Branch):
+            yield f"{space}if {replaced(line.condition, named)}:\n"
+            yield from _printed(line.then, named, depth + 1)
+            if line.otherwise:
+                yield f"{space}else:\n"
+                yield from _printed(line.otherwise, named, depth + 1)
