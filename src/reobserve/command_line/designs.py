@@ -41,11 +41,30 @@ def add_designs(commands: Any) -> None:
     )
     for name, text in _CHOSEN.items():
         _add_kind(kinds, name, text)
+    _add_export(commands)
+
+
+def _add_export(commands: Any) -> None:
+    export = add_command(
+        commands, "export", "export.command:run", "a design as C99, Python, LaTeX or JSON"
+    )
+    export.add_argument("design", type=Path, help="a file of `reobserve design`")
+    export.add_argument(
+        "--to", choices=("c", "python", "latex", "json"), required=True,
+        help="c: a step function without allocation, and its test",
+    )  # fmt: skip
+    export.add_argument(
+        "--out", type=Path, default=Path(), metavar="FOLDER", help="(default: this one)"
+    )
 
 
 # Kinds whose gains stand in the model's file.
 _CHOSEN = {
     "ilo": "an iterative learning observer: stability, and error for a fault",
+    "adaptive": "an adaptive observer of a rigid body: poles",
+    "levant": "a robust exact differentiator: accuracy",
+    "svsf": "a smooth variable structure filter",
+    "imm": "a bank of filters, one for each mode of a plant",
 }
 
 

@@ -36,6 +36,10 @@ KINDS = {
     "eso": "eso.EsoDesign",
     "normal-form": "normal_form.NormalFormDesign",
     "ilo": "ilo.IloDesign",
+    "adaptive": "adaptive.AdaptiveDesign",
+    "levant": "levant.LevantDesign",
+    "svsf": "svsf.SvsfDesign",
+    "imm": "imm.ImmDesign",
 }
 DesignKind = TypeVar("DesignKind", bound=Design)
 

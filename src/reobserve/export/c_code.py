@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.export.expressions import Shape
-from reobserve.export.lowering import Block, Branch, Line, Loop, Lowered
+from reobserve.export.lowering import Block, Branch, Line, Loop, Lowered, nest
 from reobserve.export.naming import function_block, places, replaced, step_block
 from reobserve.export.statements import Function, Program
 
 Array = NDArray[np.float64]
+
+_WIDTH = 100
 
 _HEADER = """\
 /* {title}
@@ -122,8 +127,14 @@ def _size(shape: Shape) -> str:
 def _function(function: Function, block: Block) -> str:
     given = ", ".join(f"const double {one.name}{_size(one.shape)}" for one in function.arguments)
     result = f"double {function.result.name}{_size(function.result.shape)}"
-    body = "".join((*_variables(block), *_printed(block.lines, {}, 1)))
+    lines = list(_printed(block.lines, {}, 1))
+    unread = [one.name for one in function.arguments if not _is_read(one.name, lines)]
+    body = "".join((*_variables(block), *(f"    (void){name};\n" for name in unread), *lines))
     return f"static void {function.name}({given}, {result})\n{{\n{body}}}\n\n"
+
+
+def _is_read(name: str, lines: list[str]) -> bool:
+    return any(re.search(rf"\b{name}\b", line) for line in lines)
 
 
 def _starts(program: Program) -> Iterator[str]:
@@ -149,8 +160,6 @@ def _step(program: Program) -> Iterator[str]:
 
 
 def _summed(name: str, shape: Shape) -> list[Lowered]:
-    from reobserve.export.lowering import nest
-
     return list(nest(shape, lambda at: [Line(f"finite += {name}{at}")]))
 
 
@@ -159,12 +168,19 @@ def _variables(block: Block) -> Iterator[str]:
         yield f"    double {name}{_size(shape)}{'' if shape else ' = 0.0'};\n"
 
 
+def _margins(space: str) -> dict[str, Any]:
+    return {
+        "initial_indent": space, "subsequent_indent": f"{space}    ", "break_long_words": False,
+        "break_on_hyphens": False,
+    }  # fmt: skip
+
+
 def _printed(lines: Iterable[Lowered], named: dict[str, str], depth: int) -> Iterator[str]:
     space = "    " * depth
     for line in lines:
         if isinstance(line, Line):
-            told = replaced(line.text, named)
-            yield f"{space}{'double ' if line.declares else ''}{told};\n"
+            told = f"{'double ' if line.declares else ''}{replaced(line.text, named)};"
+            yield from (f"{part}\n" for part in wrap(told, _WIDTH, **_margins(space)))
         elif isinstance(line, Loop):
             v = line.variable
             yield f"{space}for (int32_t {v} = {line.first}; {v} < {line.end}; ++{v}) {{\n"

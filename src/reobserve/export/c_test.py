@@ -13,12 +13,13 @@ from reobserve.export.statements import Program
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-12
+COMPILE = "cc -std=c99 -Wall -Wextra -Wpedantic -Werror {name}.c {name}_test.c -lm"
 
 _TEST = """\
 /* Steps {name} through {rows} rows and compares its estimates with those of the library,
  * to {tolerance} of the largest of each. Returns 0 if they agree.
  *
- *     cc -std=c99 -Wall -Wextra -Wpedantic -Werror -ffp-contract=off {name}.c {name}_test.c -lm
+ *     {compile}
  */
 #include "{name}.h"
 
@@ -86,8 +87,9 @@ def test_source(
             f"    wrong |= !(worst[{place}] <= {_TOLERANCE} * {size!r});\n"
         )
     return _TEST.format(
-        name=name, rows=rows, tolerance=_TOLERANCE, data="\n".join(data), count=len(compared),
-        u=" u[k]," if program.inputs else "", compared="".join(compared), told="".join(told),
+        name=name, compile=COMPILE.format(name=name), rows=rows, tolerance=_TOLERANCE,
+        data="\n".join(data), count=len(compared), u=" u[k]," if program.inputs else "",
+        compared="".join(compared), told="".join(told),
     )  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def _(part: Transposed, index: Index) -> str:
 
 @element.register
 def _(part: Sum, index: Index) -> str:
-    return f"({signed([(sign, _within(term, index)) for sign, term in part.terms])})"
+    return f"({_plain(part, index)})"
 
 
 @element.register
@@ -77,8 +77,15 @@ def _(part: Outer, index: Index) -> str:
 
 @element.register
 def _(part: Call, index: Index) -> str:
-    given = ", ".join(_within(one, index) for one in part.arguments)
+    given = ", ".join(_plain(one, index) for one in part.arguments)
     return f"{part.function}({given})"
+
+
+def _plain(part: Expression, index: Index) -> str:
+    """A part that needs no parentheses around it."""
+    if not isinstance(part, Sum):
+        return _within(part, index)
+    return signed([(sign, _within(term, index)) for sign, term in part.terms])
 
 
 def _within(part: Expression, index: Index) -> str:

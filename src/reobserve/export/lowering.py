@@ -96,7 +96,7 @@ class _Maker:
             if name in self.known:
                 self.variables[name] = self.known[name]
         if isinstance(statement, Assign):
-            yield from self.assign(statement.target, statement.value)
+            yield from self.assign(statement.target, statement.value, statement.symmetric)
         elif isinstance(statement, Apply):
             given = ", ".join(map(text, (*statement.arguments, statement.target)))
             yield Line(f"{statement.function}({given})")
@@ -122,7 +122,7 @@ class _Maker:
         self.variables[name.name] = shape
         return name
 
-    def assign(self, target: Name, value: Expression) -> Iterator[Lowered]:
+    def assign(self, target: Name, value: Expression, symmetric: bool = False) -> Iterator[Lowered]:
         terms: list[tuple[int, Expression]] = []
         for sign, term in value.terms if isinstance(value, Sum) else ((1, value),):
             made, kept = self.operands(term) if isinstance(term, Product) else self.simple(term)
@@ -132,11 +132,15 @@ class _Maker:
             _reads(term, target.name) for _, term in terms if isinstance(term, Product | Outer)
         ) or any(_turned(term, target.name) for _, term in terms)
         into = self.temporary(target.shape) if read and target.shape else target
-        yield from nest(target.shape, lambda at: _entry(into, terms, at))
+        if symmetric:
+            mirrored = Line(f"{text(into)}[j][i] = {text(into)}[i][j]")
+            lines = (*_entry(into, terms, "[i][j]"), mirrored)
+            yield Loop("i", "0", str(target.shape[0]), (Loop("j", "0", "i + 1", lines),))
+        else:
+            yield from nest(target.shape, lambda at: _entry(into, terms, at))
         if into is not target:
-            yield from nest(
-                target.shape, lambda at: [Line(f"{text(target)}{at} = {text(into)}{at}")]
-            )
+            copy = f"{text(target)}{{at}} = {text(into)}{{at}}"
+            yield from nest(target.shape, lambda at: [Line(copy.format(at=at))])
 
     def operands(self, term: Product) -> tuple[list[Lowered], Expression]:
         """A product of two matrices, each of them a name or one transposed."""

@@ -14,7 +14,14 @@ _PROGRAMS = {
     "FixedGainObserver": "linear:fixed_gain",
     "KalmanFilter": "linear:kalman",
     "SmoothVariableStructureFilter": "linear:smooth",
+    "IMM": "bank:bank",
     "ExtendedStateObserver": "eso:extended_state",
+    "SampledILO": "rigid_body:sampled",
+    "ILO": "rigid_body:continuous",
+    "AdaptiveObserver": "rigid_body:adaptive",
+    "LevantDifferentiator": "levant:differentiator",
+    "IdentityObserver": "normal_form:identity",
+    "TransformedObserver": "normal_form:transformed",
 }
 # Why the others have none.
 _LEFT_OUT: dict[str, str] = {}

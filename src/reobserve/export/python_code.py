@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pprint import pformat
+from textwrap import wrap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from reobserve.export.naming import function_block, places, replaced, step_block
 from reobserve.export.statements import Function, Program
 
 Array = NDArray[np.float64]
+
+_WIDTH = 100
 
 _MODULE = '''\
 """{title}.
@@ -114,7 +117,7 @@ def _printed(lines: Iterable[Lowered], named: dict[str, str], depth: int) -> Ite
     space = "    " * depth
     for line in lines:
         if isinstance(line, Line):
-            yield f"{space}{replaced(line.text, named)}\n"
+            yield from _line(replaced(line.text, named), space)
         elif isinstance(line, Loop):
             span = line.end if line.first == "0" else f"{line.first}, {line.end}"
             yield f"{space}for {line.variable} in range({span}):\n"
@@ -125,3 +128,17 @@ def _printed(lines: Iterable[Lowered], named: dict[str, str], depth: int) -> Ite
             if line.otherwise:
                 yield f"{space}else:\n"
                 yield from _printed(line.otherwise, named, depth + 1)
+
+
+def _line(told: str, space: str) -> Iterator[str]:
+    """A line, in parentheses on several if it is long."""
+    if len(told) + len(space) <= _WIDTH:
+        yield f"{space}{told}\n"
+        return
+    target, equals, value = told.partition(" = ")
+    yield f"{space}{target}{equals}(\n"
+    for part in wrap(
+        value, _WIDTH - len(space) - 4, break_long_words=False, break_on_hyphens=False
+    ):
+        yield f"{space}    {part}\n"
+    yield f"{space})\n"

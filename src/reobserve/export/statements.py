@@ -17,10 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Assign:
-    """``target`` becomes ``value``; it may stand in it."""
+    """``target`` becomes ``value``; it may stand in it.
+
+    Of what is ``symmetric`` the lower half is computed, and copied.
+    """
 
     target: Name
     value: Expression
+    symmetric: bool = False
     shown: bool = True
 
 
@@ -200,9 +204,9 @@ class Program:
     def _add(self, statement: Any) -> None:
         self._places[-1].append(statement)
 
-    def let(self, target: Name, value: Operand) -> Name:
-        """``target`` becomes ``value``."""
-        self._add(Assign(target, of(value), shown=not self._hidden))
+    def let(self, target: Name, value: Operand, symmetric: bool = False) -> Name:
+        """``target`` becomes ``value``; see `Assign`."""
+        self._add(Assign(target, of(value), symmetric, shown=not self._hidden))
         return target
 
     def apply(self, target: Name, function: str, *arguments: Name) -> Name:

@@ -10,6 +10,7 @@ from reobserve.export.expressions import Expression, Name, call
 from reobserve.export.statements import ONE, ZERO, Program
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.matrices import as_row
+from reobserve.observers.contract import ObserverState
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import State
@@ -91,7 +92,7 @@ def _filter(
     held = remember_inputs(program, model, state)
     with program.when("started == 1", "k > 0"):
         program.let(x, move(m, x, held))
-        program.let(P, spread(m, P))
+        program.let(P, spread(m, P), symmetric=True)
     start(program, held)
     seen_error = correct(program, m, x, P, held, law, error)
     tell_innovation(program, seen_error)
@@ -115,7 +116,7 @@ def spread(m: Matrices, P: Name) -> Expression:
     return m.A @ P @ m.A.T + m.Q
 
 
-def remember_inputs(program: Program, model: LinearModel, state: State) -> Name | None:
+def remember_inputs(program: Program, model: LinearModel, state: ObserverState) -> Name | None:
     """The counter that tells the first row, and the input of the row before."""
     program.counter("started", 0 if state.sample is None else 1)
     if not model.inputs:
@@ -204,10 +205,11 @@ def correct(
     e, seen = foretell_error(program, m, x, held)
     C = program.let(program.local("C", (n, p)), P @ m.H.T)
     S = program.let(program.local("S", (p, p)), m.H @ C + m.R)
-    with program.hidden(), program.for_each("row", p) as row:
-        with program.for_each("column", p) as column:
-            program.let(S[row, column], S[row, column] * seen[row] * seen[column])
-        program.let(S[row, row], S[row, row] + 1.0 - seen[row])
+    with program.hidden(), program.for_each("row", p), program.when("seen[row] < 0.5"):
+        with program.for_each("column", p):
+            program.let(S["row", "column"], ZERO)
+            program.let(S["column", "row"], ZERO)
+        program.let(S["row", "row"], ONE)
     L, K = program.local("L", (p, p)), program.local("K", (n, p))
     program.cholesky(L, S)
     if law is None:
@@ -220,7 +222,7 @@ def correct(
     program.let(x, x + K @ e)
     # Joseph's form for any gain: T = (I - K H) P, then T (I - K H)' + K R K'.
     T = program.let(program.local("T", (n, n)), P - K @ C.T)
-    program.let(P, T - (T @ m.H.T - K @ m.R) @ K.T)
+    program.let(P, T - (T @ m.H.T - K @ m.R) @ K.T, symmetric=True)
     _likelihood(program, L, e, seen)
     if error is not None:
         after = program.let(program.local("after", (p,), "e^+"), _error(program, m, x, held))
