@@ -22,7 +22,7 @@ _WIDTH = 100
 _HEADER = """\
 /* {title}
  *
- * {about}
+{about}
  *
  * Call {name}_start once, then {name}_step for each row of measurements{and_inputs}.
  * No memory is allocated; loops have fixed bounds; numbers are doubles.
@@ -44,7 +44,7 @@ typedef struct {{
 
 void {name}_start({name}_memory *memory);
 
-/* {arguments}
+{arguments}
  * Returns 0, or 1 if the observer has left the range of numbers: then start it anew. */
 int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
     {name}_estimate *estimate);
@@ -72,9 +72,11 @@ int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
 def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
     """The header; ``signals`` say what the columns of y and u are."""
     told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
+    arguments = "\n".join(wrap(told, _WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
     return _HEADER.format(
         title=program.title, name=name, guard=f"{name.upper()}_H", upper=name.upper(),
-        about=about, and_inputs=" and inputs" if program.inputs else "", arguments=told,
+        about="\n".join(wrap(about, _WIDTH, initial_indent=" * ", subsequent_indent=" *   ")),
+        and_inputs=" and inputs" if program.inputs else "", arguments=arguments,
         period=repr(period), p=program.measurements, u=_u(program),
         memory="".join(
             f"    {'int32_t' if part.counter else 'double'} {each}{_size(part.initial.shape)};\n"

@@ -36,11 +36,12 @@ from reobserve.export.statements import (
     SolveRight,
     Statement,
     When,
+    estimate_name,
 )
 
 Array = NDArray[np.float64]
 
-_DOCUMENT = r"""% {title}. A document that compiles as it stands; take from it what you need.
+_DOCUMENT = r"""% {title}: a document that compiles as it stands.
 \documentclass{{article}}
 \usepackage[a4paper, margin=2cm]{{geometry}}
 \usepackage{{amsmath}}
@@ -65,7 +66,7 @@ _DOCUMENT = r"""% {title}. A document that compiles as it stands; take from it w
 
 def document(program: Program, design: Design) -> str:
     """The text of a document of its own."""
-    lines = [*_functions(program), *_all(program, program.body, 0)]
+    lines = [*_functions(program), *_all(program, program.body, 0), *_told_estimates(program)]
     notes = ["Counters and the row before are kept from row to row.", *program.notes]
     constants = [
         f"{_symbol(program, name)} &= {_matrix(part.values)}"
@@ -75,7 +76,7 @@ def document(program: Program, design: Design) -> str:
     shown = "\n\\begin{align*}\n" + " \\\\\n".join(constants) + "\n\\end{align*}\n"
     return _DOCUMENT.format(
         title=program.title, signals=_signals(program, design), equations=" \\\\\n".join(lines),
-        notes=" ".join(f"{one[0].upper()}{one[1:]}".rstrip(".") + "." for one in notes),
+        notes=" ".join(one.rstrip(".") + "." for one in notes),
         constants=shown if constants else "",
         tables="\n".join(
             table
@@ -127,7 +128,7 @@ def _one(program: Program, statement: Statement, depth: int) -> Iterator[str]:
         right = f"{tell(statement.factor)}^{{-1}} {tell(statement.right)}"
         yield f"&{space}{tell(statement.target)} \\leftarrow {right}"
     elif isinstance(statement, When):
-        yield f"&{space}\\text{{if }} {statement.said}\\colon"
+        yield f"&{space}\\text{{if }} {statement.said or _safe(statement.condition)}\\colon"
         yield from _all(program, statement.then, depth + 1)
     elif isinstance(statement, ForEach):
         index = _INDEX.get(statement.variable, statement.variable)
@@ -136,6 +137,14 @@ def _one(program: Program, statement: Statement, depth: int) -> Iterator[str]:
     elif isinstance(statement, Advance) and statement.period is not None:
         target = _symbol(program, statement.target.name)
         yield f"&{space}{target} \\leftarrow ({target} + 1) \\bmod {statement.period}"
+
+
+def _told_estimates(program: Program) -> Iterator[str]:
+    told = {estimate_name(name): name for name in program.estimates}
+    for statement in program.body:
+        if isinstance(statement, Assign) and statement.target.name in told:
+            name = _safe(told[statement.target.name])
+            yield f"&\\text{{{name}}} = {_Told(program).of(statement.value)}"
 
 
 # --- Expressions ---
@@ -170,7 +179,7 @@ def _(part: Name, to: _Told) -> str:
         return symbol
     places = [_INDEX.get(one) or _place(to.program, one) for one in part.index]
     inner = "".join(places) if all(len(one) == 1 for one in places) else ",".join(places)
-    plain = re.fullmatch(r"[^_^{} ]+|\\hat [a-z]|\\[A-Za-z]+", symbol)
+    plain = re.fullmatch(r"[^_^{} ]+|\\(hat|bar) [A-Za-z]|\\[A-Za-z]+", symbol)
     return f"{symbol}_{{{inner}}}" if plain else f"({symbol})_{{{inner}}}"
 
 
@@ -234,12 +243,19 @@ def _(part: Call, to: _Told) -> str:
 def number(value: float) -> str:
     """Six digits, with a power of ten where it is far from one."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
-    return f"{mantissa} \\cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+    if not exponent:
+        return mantissa
+    power = f"10^{{{int(exponent)}}}"
+    signs = {"1": power, "-1": f"-{power}"}
+    return signs.get(mantissa, f"{mantissa} \\cdot {power}")
 
 
 def _symbol(program: Program, name: str) -> str:
+    """A symbol, or a name made one: ``W_1`` with an index, words in one piece."""
     symbol = program.symbols.get(name, name)
-    return symbol if not re.fullmatch(r"[a-zA-Z]\w+", symbol) else f"\\mathit{{{_safe(symbol)}}}"
+    if re.fullmatch(r"[A-Za-z]_\w+", symbol):
+        return f"{symbol[0]}_{{{_safe(symbol[2:])}}}"
+    return f"\\mathit{{{_safe(symbol)}}}" if re.fullmatch(r"[A-Za-z]\w+", symbol) else symbol
 
 
 def _safe(text: str) -> str:

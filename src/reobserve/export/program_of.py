@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from reobserve.errors import InputError, shown
 from reobserve.export.statements import Program
 from reobserve.observers.contract import Observer
@@ -14,6 +16,7 @@ _PROGRAMS = {
     "FixedGainObserver": "linear:fixed_gain",
     "KalmanFilter": "linear:kalman",
     "SmoothVariableStructureFilter": "linear:smooth",
+    "AugmentedKalmanFilter": "linear:augmented",
     "IMM": "bank:bank",
     "ExtendedStateObserver": "eso:extended_state",
     "SampledILO": "rigid_body:sampled",
@@ -23,8 +26,21 @@ _PROGRAMS = {
     "IdentityObserver": "normal_form:identity",
     "TransformedObserver": "normal_form:transformed",
 }
+# What must be given a state.
+_STARTED = (
+    "FixedGainObserver", "KalmanFilter", "SmoothVariableStructureFilter", "AugmentedKalmanFilter",
+    "IMM",
+)  # fmt: skip
 # Why the others have none.
-_LEFT_OUT: dict[str, str] = {}
+_LEFT_OUT = {
+    "HighGainObserver": "its right-hand sides are compiled functions, of which no text is left",
+    "ExtendedHighGainObserver": (
+        "its right-hand sides are compiled functions, of which no text is left"
+    ),
+    "AdaptiveDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
+    "LeastSquaresDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
+    "VariableStructureDelayEstimator": "its past input is as long as the greatest delay",
+}
 
 
 def program_of(observer: Observer[Any], state: Any = None) -> Program:
@@ -46,6 +62,8 @@ def program_of(observer: Observer[Any], state: Any = None) -> Program:
     if name not in _PROGRAMS:
         raise InputError("observer", f"a {name} cannot be exported; {', '.join(_PROGRAMS)} can")
     module, _, function = _PROGRAMS[name].partition(":")
+    if state is None and name in _STARTED:
+        observer._start(np.zeros(observer.measurements))  # says that it must be given
     begun = None if state is None else observer._checked(state)
     make = getattr(import_module(f"reobserve.export.programs.{module}"), function)
     found: Program = make(observer, begun)

@@ -64,8 +64,9 @@ def module(program: Program, signals: tuple[str, str], about: str, period: float
     """The text of the module; ``signals`` say what the columns of y and u are."""
     told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
     return _MODULE.format(
-        title=program.title, about=about, and_u=", u" if program.inputs else "",
-        first=next(iter(program.estimates)), period=repr(period), arguments=told,
+        title=program.title, about="\n".join(wrap(about, _WIDTH)),
+        and_u=", u" if program.inputs else "", first=next(iter(program.estimates)),
+        period=repr(period), arguments="\n        ".join(wrap(told, _WIDTH - 8)),
         constants="".join(
             f"{name} = {pformat(part.values.tolist(), width=96)}\n"
             for name, part in program.constants.items()

@@ -239,9 +239,9 @@ class Program:
         """Statements under a condition; what is yielded takes those for when it does not hold."""
         then: list[Statement] = []
         otherwise: list[Statement] = []
+        self._add(When(condition, then, otherwise, said, shown=not self._hidden))
         with self._inside(then):
             yield otherwise
-        self._add(When(condition, then, otherwise, said, shown=not self._hidden))
 
     @contextmanager
     def otherwise(self, place: list[Statement]) -> Iterator[None]:

@@ -8,8 +8,9 @@ from reobserve.errors import InputError
 from reobserve.export.expressions import Name, Number, Outer, call
 from reobserve.export.programs import linear
 from reobserve.export.programs.linear import Matrices, Switching
-from reobserve.export.statements import ZERO, Program
+from reobserve.export.statements import ONE, ZERO, Program
 from reobserve.observers.imm import IMM, State
+from reobserve.observers.imm_loop import LEAST
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -46,7 +47,7 @@ def bank(observer: IMM, state: State) -> Program:
             program.let(spreads[j], linear.spread(m, spreads[j]), symmetric=True)
     linear.start(program, held)
     told = program.local("told", (r,), r"\ell")
-    innovations = program.local("innovations", (r, p))
+    innovations = program.local("innovations", (r, p), "e_j")
     with program.for_each("mode", r) as j:
         own = None if errors is None else errors[j]
         x, P = means[j], spreads[j]
@@ -125,30 +126,44 @@ def _own_law(law: Switching | None, j: str) -> Switching | None:
 def _mixing(program: Program, chain: Name, chances: Name, foretold: Name) -> Name:
     """Weights mu(i|j), j along columns, and log c_j; a mode that none reaches keeps to itself."""
     r = chances.shape[0]
-    weights = program.local("weights", (r, r), r"\mu_{i|j}")
-    greatest, total = program.local("greatest", ()), program.local("total_chance", ())
-    with program.for_each("mode", r):
-        with program.hidden():
-            program.let(greatest, Number(_LEAST))
-            with program.for_each("other", r), program.when("Chain[other][mode] > 0.0"):
-                program.let(greatest, call("fmax", greatest, chances["other"]))
-            program.let(total, ZERO)
-        with program.for_each("other", r):
-            with program.hidden():
-                program.let(weights["other", "mode"], ZERO)
-            with program.when("Chain[other][mode] > 0.0", r"\Pi_{ij} > 0"):
-                ahead = call("exp", chances["other"] - greatest)
-                program.let(weights["other", "mode"], chain["other", "mode"] * ahead)
-            program.let(total, total + weights["other", "mode"])
-        with program.hidden(), program.when(f"greatest <= {_LEAST!r}"):
-            with program.for_each("other", r):
-                program.let(weights["other", "mode"], ZERO)
-            program.let(weights["mode", "mode"], Number(1.0))
-            program.let(total, Number(1.0))
-        program.let(foretold["mode"], call("fmax", greatest + call("log", total), _LEAST))
-        with program.for_each("other", r):
-            program.let(weights["other", "mode"], weights["other", "mode"] / total)
+    weights = program.local("weights", (r, r), r"\omega")
+    total = program.local("total_chance", (), "c")
+    with program.for_each("mode", r) as j:
+        program.let(total, ZERO)
+        with program.for_each("other", r) as i:
+            program.let(weights[i, j], chain[i, j] * call("exp", chances[i]))
+            program.let(total, total + weights[i, j])
+        with program.when(f"total_chance > {LEAST!r}", r"c_j > 0") as otherwise:
+            program.let(foretold[j], call("log", total))
+        with program.otherwise(otherwise), program.hidden():
+            _unlikely(program, chain, chances, foretold, weights)
+        with program.for_each("other", r) as i:
+            program.let(weights[i, j], weights[i, j] / total)
     return weights
+
+
+def _unlikely(program: Program, chain: Name, chances: Name, foretold: Name, weights: Name) -> None:
+    """The same for a mode so unlikely that its probability is no number: by the largest."""
+    r = chances.shape[0]
+    total = Name("total_chance")
+    greatest = program.local("greatest", (), "g")
+    program.let(greatest, Number(_LEAST))
+    with program.for_each("other", r) as i, program.when("Chain[other][mode] > 0.0"):
+        program.let(weights[i, "mode"], call("log", chain[i, "mode"]) + chances[i])
+        program.let(greatest, call("fmax", greatest, weights[i, "mode"]))
+    program.let(total, ZERO)
+    with program.for_each("other", r) as i:
+        with program.when("Chain[other][mode] > 0.0") as none:
+            program.let(weights[i, "mode"], call("exp", weights[i, "mode"] - greatest))
+        with program.otherwise(none):
+            program.let(weights[i, "mode"], ZERO)
+        with program.when(f"greatest <= {_LEAST!r}"):
+            program.let(weights[i, "mode"], ZERO)
+        program.let(total, total + weights[i, "mode"])
+    with program.when(f"greatest <= {_LEAST!r}"):
+        program.let(weights["mode", "mode"], ONE)
+        program.let(total, ONE)
+    program.let(foretold["mode"], call("fmax", greatest + call("log", total), _LEAST))
 
 
 def _interact(program: Program, weights: Name, means: Name, spreads: Name) -> None:
@@ -174,20 +189,23 @@ def _interact(program: Program, weights: Name, means: Name, spreads: Name) -> No
 def _update(program: Program, foretold: Name, told: Name, chances: Name) -> Name:
     """Probabilities after the measurement; its log-likelihood over all modes."""
     r = chances.shape[0]
-    greatest, total = program.local("greatest", ()), program.local("total_chance", ())
+    greatest = program.local("greatest", (), r"g")
+    total = program.local("total_chance", ())
     whole = program.local("whole", (), r"\ell")
     with program.hidden():
         program.let(greatest, Number(_LEAST))
-        program.let(total, ZERO)
+    program.let(total, ZERO)
+    program.notes.append(r"$g$ starts from $-\infty$.")
     with program.for_each("mode", r) as j:
         program.let(chances[j], foretold[j] + told[j])
-        with program.hidden():
-            program.let(greatest, call("fmax", greatest, chances[j]))
+        program.let(greatest, call("fmax", greatest, chances[j]))
     with program.for_each("mode", r) as j:
         program.let(total, total + call("exp", chances[j] - greatest))
     program.let(whole, greatest + call("log", total))
     with program.for_each("mode", r) as j:
-        program.let(chances[j], call("fmax", chances[j] - whole, _LEAST))
+        program.let(chances[j], chances[j] - whole)
+        with program.hidden():
+            program.let(chances[j], call("fmax", chances[j], _LEAST))
     with program.hidden():  # over a row that says nothing there is no likelihood
         program.let(greatest, ZERO)
         with program.for_each("row", program.measurements):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.export.programs.sampling import Rows
+from reobserve.export.programs.sampling import Rows, tell_part
 from reobserve.export.statements import Program
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 
@@ -37,11 +37,11 @@ def extended_state(observer: ExtendedStateObserver, state: State | None) -> Prog
     spans = {"state": (ends[0], ends[1]), "actuator_fault": (ends[2], ends[3])}
     spans["sensor_fault"] = (ends[3], ends[4])
     program.notes.append(
-        f"z holds the filter of the measurements, {p}, then states, {n}, filtered outputs, {p}, "
-        "actuator faults and sensor faults"
+        f"In $z$ stand the filter of the measurements, {p}, then estimates: states, {n}, filtered "
+        f"measurements, {p}, actuator faults and sensor faults"
     )
     for name, (first, last) in spans.items():
         if last > first:
-            rows.tell(name, z, int(first), int(last))
+            tell_part(program, name, z, int(first), int(last))
     rows.keep()
     return program

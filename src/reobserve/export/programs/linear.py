@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from reobserve.export.expressions import Expression, Name, call
+from reobserve.export.programs.sampling import tell_part
 from reobserve.export.statements import ONE, ZERO, Program
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.matrices import as_row
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import ObserverState
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
@@ -70,6 +72,15 @@ def kalman(observer: KalmanFilter, state: State) -> Program:
     return program
 
 
+def augmented(observer: AugmentedKalmanFilter, state: State) -> Program:
+    """The Kalman filter of the state and the unknown inputs, which are told apart."""
+    whole, n = observer._kalman, observer.model.states
+    title = "Kalman filter with unknown inputs"
+    program = Program(title, whole.model.outputs, whole.model.inputs)
+    _filter(program, whole.model, state, None, split=n)
+    return program
+
+
 def smooth(observer: SmoothVariableStructureFilter, state: State) -> Program:
     """The SVSF with its covariance."""
     model = observer.model
@@ -83,6 +94,7 @@ def _filter(
     model: LinearModel,
     state: State,
     switching: SmoothVariableStructureFilter | None,
+    split: int = 0,
 ) -> None:
     m = matrices(program, model)
     law = None if switching is None else switching_constants(program, switching)
@@ -96,11 +108,16 @@ def _filter(
     start(program, held)
     seen_error = correct(program, m, x, P, held, law, error)
     tell_innovation(program, seen_error)
-    program.estimate("state", x)
-    variance = program.local("variance", (model.states,))
+    variance = program.local("spread_of", (model.states,), r"\operatorname{diag} P")
     with program.hidden(), program.for_each("row", model.states) as row:
         program.let(variance[row], P[row, row])
-    program.estimate("variance", variance)
+    if split:
+        for prefix, first, last in (("", 0, split), ("unknown_input", split, model.states)):
+            tell_part(program, prefix or "state", x, first, last)
+            tell_part(program, f"{prefix}_variance".lstrip("_"), variance, first, last)
+    else:
+        program.estimate("state", x)
+        program.estimate("variance", variance)
     program.estimate("log_likelihood", Name("log_likelihood"))
     remember_row(program, held)
 
@@ -152,7 +169,7 @@ def foretell_error(program: Program, m: Matrices, x: Name, held: Name | None) ->
         with program.when(f"isnan(e[{row}])"):
             program.let(seen[row], ZERO)
             program.let(e[row], ZERO)
-    program.notes.append("a measurement that is missing, nan, corrects nothing")
+    program.notes.append("A measurement that is missing, nan, corrects nothing.")
     return e, seen
 
 
@@ -163,7 +180,7 @@ def _error(program: Program, m: Matrices, x: Name, held: Name | None) -> Express
 
 def tell_innovation(program: Program, e: Name) -> None:
     """The innovation as an estimate, nan where it is missing."""
-    told = program.local("innovation", (program.measurements,))
+    told = program.local("innovation", (program.measurements,), "e")
     with program.hidden():
         program.let(told, e)
         with program.for_each("row", program.measurements), program.when("seen[row] < 0.5"):
@@ -255,6 +272,9 @@ def _likelihood(program: Program, L: Name, e: Name, seen: Name) -> None:
     p = e.shape[0]
     w = program.local("w", (p,), r"w")
     told = program.local("log_likelihood", (), r"\ell")
+    program.notes.append(
+        r"$\ell = -\tfrac12 \lvert L^{-1} e \rvert^2 - \sum_i \log L_{ii} - \tfrac m2 \log 2\pi$"
+    )
     with program.hidden():
         program.solve_lower(w, L, e)
         program.let(told, ZERO)

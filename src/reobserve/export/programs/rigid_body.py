@@ -41,7 +41,7 @@ class _Body:
         known = program.local("torque", _VECTOR, "d")
         out = program.local("slope_out", _VECTOR, "s")
         with program.function("slope", (x, rate, known), out, "f"):
-            h = program.let(program.local("momentum", _VECTOR, "h"), self.J @ x)
+            h = program.let(program.local("momentum", _VECTOR, "p"), self.J @ x)
             t = program.let(program.local("drive", _VECTOR, "t"), known + injection @ (rate - x))
             for i in range(3):  # t - w x J w
                 j, k = (i + 1) % 3, (i + 2) % 3
@@ -85,12 +85,13 @@ def sampled(observer: SampledILO, state: State | None) -> Program:
     with body.rows.moves():
         with program.when("phase == 0", r"k - 1 \text{ a multiple of } \tau"):
             program.let(v, body.learn(K1, K2, v, body.rows.y_before, w))
-        program.advance(phase, observer.delay)
+        with program.hidden():
+            program.advance(phase, observer.delay)
         known = program.let(program.local("known", _VECTOR, "d"), body.held + body.B_f @ v)
         middle = body.middle()
         stages = ((body.rows.y_before, known), (middle, known), (program.y, known))
-        runge_kutta(program, "slope", w, stages, observer.sampling_period)
-    told = program.local("fault", _VECTOR)
+        runge_kutta(program, "slope", w, stages, observer.sampling_period, r"\hat w")
+    told = program.local("fault", _VECTOR, "v")
     with program.hidden():
         program.let(told, v)
         with program.when("phase == 0"):
@@ -123,7 +124,7 @@ def continuous(observer: ILO, state: State | None) -> Program:
         measured = (body.rows.y_before, middle, program.y)
         stages = tuple((y, d) for y, d in zip(measured, known, strict=True))
         assert len(stages) == 3
-        runge_kutta(program, "slope", w, stages, observer.sampling_period)
+        runge_kutta(program, "slope", w, stages, observer.sampling_period, r"\hat w")
         last = program.local("slope_end", _VECTOR, "s_e")
         program.apply(last, "slope", w, program.y, known[2])
         between = program.local("between", _VECTOR, r"\hat w_{k-1/2}")
@@ -132,7 +133,11 @@ def continuous(observer: ILO, state: State | None) -> Program:
         for place, rate in enumerate((first, between, w)):
             value = learned[place] + K2 @ (measured[place] - rate)
             program.let(past["slot", place], value)
-        program.advance(slot, observer.delay)
+        with program.hidden():
+            program.advance(slot, observer.delay)
+        program.notes.append(
+            f"$v_{{\\mathit{{slot}},i}}$ are kept for the last {observer.delay} periods in a ring"
+        )
     program.estimate("rate", w)
     program.estimate("fault", K1 @ past["slot", 0] + K2 @ (program.y - w))
     body.rows.keep()

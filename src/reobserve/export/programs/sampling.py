@@ -37,13 +37,16 @@ class Rows:
             if self.u_before is not None:
                 self.program.let(self.u_before, self.program.u)
 
-    def tell(self, name: str, values: Name, first: int, last: int) -> None:
-        """An estimate that is a part of a vector."""
-        told = self.program.local(name, (last - first,))
-        with self.program.hidden():
-            for place in range(first, last):
-                self.program.let(told[place - first], values[place])
-        self.program.estimate(name, told)
+
+def tell_part(program: Program, name: str, values: Name, first: int, last: int) -> None:
+    """An estimate that is a part of a vector."""
+    whole = program.symbols[values.name]
+    span = f"{first + 1}, \\dots, {last}" if last > first + 1 else str(last)
+    told = program.local(f"{name}_part", (last - first,), f"({whole})_{{{span}}}")
+    with program.hidden():
+        for place in range(first, last):
+            program.let(told[place - first], values[place])
+    program.estimate(name, told)
 
 
 def runge_kutta(

@@ -1,0 +1,118 @@
+"""Observers of every kind that is exported, with states to start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.designs.file import KINDS, kind_of
+from reobserve.models.linear import LinearModel
+from reobserve.models.rigid_body import RigidBody
+from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.fixed_gain import luenberger
+from reobserve.observers.ilo import ILO
+from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.imm import IMM
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.plain_data.yaml_reader import parse_yaml
+
+Array = NDArray[np.float64]
+Made = tuple[Any, Any]  # an observer, and a state or None
+
+BODY = RigidBody([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]], fault_matrix=[1, 0.5, 1])
+
+
+def model(factor: float = 1.0) -> LinearModel:
+    """Three states, two outputs of correlated noise, one of them with feedthrough."""
+    A = factor * np.array([[0.9, 0.1, 0], [0, 0.8, 0.1], [0.05, 0, 0.7]])
+    return LinearModel(
+        A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], [0.1, 0.2, 0.3], [[1, 0.2], [0.2, 2]],
+        D=[[0.1 * factor], [0]],
+    )  # fmt: skip
+
+
+def free() -> LinearModel:
+    """The same without an input."""
+    whole = model()
+    return LinearModel(whole.A, np.zeros((3, 0)), whole.H, whole.Q, whole.R)
+
+
+def filtering(made: Any) -> Made:
+    return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0])
+
+
+def bank(*filters: Any, mixing: bool = True) -> Made:
+    chain = [[0.95, 0.05, 0.0], [0.05, 0.9, 0.05], [0.0, 0.1, 0.9]]
+    made = IMM(filters, chain, mixing)
+    return made, made.init([1.0, 2.0, 3.0], [1.0, 2.0, 1.0], [1.0, 0.0, 0.0])
+
+
+def switching(inverse: str, factor: float = 1.0) -> SmoothVariableStructureFilter:
+    return SmoothVariableStructureFilter(model(factor), [0.5, 1.5], 0.2, inverse)
+
+
+def gone_on(made: Any) -> Made:
+    """From the middle of a record."""
+    y = 0.2 * np.sin(np.arange(24.0)).reshape(8, 3)
+    return made, made.run(y, 3 * y).state
+
+
+def pendulum(**chosen: Any) -> Any:
+    return normal_form_observer(
+        ["w", "-sin(a) - w/10"], ["a"], ["a", "w"], poles=[-1.5, -2], sampling_period=0.01,
+        **chosen,
+    )  # fmt: skip
+
+
+FACTORS = (1.0, 0.8, 0.5)
+CASES: dict[str, Callable[[], Made]] = {
+    "gain": lambda: filtering(luenberger(model(), [0.3, 0.4, 0.5])),
+    "gain_free": lambda: filtering(luenberger(free(), [0.3, 0.4, 0.5])),
+    "kalman": lambda: filtering(KalmanFilter(model())),
+    "kalman_before": lambda: (
+        KalmanFilter(model()), KalmanFilter(model()).init([1, 2, 3], 1.0, u=[0.5]),
+    ),
+    "augmented": lambda: (
+        (made := AugmentedKalmanFilter(model(), [[0.0], [1.0], [0.0]], 0.01)),
+        made.init([1.0, 2.0, 3.0], 1.0),
+    ),
+    "svsf": lambda: filtering(switching("pseudo")),
+    "svsf_weighted": lambda: filtering(switching("weighted")),
+    "imm": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS)),
+    "imm_apart": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS), mixing=False),
+    "imm_svsf": lambda: bank(*(switching("weighted", f) for f in FACTORS)),
+    "sampled": lambda: (SampledILO(BODY, 0.01, 0.9, 200.0, 500.0, 0.03), None),
+    "sampled_on": lambda: gone_on(SampledILO(BODY, 0.01, 0.9, 200.0, 500.0, 0.03)),
+    "continuous": lambda: (ILO(BODY, 0.01, 0.9, 50.0, 500.0, 0.03), None),
+    "continuous_on": lambda: gone_on(ILO(BODY, 0.01, 0.9, 50.0, 500.0, 0.03)),
+    "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 0.01, 500.0, 1000.0, 10.0)),
+    "levant": lambda: (LevantDifferentiator(1.0, 0.01, 3), None),
+    "identity": lambda: (pendulum(order=4), None),
+    "constant": lambda: (pendulum(order=0), None),
+    "transformed": lambda: (pendulum(order=4, form="transformed"), None),
+}  # fmt: skip
+
+
+def designed(kind: str) -> Any:
+    """The design of the example of a kind, certified."""
+    made: Any = kind_of(kind)
+    found = made.designed(parse_yaml(made.example, "model.yaml"))
+    return found, found.start()
+
+
+def observer_of(name: str) -> Made:
+    """One of `CASES`, or the example of a kind of design."""
+    if name in CASES:
+        return CASES[name]()
+    design, state = designed(name.removeprefix("example-"))
+    return design.observer, state
+
+
+NAMES = (*CASES, *(f"example-{kind}" for kind in KINDS))

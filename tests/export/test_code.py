@@ -1,0 +1,132 @@
+"""Exported code does what `step` does, to 1e-12 of its estimates: in C, and in Python alone."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.export import c_code, c_test, python_code
+from reobserve.export.program_of import program_of
+from reobserve.export.record import test_run as run_record
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.plants.pendulum import pendulum
+from tests.export import cases
+from tests.export.cases import NAMES, observer_of
+
+SIGNALS = ("as measured", "as applied")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("code")
+
+
+def ran(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)
+
+
+def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
+    """The code of an observer; its record and what `step` makes of it."""
+    observer, state = observer_of(name)
+    program = program_of(observer, state)
+    y, u, run = run_record(observer, state)
+    stepped, expected = state, {each: run[each] for each in program.estimates}
+    if stepped is None:
+        stepped = observer.run(y[:1], u[:1] if observer.inputs else None).state
+        rows = range(1, len(y))
+    else:
+        rows = range(len(y))
+    for k in rows:
+        stepped, estimate = observer.step(stepped, y[k], u[k] if observer.inputs else None)
+        for each, values in expected.items():
+            assert np.array_equal(values[k], estimate[each], equal_nan=True)
+    c = name.replace("-", "_")
+    period = observer.sampling_period
+    (folder / f"{c}.h").write_text(c_code.header(program, c, SIGNALS, "About it.", period))
+    (folder / f"{c}.c").write_text(c_code.source(program, c))
+    (folder / f"{c}_test.c").write_text(c_test.test_source(program, c, y, u, expected))
+    (folder / f"{c}.py").write_text(python_code.module(program, SIGNALS, "About it.", period))
+    return observer, y, u, expected
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+@pytest.mark.parametrize("name", NAMES)
+def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> None:
+    write(name, folder)
+    c = name.replace("-", "_")
+    command = c_test.COMPILE.format(name=c).split()
+    done = ran(folder, *command, "-o", c)
+    assert (done.returncode, done.stderr) == (0, "")
+    tested = ran(folder, f"./{c}")
+    assert tested.returncode == 0, tested.stdout
+    source = (folder / f"{c}.c").read_text()
+    assert not {"malloc", "free(", "while", "goto"} & set(source.split())
+    assert source.count("#include") == 2  # its own header, and that of mathematics
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_python_agrees_and_imports_nothing(name: str, folder: Path) -> None:
+    observer, y, u, expected = write(name, folder)
+    c = name.replace("-", "_")
+    text = (folder / f"{c}.py").read_text()
+    assert [line for line in text.splitlines() if "import" in line] == [
+        "import math",
+        "from math import copysign, exp, fabs, isnan, nan as NAN, sqrt  # noqa: F401",
+    ]
+    scope: dict[str, Any] = {"__name__": c}
+    exec(compile(text, c, "exec"), scope)
+    exported = scope["Observer"]()
+    for k in range(len(y)):
+        row = (y[k].tolist(), u[k].tolist()) if observer.inputs else (y[k].tolist(),)
+        found = exported.step(*row)
+        for each, values in expected.items():
+            size = np.nanmax(np.abs(values))
+            assert found[each] == pytest.approx(values[k], abs=1e-12 * size, rel=0, nan_ok=True)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+def test_the_test_in_c_notices_a_digit(folder: Path) -> None:
+    """A compared number changed in its tenth digit, a gain in its eleventh."""
+    write("kalman", folder)
+    source = (folder / "kalman.c").read_text()
+    assert "0.9, 0.1, 0.0" in source
+    (folder / "kalman.c").write_text(source.replace("0.9, 0.1, 0.0", "0.90000000001, 0.1, 0.0"))
+    command = c_test.COMPILE.format(name="kalman").split()
+    assert ran(folder, *command, "-o", "off").returncode == 0
+    tested = ran(folder, "./off")
+    assert tested.returncode == 1
+    assert "state: off by" in tested.stdout
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
+def test_c_tells_that_it_left_the_range_of_numbers(folder: Path) -> None:
+    write("identity", folder)
+    (folder / "far.c").write_text(
+        '#include "identity.h"\n'
+        "int main(void) {\n"
+        "    identity_memory memory;\n    identity_estimate estimate;\n"
+        "    const double far[1] = {1e300};\n    int32_t said = 0;\n"
+        "    identity_start(&memory);\n"
+        "    for (int32_t k = 0; k < 20; ++k) {\n"
+        "        said |= identity_step(&memory, far, &estimate);\n    }\n"
+        "    return said;\n}\n"
+    )
+    command = c_test.COMPILE.format(name="identity").replace("identity_test.c", "far.c").split()
+    assert ran(folder, *command, "-o", "far").returncode == 0
+    assert ran(folder, "./far").returncode == 1
+
+
+def test_an_observer_whose_steps_are_not_fixed_is_refused_with_the_reason() -> None:
+    high_gain = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 10.0, 0.01)
+    with pytest.raises(InputError, match=r"a HighGainObserver cannot be exported: .* compiled"):
+        program_of(high_gain, high_gain.init([0.0, 0.0]))
+    with pytest.raises(InputError, match="the gain composed cannot be exported, only series"):
+        program_of(cases.pendulum(order=3, gain="composed"))
+    with pytest.raises(InputError, match="state: must be given"):
+        program_of(observer_of("kalman")[0])
