@@ -50,6 +50,7 @@ INNER = {
     "synthesis.extended_state.polishing.polished",
     "synthesis.extended_state.start.strictly_feasible",
     "synthesis.normal_form.gain.gain_at",
+    "synthesis.normal_form.known_inputs.input_injection",
     "synthesis.ilo_error_system.solved",
 }
 

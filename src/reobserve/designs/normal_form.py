@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -85,16 +86,28 @@ class NonlinearSystem:
         higher = None
         if self.injection:
             higher = [self.injection.get(name, 0) for name in self.states]
-        return normal_form_observer(
-            [self.dynamics[name] for name in self.states],
-            [self.output[name] for name in self.measurements],
-            list(self.states),
-            inputs=list(self.inputs),
-            higher=higher,
-            sampling_period=self.sampling_period,
-            degree=self.degree,
-            **chosen,
-        )
+        try:
+            return normal_form_observer(
+                [self.dynamics[name] for name in self.states],
+                [self.output[name] for name in self.measurements],
+                list(self.states),
+                inputs=list(self.inputs),
+                higher=higher,
+                sampling_period=self.sampling_period,
+                degree=self.degree,
+                **chosen,
+            )
+        except InputError as error:
+            raise InputError(self._place(error.parameter), error.problem) from None
+
+    def _place(self, parameter: str) -> str:
+        """The key of what a list has for it: ``dynamics[0]`` is that of the first state."""
+        found = re.fullmatch(r"(dynamics|output|higher)\[(\d+)\]", parameter)
+        if found is None:
+            return parameter
+        signals = self.measurements if found[1] == "output" else self.states
+        key = "injection" if found[1] == "higher" else found[1]
+        return f"{key}.{list(signals)[int(found[2])]}"
 
 
 @dataclass(frozen=True, eq=False)

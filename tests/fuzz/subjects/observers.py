@@ -235,7 +235,14 @@ def _normal_forms() -> Iterator[Subject]:
             injection=injection,
         )  # fmt: skip
 
+    def driven(inputs: Any, higher: Any, degree: Any) -> object:
+        return normal_form_observer(
+            ["w", "-sin(a) - w/10 + u"], ["a"], ["a", "w"], order=1, sampling_period=0.01,
+            poles=[-1.5, -2.2], inputs=inputs, higher=higher, degree=degree,
+        )  # fmt: skip
+
     name = "observers.normal_form.normal_form_observer"
+    yield Subject(f"{name}, driven", driven, (["u"], ["0", "sin(y1) - y1"], 3))
     yield Subject(
         "synthesis.normal_form.design.normal_form", placed, (van_der_pol(), 3, [-1.7, -2.3])
     )

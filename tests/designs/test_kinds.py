@@ -1,0 +1,122 @@
+"""What designs of each kind say of their observers, against other ways to the same numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from reobserve.designs.design import Design
+from reobserve.designs.file import kind_of
+from reobserve.designs.poles import parse_poles
+from reobserve.designs.signals import product
+from reobserve.errors import InputError
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.yaml_reader import parse_yaml
+
+
+def model(kind: str, **changed: Any) -> Tree:
+    """The example of a kind, with other values."""
+    tree: Tree = parse_yaml(kind_of(kind).example, "model.yaml")
+    return {**tree, **changed}
+
+
+def design(kind: str, options: dict[str, Any] | None = None, **changed: Any) -> Any:
+    made: Any = kind_of(kind)
+    found: Design = made.designed(model(kind, **changed), **(options or {}))
+    return found
+
+
+def poles(design: Design) -> Any:
+    return np.sort_complex([complex(*pole) for pole in design.certify()["poles"]])
+
+
+def test_complex_poles_of_continuous_time_are_placed_sampled() -> None:
+    placed = design("luenberger", {"poles": "-3+1j, -3-1j"})
+    expected = np.sort_complex(np.exp(0.01 * np.array([-3 + 1j, -3 - 1j])))
+    assert poles(placed) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_discrete_model_is_taken_as_it_stands() -> None:
+    A, B = [[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]]
+    placed = design("luenberger", {"poles": "0.5 0.6"}, time="discrete", A=A, B=B)
+    # (z - 0.5)(z - 0.6) = det(z I - A + L H A), with H A = [1, 0.1].
+    L = placed.gains.gain
+    error = np.array(A) - L @ np.array([[1.0, 0.1]])
+    assert np.sort(np.linalg.eigvals(error).real) == pytest.approx([0.5, 0.6])
+    assert np.array_equal(placed.observer.model.A, A)
+
+
+def test_the_poles_of_a_normal_form_are_those_of_its_error() -> None:
+    """The pendulum of the example: S(x) = x, so that errors move by exp(A t) whatever u does."""
+    built = design("normal-form")
+    assert poles(built) == pytest.approx([-2.2, -1.5], rel=1e-9)
+    assert built.certify()["nonlinearity"] < 1e-12
+    A = np.array([[0, 1], [-1, -0.1]]) + built.gains.injection @ np.array([[1, 0]])
+    assert np.sort(np.linalg.eigvals(A)) == pytest.approx([-2.2, -1.5], rel=1e-9)
+
+
+def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
+    with pytest.raises(InputError, match=r"inputs: .* a term in .*torque that is none"):
+        design("normal-form", injection=None)
+    with pytest.raises(InputError, match=r"dynamics.rate: -speed holds speed, which has no value"):
+        design("normal-form", dynamics={"angle": "rate", "rate": "-speed"})
+    with pytest.raises(InputError, match=r"dynamics.rat: is of no signal; did you mean 'rate'"):
+        design("normal-form", dynamics={"angle": "rate", "rat": "-angle"})
+
+
+def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> None:
+    """On a ball: j s^2 + (damping + Kp) s + Gamma = 0, three times."""
+    gains = {"damping": 30.0, "integral_gain": 200.0, "proportional_gain": 10.0}
+    built = design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains)
+    expected = np.sort_complex(np.repeat(np.roots([5.0, 40.0, 200.0]), 3))
+    assert poles(built) == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
+        design("adaptive", sampling_period=10.0).certify()
+
+
+def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
+    """K1 = I, held: w~ -> a w~ - b v, v -> v + K2 w~ a sample later, with a = exp(-l tau / j)."""
+    j, damping, K2, tau = 20.0, 500.0, 500.0, 0.01
+    gains = {"K1": 1, "K2": K2, "damping": damping, "update_interval": tau}
+    built = design("ilo", inertia=np.diag([j, j, j]).tolist(), gains=gains)
+    a = np.exp(-damping * tau / j)
+    b = (1 - a) / damping
+    radius = np.abs(np.linalg.eigvals([[a - b * K2, -b], [K2, 1.0]])).max()
+    certificate = built.certify()
+    assert certificate["spectral_radius"] == pytest.approx(radius, rel=1e-12)
+    assert certificate["rms_error_x"] > 0
+    assert certificate["rms_error_y"] == pytest.approx(0, abs=1e-15)
+    with pytest.raises(InputError, match=r"must give stable error dynamics.* the limit is"):
+        design("ilo", gains={**gains, "K2": 1e6}).certify()
+
+
+def test_modes_of_a_bank_are_sampled_each_by_itself() -> None:
+    built = design("imm")
+    for one, friction in zip(built.observer.filters, (0.1, 0.5), strict=True):
+        whole = expm(0.01 * np.array([[0, 1, 0], [-0.983, -friction, 1], [0, 0, 0]]))
+        assert pytest.approx(whole[:2, :2], abs=1e-14) == one.model.A
+        assert pytest.approx(whole[:2, 2:], abs=1e-14) == one.model.B
+    assert built.certify()["samples_in_worn"] == pytest.approx(1000)
+    names = [signal.name for signal in built.estimates["probability"]]
+    assert names == ["sound_probability", "worn_probability"]
+    with pytest.raises(InputError, match=r"modes.worn.A: has shape \(1, 1\), must be \(2, 2\)"):
+        design("imm", modes={"sound": {}, "worn": {"A": [[1]]}}).certify()
+
+
+def test_units_of_products_are_reduced() -> None:
+    assert product("rad/s", "rad/s") == "rad^2/s^2"
+    assert product("rad/s", "s/rad") == "1"
+    assert product("N m", "1/(A s^2)") == "N m/(A s^2)"
+    assert product("rad", "") == ""
+    derivatives = design("levant").states
+    assert [signal.unit for signal in derivatives] == ["rad", "rad/s", "rad/s^2"]
+
+
+@pytest.mark.parametrize("text", ["-1x", "1+2", "j", "nan", "1e400", "--1", "1+2j+3"])
+def test_what_is_no_pole_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"must be a number, or one like -1|must be finite"):
+        parse_poles(f"-2, {text}")
+    assert parse_poles("-2, .5e1-3.25j -1+2i") == [-2, 5 - 3.25j, -1 + 2j]
