@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from reobserve.designs.file import load_design
     from reobserve.errors import DivergenceError, InputError
     from reobserve.models.linear import LinearModel
     from reobserve.models.polynomial import PolynomialSystem
@@ -60,12 +61,14 @@ __all__ = [
     "TransformedObserver",
     "TriangularModel",
     "VariableStructureDelayEstimator",
+    "load_design",
     "luenberger",
     "normal_form_observer",
     "steady_kalman",
 ]
 
 _HOMES = {
+    "designs.file": ("load_design",),
     "errors": ("DivergenceError", "InputError"),
     "models.linear": ("LinearModel",),
     "models.polynomial": ("PolynomialSystem",),

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.designs.design import Design
-from reobserve.designs.file import kind_of, naming, read_model, save_design
-from reobserve.errors import InputError
-from reobserve.plain_data.files import write_text
+from reobserve.designs.file import kind_of, naming, save_design
+from reobserve.errors import InputError, shown
+from reobserve.plain_data.files import read_text, write_text
+from reobserve.plain_data.json_data import Tree
+from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
 
 
 def run(
@@ -39,3 +41,17 @@ def run(
     saved = save_design(out, found)
     print(*saved.summary(), sep="\n")
     print(f"{out}: certified, and so again whenever it is loaded")
+
+
+def read_model(path: str | Path) -> Tree:
+    """The mapping in a model's YAML file.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
+    if not isinstance(tree, dict):
+        raise InputError(str(path), f"{shown(tree)} must be a mapping of keys to values")
+    return tree

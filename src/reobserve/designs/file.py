@@ -21,10 +21,9 @@ from typing import Any, TypeVar
 
 from reobserve.designs.design import Design, plain
 from reobserve.errors import InputError, shown
-from reobserve.plain_data.files import read_text, write_text
+from reobserve.plain_data.files import write_text
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
-from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
 
 FORMAT = "reobserve design"
 SCHEMA = 1
@@ -110,20 +109,6 @@ def save_design(path: str | Path, design: DesignKind) -> DesignKind:
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False)
     write_text(path, _ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n")
     return certified
-
-
-def read_model(path: str | Path) -> dict[str, Any]:
-    """The mapping in a model's YAML file.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
-    if not isinstance(tree, dict):
-        raise InputError(str(path), f"{shown(tree)} must be a mapping of keys to values")
-    return tree
 
 
 @contextmanager

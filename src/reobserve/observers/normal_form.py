@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.numerics.arguments import as_whole, as_word
 from reobserve.numerics.matrices import as_floats
@@ -79,6 +79,9 @@ def normal_form_observer(
     """
     as_word("form", form, FORMS)
     order = as_whole("order", order, 0)
+    for name, given in (("variables", variables), ("inputs", inputs)):
+        if not isinstance(given, list | tuple):
+            raise InputError(name, f"{shown(given)} must be a list")
     driven = len(inputs) > 0
     # What inputs must not do shows one degree above what the observer needs.
     least = order + 1 + driven
@@ -89,8 +92,8 @@ def normal_form_observer(
         known = [*variables, *inputs]
         field = from_expressions("dynamics", dynamics, known, kept)
         autonomous, effect = split(field, len(variables))
-        shown = from_expressions("output", output, variables, kept)
-        system = PolynomialSystem(autonomous, shown)
+        read = from_expressions("output", output, variables, kept)
+        system = PolynomialSystem(autonomous, read)
     else:
         system = PolynomialSystem.from_expressions(dynamics, output, variables, kept)
     matrix = None
