@@ -404,10 +404,9 @@ def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
 def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
     z, u = motion_record(60)
     z[20:30] = np.nan
-    z[45, 2] = np.nan  # one of three numbers: none of them is used
     start = made.init(np.zeros(5), 1.0)
     run = made.run(z, u, state=start)
-    assert run.missing == 11
+    assert run.missing == 10
     belief = made.run(z[:20], u[:20], state=start).state.belief
     last = belief.error
     for k in range(20, 30):
@@ -418,10 +417,44 @@ def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
     gaps = np.isnan(z).any(axis=1)
     assert np.array_equal(np.isnan(run["innovation"]).all(axis=1), gaps)
     assert np.array_equal(run["log_likelihood"] == 0.0, gaps)
-    found = made.correct(belief, [np.nan, 0.0, 0.0], u[0])
+    found = made.correct(belief, [np.nan] * 3, u[0])
     assert found.belief is belief
     assert found.log_likelihood == 0.0
     assert np.isnan(found.innovation_covariance).all()
+
+
+@pytest.mark.parametrize("lost", [[0], [1], [2], [0, 2]], ids=str)
+@pytest.mark.parametrize("kind", ["KF", "SVSF"])
+def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[int]) -> None:
+    """A filter whose model has these outputs alone gives the same."""
+
+    def made(outputs: list[int]) -> LinearFilter:
+        model = replace(
+            MOTION, H=MOTION.H[outputs], D=MOTION.D[outputs],
+            R=MOTION.R[np.ix_(outputs, outputs)],
+        )  # fmt: skip
+        chosen: LinearFilter = svsf(model, [PSI[o] for o in outputs])
+        return KalmanFilter(model) if kind == "KF" else chosen
+
+    z, u = motion_record(20)
+    whole, kept = made([0, 1, 2]), [o for o in range(3) if o not in lost]
+    belief = whole.run(z, u, state=whole.init(np.linspace(0, 1, 5), 1.0)).state.belief
+    partial = z[-1] + 0.1
+    partial[lost] = np.nan
+    found = whole.correct(belief, partial, u[-1])
+    alone = made(kept).correct(replace(belief, error=belief.error[kept]), partial[kept], u[-1])
+    for one, other in (
+        (found.belief.mean, alone.belief.mean),
+        (found.belief.covariance, alone.belief.covariance),
+        (found.belief.error[kept], alone.belief.error),
+        (found.innovation[kept], alone.innovation),
+        (found.innovation_covariance[np.ix_(kept, kept)], alone.innovation_covariance),
+        (found.log_likelihood, alone.log_likelihood),
+    ):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-12 * np.abs(other).max())
+    assert np.array_equal(found.belief.error[lost], belief.error[lost])
+    assert np.isnan(found.innovation[lost]).all()
+    assert np.isnan(found.innovation_covariance[lost]).all()
 
 
 def test_a_correction_tells_what_was_foretold() -> None:

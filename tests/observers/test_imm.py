@@ -441,7 +441,7 @@ def test_the_svsf_depends_on_them_even_without_mixing() -> None:
 def test_over_missing_measurements_modes_follow_the_chain() -> None:
     z, u = motion_record(80)
     z[50:60] = np.nan
-    z[70, 0] = np.nan  # one of three numbers: none of them is used
+    z[70] = np.nan
     bank = bank_of("KF")
     start = bank.init(np.zeros(5), P0)
     run = bank.run(z, u, state=start)

@@ -272,7 +272,7 @@ class IMM(Observer[State]):
                 beliefs.errors[j] = after.belief.error
                 rows.innovations[k, j], told[j] = after.innovation, after.log_likelihood
             whole = update_probabilities(predicted, told, beliefs.log_probabilities)
-            rows.log_likelihoods[k] = 0.0 if np.isnan(y).any() else whole
+            rows.log_likelihoods[k] = 0.0 if np.isnan(y).all() else whole
             rows.probabilities[k] = [math.exp(value) for value in beliefs.log_probabilities]
             combine(
                 states, rows.probabilities[k], beliefs.means, beliefs.covariances,

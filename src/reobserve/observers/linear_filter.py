@@ -5,8 +5,9 @@ first row of a record corrects the one that `init` was given; before each later 
 predicts with the input of the row before. `predict` and `correct` are the two halves, which a bank
 of filters calls one by one.
 
-A row of measurements with a nan in it is a sample that was not taken: the filter predicts over it,
-its innovation is nan, and the run counts it.
+A nan in a row of measurements stands for a number that was not measured, its innovation is nan, and
+the run counts such rows. The others of the row correct as if they alone were measured; over a row of
+nothing but nan the filter predicts.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ class Correction:
     """A belief after a measurement, and how well that was foretold.
 
     ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
-    ``log_likelihood`` of the measurement. For a missing one they are nan, nan and zero.
+    ``log_likelihood`` of the measurement. What of it is missing has nan in the first two; where all
+    is, the third is zero.
     """
 
     belief: Belief
@@ -85,7 +87,7 @@ class ModeFilter(Protocol):
         """The belief a sample later, before its measurement; u is held up to there."""
 
     def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
-        """The predicted belief after the measurement; a nan in that means there is none."""
+        """The predicted belief after the measurement; a nan in that was not measured."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -215,7 +217,9 @@ class LinearFilter(Observer[State]):
             new_work(len(states), m),
         )  # fmt: skip
         after = self._finite(after, log_likelihood)
-        return Correction(after, innovation, factor @ factor.T, log_likelihood)
+        innovation_covariance, lost = factor @ factor.T, np.isnan(innovation)
+        innovation_covariance[lost] = innovation_covariance[:, lost] = np.nan
+        return Correction(after, innovation, innovation_covariance, log_likelihood)
 
     def _finite(self, belief: Belief, log_likelihood: float = 0.0) -> Belief:
         if not np.isfinite(log_likelihood + belief.mean.sum() + np.trace(belief.covariance)):

@@ -122,7 +122,8 @@ def foretell(
 ) -> float:
     """(13) and (19): write P H' and the Cholesky factor of S; return the log-likelihood.
 
-    It is nan if S is not positive definite.
+    It is nan if S is not positive definite. A missing output, of which the innovation is nan, has
+    a one of its own in S, which tells nothing and leaves the others alone.
     """
     n, m = len(states), len(outputs)
     cross, scaled = work.cross, work.scaled
@@ -132,9 +133,18 @@ def foretell(
             for b in range(n):
                 total += covariance[a, b] * model.H[o, b]
             cross[a, o] = total
-    log_root, distance = 0.0, 0.0
+    log_root, distance, taken = 0.0, 0.0, m
     for o in range(m):
+        if math.isnan(innovation[o]):
+            for q in range(m):
+                factor[o, q] = factor[q, o] = 1.0 if q == o else 0.0
+            scaled[o] = 0.0
+            taken -= 1
+            continue
         for q in range(o + 1):
+            if math.isnan(innovation[q]):
+                factor[o, q] = factor[q, o] = 0.0
+                continue
             total = model.R[o, q]
             for a in range(n):
                 total += model.H[o, a] * cross[a, q]
@@ -151,7 +161,7 @@ def foretell(
         scaled[o] = total / factor[o, o]
         distance += scaled[o] * scaled[o]
         log_root += math.log(factor[o, o])
-    return -0.5 * distance - log_root - m * HALF_LOG_TWO_PI
+    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
 
 
 @inlined_kernel
@@ -226,7 +236,8 @@ def correct(
 
     No law means the Kalman gain, which is compiled into the loop.
 
-    ``innovation`` and ``factor`` are written: e(k+1|k) and the lower Cholesky factor of S.
+    ``innovation`` and ``factor`` are written: e(k+1|k) and the lower Cholesky factor of S. Outputs
+    that are missing, nan, correct nothing; the others correct as if these alone were measured.
     """
     output_error(states, model, measurement, control, mean, innovation)
     log_likelihood = foretell(states, outputs, model, covariance, innovation, factor, work)
@@ -236,19 +247,25 @@ def correct(
         law(work.cross, factor, innovation, error, parameters, work.gain)
     for a in range(len(states)):
         for o in range(len(outputs)):
-            mean[a] += work.gain[a, o] * innovation[o]
+            if math.isnan(innovation[o]):
+                work.gain[a, o] = 0.0
+            else:
+                mean[a] += work.gain[a, o] * innovation[o]
     correct_covariance(states, outputs, model, covariance, work)
-    output_error(states, model, measurement, control, mean, error)
+    output_error(states, model, measurement, control, mean, work.scaled)
+    for o in range(len(outputs)):
+        if not math.isnan(innovation[o]):
+            error[o] = work.scaled[o]
     return log_likelihood
 
 
 @inlined_kernel
 def is_missing(measurement: Array) -> bool:
-    """Whether a sample was not taken: one nan is enough."""
-    missing = False
+    """Whether a sample was not taken: none of its measurements is there."""
     for value in measurement:
-        missing = missing or math.isnan(value)
-    return missing
+        if not math.isnan(value):
+            return False
+    return True
 
 
 @kernel
