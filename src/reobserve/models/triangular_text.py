@@ -1,0 +1,90 @@
+"""Triangular models from text: the right-hand sides as one would write them down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError, shown
+from reobserve.models.triangular import TriangularModel
+from reobserve.numerics.arguments import package
+from reobserve.numerics.vector_field import vector_field
+from reobserve.power_series.grammar import check_size, parse
+
+
+def triangular_model(
+    variables: Sequence[str], drift: Sequence[str], input_gain: str
+) -> TriangularModel:
+    """The model x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u, in the grammar of power series.
+
+    Parameters
+    ----------
+    variables
+        Names of the n states; the first one is the output.
+    drift
+        f, n texts; that of state i may name the first i variables.
+    input_gain
+        G, a text that may name the first variable.
+
+    Raises
+    ------
+    InputError
+        If one of them cannot be read or names another variable, or there are not n of them.
+    """
+    sympy = package("sympy", "read expressions")
+    for name, given in (("variables", variables), ("drift", drift)):
+        good = isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
+        if not good or not given:
+            raise InputError(name, f"{shown(given)} must be a list of texts")
+    if not all(one.isidentifier() for one in variables) or len(set(variables)) < len(variables):
+        raise InputError("variables", f"{shown(list(variables))} must be different names")
+    if len(drift) != len(variables):
+        problem = f"has {len(drift)} texts, must have {len(variables)}, one a variable"
+        raise InputError("drift", problem)
+    if not isinstance(input_gain, str):
+        raise InputError("input_gain", f"{shown(input_gain)} must be a text")
+    symbols = {name: sympy.Symbol(name, real=True) for name in variables}
+    rows = []
+    for i, text in enumerate(drift):
+        rows.append(_code(f"drift[{i}]", text, symbols, list(variables)[: i + 1]))
+    gain = _code("input_gain", input_gain, symbols, list(variables)[:1])
+    return TriangularModel(
+        len(variables), _compiled("drift", rows), _compiled("input_gain", [gain]), np.zeros(0)
+    )
+
+
+def _code(place: str, text: str, symbols: dict[str, Any], allowed: list[str]) -> str:
+    """An expression as Python writes it, of the numbers ``x[i]``."""
+    import sympy
+
+    expression = parse(place, text, symbols)
+    check_size(place, expression)
+    for symbol in sorted(map(str, expression.free_symbols)):
+        if symbol not in allowed:
+            raise InputError(
+                place, f"{shown(text)} names {symbol}, must name nothing but {', '.join(allowed)}"
+            )
+    places = {symbols[name]: sympy.Symbol(f"x[{i}]") for i, name in enumerate(symbols)}
+    if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo) or expression.has(sympy.I):
+        raise InputError(place, f"{shown(text)} is no finite real number anywhere")
+    try:
+        code = str(sympy.pycode(expression.xreplace(places), fully_qualified_modules=True))
+    except (ValueError, TypeError, NotImplementedError, RecursionError):
+        code = "Not supported"
+    if "Not supported" in code or "mpmath" in code:
+        raise InputError(place, f"{shown(text)} has no form that can be compiled")
+    return code
+
+
+def _compiled(name: str, rows: list[str]) -> Any:
+    body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
+    namespace: dict[str, Any] = {"math": math}
+    # Of the grammar's own expressions, which hold numbers, variables and functions of math alone.
+    exec(f"def field(x, parameters, out):\n{body}", namespace)
+    try:
+        return vector_field(namespace["field"])
+    except InputError as error:
+        raise InputError(name, error.problem) from None

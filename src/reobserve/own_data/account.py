@@ -1,0 +1,125 @@
+"""What became of a record: counted on the way, told as a table and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+MOST_LISTED = 50  # gaps and other events that are told one by one
+
+
+@dataclass
+class Account:
+    """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
+
+    ``intervals`` are those between stamps that follow one another, ``jitter`` the farthest that
+    one was off its place, in sampling periods.
+    """
+
+    rows: int = 0
+    first: float | None = None
+    last: float | None = None
+    intervals: int = 0
+    single: int = 0  # intervals of one period
+    jitter: float = 0.0
+    lost: int = 0  # rows that the stamps say are missing
+    repeated: int = 0
+    unstamped: int = 0
+    before_start: int = 0
+    after_end: int = 0
+    missing: dict[str, int] = field(default_factory=dict)
+    filled: dict[str, int] = field(default_factory=dict)
+    saturated: dict[str, int] = field(default_factory=dict)
+    gaps: list[list[float | None]] = field(default_factory=list)
+    gap_count: int = 0
+    dropped: int = 0  # rows inside gaps
+    restarts: int = 0
+    statuses: dict[str, int] = field(default_factory=dict)
+    estimates: int = 0
+    alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def count(self, table: dict[str, int], name: str, more: int) -> None:
+        """Add to one of the tables."""
+        if more:
+            table[name] = table.get(name, 0) + int(more)
+
+    def open_gap(self, start: float) -> None:
+        """A gap begins after the sample at ``start``."""
+        self.gap_count += 1
+        if len(self.gaps) < MOST_LISTED:
+            self.gaps.append([start, None])
+
+    def close_gap(self, end: float) -> None:
+        """It ends with the sample at ``end``."""
+        if self.gaps and self.gap_count <= MOST_LISTED and self.gaps[-1][1] is None:
+            self.gaps[-1][1] = end
+
+    @property
+    def mean_interval(self) -> float | None:
+        """[s], over all intervals."""
+        slots = self.intervals + self.lost
+        if self.first is None or self.last is None or not slots:
+            return None
+        return (self.last - self.first) / slots
+
+
+def as_json(account: Account, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole account, with what else is known ``about`` the run."""
+    told = {name: value for name, value in vars(account).items() if name != "single"}
+    return {**about, "mean_interval": account.mean_interval, **told}
+
+
+def as_table(account: Account, period: float) -> str:
+    """A few lines for a terminal: only what there is to tell."""
+    lines = [("rows read", f"{account.rows}")]
+    if account.first is not None and account.last is not None:
+        lines.append(("time", f"{account.first:.6g} to {account.last:.6g} s"))
+    if account.mean_interval is not None:
+        said = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
+        lines.append(("sampling period", said))
+        if account.jitter > 1e-9:
+            lines.append(("greatest jitter", f"{100 * account.jitter:.3g} % of a period"))
+    for name, value in (
+        ("samples lost", account.lost),
+        ("stamps repeated, left out", account.repeated),
+        ("rows without stamp, left out", account.unstamped),
+        ("rows before all is measured", account.before_start),
+        ("rows after all was measured", account.after_end),
+    ):
+        if value:
+            lines.append((name, str(value)))
+    for name, table in (
+        ("values missing", account.missing),
+        ("values filled", account.filled),
+        ("values saturated", account.saturated),
+    ):
+        if table:
+            listed = ", ".join(f"{column} {count}" for column, count in table.items())
+            lines.append((name, listed))
+    for start, end in account.gaps[:5]:
+        ending = "the end" if end is None else f"{end:.6g} s"
+        lines.append(("gap", f"{start:.6g} s to {ending}"))
+    if account.gap_count > 5:
+        lines.append(("gaps in all", str(account.gap_count)))
+    if account.restarts:
+        lines.append(("restarts", str(account.restarts)))
+    listed = ", ".join(f"{count} {word}" for word, count in account.statuses.items())
+    lines.append(("estimates", f"{account.estimates}" + (f": {listed}" if listed else "")))
+    for name, alarm in account.alarms.items():
+        lines.append((f"alarm {name}", _told(alarm)))
+    width = max(len(name) for name, _ in lines)
+    table = [f"  {name:<{width}}  {value}" for name, value in lines]
+    return "\n".join(table + [f"  warning: {warning}" for warning in account.warnings])
+
+
+def _told(alarm: Mapping[str, Any]) -> str:
+    if alarm.get("threshold") is None:
+        return "no threshold yet: the record ends before the stretch that sets it"
+    origin = f"threshold {alarm['threshold']:.4g} {alarm['unit']}".rstrip()
+    if alarm.get("mean") is not None:
+        origin += f" off {alarm['mean']:.4g}"
+    if alarm.get("first") is None:
+        return f"none; {origin}"
+    return f"{alarm['rows']} rows, first at {alarm['first']:.6g} s; {origin}"

@@ -1,0 +1,50 @@
+"""The observers that a specification can name: what each is told, and how it is made ready."""
+
+from __future__ import annotations
+
+from reobserve.own_data.kinds.delays import (
+    AdaptiveDelay,
+    LeastSquaresDelay,
+    VariableStructureDelay,
+)
+from reobserve.own_data.kinds.design_file import DesignFile
+from reobserve.own_data.kinds.linear import (
+    AugmentedKalman,
+    Eso,
+    FixedGain,
+    Imm,
+    Kalman,
+    Luenberger,
+    SteadyKalman,
+    Svsf,
+)
+from reobserve.own_data.kinds.nonlinear import (
+    ExtendedHighGain,
+    HighGain,
+    Levant,
+    NormalForm,
+)
+from reobserve.own_data.kinds.rigid_body import Adaptive, Ilo
+
+Observer = (
+    Ilo
+    | Adaptive
+    | NormalForm
+    | HighGain
+    | ExtendedHighGain
+    | AdaptiveDelay
+    | VariableStructureDelay
+    | LeastSquaresDelay
+    | Levant
+    | Kalman
+    | AugmentedKalman
+    | Svsf
+    | Imm
+    | Eso
+    | FixedGain
+    | Luenberger
+    | SteadyKalman
+    | DesignFile
+)
+
+__all__ = ["Observer"]

@@ -1,0 +1,387 @@
+"""Observers of linear models: Kalman filters and their kin, banks of them, constant gains, ESO."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.models.linear import LinearModel
+from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.contract import Observer
+from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
+from reobserve.observers.imm import IMM
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.own_data.kinds.setup import Estimates, Setup
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.linear import undetectable_modes
+
+Array = NDArray[np.float64]
+
+_MOST_MODES = 50
+
+
+@dataclass(frozen=True)
+class Rates:
+    """x' = A x + B u; without B there is no input."""
+
+    A: Array
+    B: Array | None = None
+
+
+@dataclass(frozen=True)
+class ContinuousModel:
+    """A model whose input is held over a period; Q and R are those of a sample."""
+
+    continuous: Rates
+    H: Array
+    Q: Array
+    R: Array
+    D: Array | None = None
+
+    def made(self, period: float) -> LinearModel:
+        """The model, sampled."""
+        A = self.continuous.A
+        B = _no_input(A) if self.continuous.B is None else self.continuous.B
+        with located("continuous"):
+            transition, effect = zero_order_hold(A, B, period)
+        return LinearModel(
+            transition, effect, self.H, self.Q, self.R, self.D, unusual=True,
+            sampling_period=period,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DiscreteModel:
+    """x(k+1) = A x(k) + B u(k), y(k+1) = H x(k+1) + D u(k); without B there is no input."""
+
+    A: Array
+    H: Array
+    Q: Array
+    R: Array
+    B: Array | None = None
+    D: Array | None = None
+    unusual: bool = False
+
+    def made(self, period: float) -> LinearModel:
+        """The model, of samples at this period."""
+        B = _no_input(self.A) if self.B is None else self.B
+        return LinearModel(
+            self.A, B, self.H, self.Q, self.R, self.D, self.unusual, sampling_period=period
+        )
+
+
+def _no_input(A: Array) -> Array:
+    return np.zeros((len(A) if A.ndim else 0, 0))
+
+
+Model = ContinuousModel | DiscreteModel
+
+
+@dataclass(frozen=True)
+class BeliefStart:
+    """Mean and covariance of the state at the first row, which corrects them."""
+
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Kalman:
+    """A Kalman filter."""
+
+    kind: Literal["kalman"]
+    model: Model
+    start: BeliefStart
+
+    def set_up(self, period: float) -> Setup:
+        """The filter."""
+        return _filter(KalmanFilter(_model(self.model, period)), self.start)
+
+
+@dataclass(frozen=True)
+class Svsf:
+    """A smooth variable structure filter."""
+
+    kind: Literal["svsf"]
+    model: Model
+    boundary_layer: Array
+    memory: float
+    start: BeliefStart
+    inverse: str = "pseudo"
+
+    def set_up(self, period: float) -> Setup:
+        """The filter."""
+        made = SmoothVariableStructureFilter(
+            _model(self.model, period), self.boundary_layer, self.memory, self.inverse
+        )
+        return _filter(made, self.start)
+
+
+@dataclass(frozen=True)
+class FixedGain:
+    """A prediction, corrected by a gain that is given."""
+
+    kind: Literal["fixed_gain"]
+    model: Model
+    gain: Array
+    start: BeliefStart
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        return _filter(FixedGainObserver(_model(self.model, period), self.gain), self.start)
+
+
+@dataclass(frozen=True)
+class Luenberger:
+    """The same with the gain that gives the error these poles [1], inside the unit circle."""
+
+    kind: Literal["luenberger"]
+    model: Model
+    poles: list[float | tuple[float, float]]
+    start: BeliefStart
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        return _filter(luenberger(_model(self.model, period), as_poles(self.poles)), self.start)
+
+
+@dataclass(frozen=True)
+class SteadyKalman:
+    """The same with the gain that a Kalman filter comes to."""
+
+    kind: Literal["steady_kalman"]
+    model: Model
+    start: BeliefStart
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        return _filter(steady_kalman(_model(self.model, period)), self.start)
+
+
+@dataclass(frozen=True)
+class UnknownStart(BeliefStart):
+    """And of the unknown inputs, zero and one if left out."""
+
+    unknown_input: Array | None = None
+    unknown_input_covariance: Array | None = None
+
+
+@dataclass(frozen=True)
+class AugmentedKalman:
+    """A Kalman filter of the state and unknown inputs."""
+
+    kind: Literal["augmented_kalman"]
+    model: Model
+    input_matrix: Array
+    walk: Array
+    start: UnknownStart
+    output_matrix: Array | None = None
+
+    def set_up(self, period: float) -> Setup:
+        """The filter."""
+        model, start = _model(self.model, period), self.start
+        observer = AugmentedKalmanFilter(model, self.input_matrix, self.walk, self.output_matrix)
+        wide: Any = 1.0 if start.unknown_input_covariance is None else (
+            start.unknown_input_covariance
+        )  # fmt: skip
+
+        def begin() -> Any:
+            return observer.init(start.mean, start.covariance, start.unknown_input, wide)
+
+        with located("start"):
+            begin()
+        return Setup(
+            observer, lambda y: begin(), _innovation,
+            sigmas={"state": "variance", "unknown_input": "unknown_input_variance"},
+            left_out=("variance", "unknown_input_variance", "innovation", "log_likelihood"),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ModesStart:
+    """Mean and covariance for all modes, and their probabilities, all the same if left out."""
+
+    mean: Array
+    covariance: Array
+    probabilities: Array | None = None
+
+
+def _several(place: str, value: Any) -> None:
+    if not 1 <= len(value) <= _MOST_MODES:
+        raise InputError(place, f"has {len(value)} modes, must have 1 to {_MOST_MODES}")
+
+
+@dataclass(frozen=True)
+class Imm:
+    """A bank of filters, one a mode, by the names of the modes."""
+
+    kind: Literal["imm"]
+    modes: Annotated[dict[str, Model], _several]
+    transition: Array
+    start: ModesStart
+    filter: Literal["kalman", "svsf"] = "kalman"
+    boundary_layer: Array | None = None
+    memory: float | None = None
+    mixing: bool = True
+
+    def set_up(self, period: float) -> Setup:
+        """The bank."""
+        widths = {"boundary_layer": self.boundary_layer, "memory": self.memory}
+        for name, value in widths.items():
+            if (value is None) == (self.filter == "svsf"):
+                told = "is missing" if value is None else "must be left out"
+                raise InputError(name, f"{told}; only the filter svsf takes it")
+        filters: list[LinearFilter] = []
+        for name, model in self.modes.items():
+            with located(f"modes.{name}"):
+                made = model.made(period)
+            if self.filter == "kalman":
+                filters.append(KalmanFilter(made))
+            else:
+                layer: Any = self.boundary_layer
+                filters.append(SmoothVariableStructureFilter(made, layer, self.memory or 0.0))
+        observer, start = IMM(filters, self.transition, self.mixing), self.start
+
+        def begin() -> Any:
+            return observer.init(start.mean, start.covariance, start.probabilities)
+
+        with located("start"):
+            begin()
+        return Setup(
+            observer, lambda y: begin(), _mixed_innovation, sigmas={"state": "covariance"},
+            names={"probability": tuple(f"probability_{name}" for name in self.modes)},
+            left_out=("covariance", "innovation", "log_likelihood"),
+            unseen=tuple(
+                hidden for name, one in zip(self.modes, filters, strict=True)
+                for hidden in _unseen(one.model, f"modes.{name}")
+            ),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class System:
+    """The plant of an extended state observer, `AugmentedSystem`."""
+
+    A: Array
+    B: Array
+    C: Array
+    Dd: Array
+    Dw: Array
+    Fa: Array
+    Fs: Array
+    Az: Array | None = None
+
+
+@dataclass(frozen=True)
+class EsoGains:
+    """L and Ld; without Ld it is the PI observer."""
+
+    L: Array
+    Ld: Array | None = None
+
+
+@dataclass(frozen=True)
+class EsoStart:
+    """Of [x, xz, fa, fs] and of the filter; zeros if left out."""
+
+    estimate: Array | None = None
+    filtered: Array | None = None
+
+
+@dataclass(frozen=True)
+class Eso:
+    """A PI or PD/PI extended state observer."""
+
+    kind: Literal["eso"]
+    system: System
+    gains: EsoGains
+    start: EsoStart | None = None
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        parts = {name: part for name, part in vars(self.system).items() if part is not None}
+        with located("system"):
+            system = AugmentedSystem(**parts)
+        Ld = np.zeros((system.size, system.outputs)) if self.gains.Ld is None else self.gains.Ld
+        with located("gains"):
+            observer = ExtendedStateObserver(system, Gains(self.gains.L, Ld), period)
+        start = self.start or EsoStart()
+        with located("start"):
+            observer.init(start.estimate, start.filtered)
+        return Setup(
+            observer,
+            lambda y: observer.init(start.estimate, start.filtered),
+            eso_residual(system),
+        )
+
+
+def eso_residual(system: AugmentedSystem) -> Callable[[Array, Estimates], Array]:
+    """What of y neither the state nor the sensor fault explains."""
+
+    def residual(y: Array, estimates: Estimates) -> Array:
+        found: Array = y.copy()  # column by column: the same bits for a row and for many
+        for matrix, values in ((system.C, estimates["state"]), (system.Fs, estimates["sensor_fault"])):
+            for column in range(matrix.shape[1]):
+                found -= values[:, column, None] * matrix[:, column]
+        return found
+
+    return residual
+
+
+def as_poles(poles: list[float | tuple[float, float]]) -> list[complex]:
+    """Poles as numbers, or as pairs of real and imaginary part."""
+    return [complex(*pole) if isinstance(pole, tuple) else complex(pole) for pole in poles]
+
+
+def _model(model: Model, period: float) -> LinearModel:
+    with located("model"):
+        return model.made(period)
+
+
+def _filter(observer: LinearFilter, start: BeliefStart) -> Setup:
+    with located("start"):
+        observer.init(start.mean, start.covariance)
+    return linear_setup(observer, lambda y: observer.init(start.mean, start.covariance))
+
+
+def linear_setup(observer: Observer[Any], start: Callable[[Array], Any]) -> Setup:
+    """The setup of any linear filter."""
+    model = getattr(observer, "model", None)
+    unseen = _unseen(model, "model") if isinstance(model, LinearModel) else ()
+    fixed = isinstance(observer, FixedGainObserver)
+    return Setup(
+        observer, start, _innovation, sigmas={} if fixed else {"state": "variance"},
+        left_out=("variance", "innovation", "log_likelihood"), unseen=unseen,
+    )  # fmt: skip
+
+
+def _unseen(model: LinearModel, place: str) -> tuple[str, ...]:
+    hidden = undetectable_modes(model.A, model.H)
+    if not len(hidden):
+        return ()
+    return (
+        f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
+        "hidden from the measurements, so that its estimate is that of the start for ever",
+    )
+
+
+def _innovation(y: Array, estimates: Estimates) -> Array:
+    return estimates["innovation"]
+
+
+def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
+    """What the modes did not foretell, weighed by their probabilities."""
+    probability, innovation = estimates["probability"], estimates["innovation"]
+    total = probability[:, 0, None] * innovation[:, 0]
+    for mode in range(1, probability.shape[1]):
+        total = total + probability[:, mode, None] * innovation[:, mode]
+    return total

@@ -1,0 +1,195 @@
+"""Observers of nonlinear models that are written as text, and the differentiator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError, located
+from reobserve.models.triangular import TriangularModel
+from reobserve.models.triangular_text import triangular_model
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.own_data.kinds.linear import as_poles
+from reobserve.own_data.kinds.setup import Estimates, Setup
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StateStart:
+    """An estimate of the state at the first row."""
+
+    state: Array
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """A normal-form observer of an autonomous system, x' = f(x), y = h(x)."""
+
+    kind: Literal["normal_form"]
+    variables: list[str]
+    dynamics: list[str]
+    output: list[str]
+    order: int
+    poles: list[float | tuple[float, float]] | None = None
+    injection: Array | None = None
+    form: str = "identity"
+    gain: str = "series"
+    degree: int | None = None
+    expanded: int = 9
+    start: StateStart | None = None
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        poles = None if self.poles is None else as_poles(self.poles)
+        observer = normal_form_observer(
+            self.dynamics, self.output, self.variables, order=self.order, sampling_period=period,
+            poles=poles, injection=self.injection, form=self.form, gain=self.gain,
+            degree=self.degree, expanded=self.expanded,
+        )  # fmt: skip
+        n = len(self.variables)
+        given = np.zeros(n) if self.start is None else self.start.state
+        with located("start"):
+            observer.init(given)
+        read = observer.normal_form.problem.system.output
+
+        def residual(y: Array, estimates: Estimates) -> Array:
+            found: Array = y - np.array([read(row) for row in estimates["state"]])
+            return found
+
+        return Setup(
+            observer, lambda y: observer.init(given), residual,
+            names={"state": tuple(self.variables)},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Triangular:
+    """x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u; y = x1, the first of the variables."""
+
+    variables: list[str]
+    drift: list[str]
+    input_gain: str
+
+    def made(self) -> TriangularModel:
+        """The model, compiled."""
+        with located("model"):
+            return triangular_model(self.variables, self.drift, self.input_gain)
+
+
+@dataclass(frozen=True)
+class HighGain:
+    """The standard high-gain observer; the input column is the input as it reaches the plant."""
+
+    kind: Literal["high_gain"]
+    model: Triangular
+    rho: float
+    start: StateStart
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        observer = HighGainObserver(self.model.made(), self.rho, period)
+        with located("start"):
+            observer.init(self.start.state)
+        return Setup(
+            observer, lambda y: observer.init(self.start.state), _first_state,
+            names={"state": tuple(self.model.variables)},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DelayedStart:
+    """Estimates of the state and of the delay [s] at the first row."""
+
+    state: Array
+    delay: float
+
+
+@dataclass(frozen=True)
+class ExtendedHighGain:
+    """The extended high-gain observer of state and input delay.
+
+    Its input is one column, of which it finds the derivatives, or has them in columns of their own.
+    """
+
+    kind: Literal["extended_high_gain"]
+    model: Triangular
+    rho: float
+    order: int
+    delay_bounds: tuple[float, float]
+    start: DelayedStart
+    threshold: float = 0.0
+    switched: str = "delay"
+    initial_matrix: Array | None = None
+
+    def set_up(self, period: float) -> Setup:
+        """The observer."""
+        observer = ExtendedHighGainObserver(
+            self.model.made(), period, self.rho, self.order, self.delay_bounds, self.threshold,
+            self.switched, self.initial_matrix,
+        )  # fmt: skip
+
+        def begin(y: Array | None = None) -> Any:
+            return observer.init(self.start.state, self.start.delay)
+
+        with located("start"):
+            begin()
+        return Setup(
+            observer, begin, _first_state, units={"delay": ("s",), "switched_off": ("1",)},
+            names={"state": tuple(self.model.variables)},
+            widths=((1,), (1, self.order + 1)), holds_inputs=False,
+        )  # fmt: skip
+
+
+def _first_state(y: Array, estimates: Estimates) -> Array:
+    found: Array = y - estimates["state"][:, :1]
+    return found
+
+
+@dataclass(frozen=True)
+class DerivativesStart:
+    """Estimates of the signal and its derivatives at the first row."""
+
+    derivatives: Array
+
+
+@dataclass(frozen=True)
+class Levant:
+    """The robust exact differentiator of one column."""
+
+    kind: Literal["levant"]
+    L: float
+    order: int = 2
+    lambdas: Array | None = None
+    start: DerivativesStart | None = None
+
+    def set_up(self, period: float) -> Setup:
+        """The differentiator, which starts from the first measurement if nothing is given."""
+        observer = LevantDifferentiator(self.L, period, self.order, self.lambdas)
+        if self.start is not None:
+            with located("start"):
+                observer.init(self.start.derivatives)
+
+        def begin(y: Array) -> Any:
+            given = np.append(y, np.zeros(self.order)) if self.start is None else (
+                self.start.derivatives
+            )  # fmt: skip
+            return observer.init(given)
+
+        def residual(y: Array, estimates: Estimates) -> Array:
+            found: Array = y - estimates["derivatives"][:, :1]
+            return found
+
+        return Setup(observer, begin, residual)
+
+
+def check_variables(place: str, names: list[str]) -> None:
+    """Refuse names that stand twice."""
+    if len(set(names)) < len(names):
+        raise InputError(place, "must be different names")
