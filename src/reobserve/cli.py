@@ -17,6 +17,7 @@ from typing import NoReturn
 from reobserve.command_line.designs import add_designs
 from reobserve.command_line.evidence import add_evidence
 from reobserve.command_line.overview import add_overview
+from reobserve.command_line.own_data import add_own_data
 from reobserve.command_line.stages import add_stages
 from reobserve.errors import ReobserveError, one_line
 from reobserve.numerics.code_paths import pin_code_paths
@@ -72,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)
     add_overview(commands)
+    add_own_data(commands)
     add_evidence(commands)
     add_stages(commands)
     return parser

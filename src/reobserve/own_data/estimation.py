@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import DivergenceError, located
+from reobserve.errors import DivergenceError, InputError, located
 from reobserve.own_data.account import Account
 from reobserve.own_data.alarms import alarms
-from reobserve.own_data.gaps import STATUSES, Gaps, Stretch
+from reobserve.own_data.gaps import Gaps, Stretch
+from reobserve.own_data.head import Head
 from reobserve.own_data.interpolation import Interpolation, Settled
 from reobserve.own_data.layout import Layout, lay_out
 from reobserve.own_data.outputs import Outputs, outputs
 from reobserve.own_data.specification import Specification
 from reobserve.own_data.stamps import Stamps
-from reobserve.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -52,7 +54,7 @@ class Estimation:
     """
 
     def __init__(self, specification: Specification, header: list[str], place: str) -> None:
-        self.specification = specification
+        self.specification, self.place = specification, place
         sampling, period = specification.sampling, specification.sampling.period
         with located("observer"):
             self.setup = specification.observer.set_up(period)
@@ -73,12 +75,12 @@ class Estimation:
         self.interpolation = _interpolation(specification, width, len(names), self.setup.holds_inputs)
         self.gaps = Gaps(sampling, self.account, place, names, width, self.can_skip)
         self.state: Any = None
+        self.head: Head | None = None
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
             self.setup, self.layout, self.sample, specification.estimates
         )
         self.alarms = alarms(specification.alarms, self.outputs.columns)
-        self.count = 0
         self.account.warnings += self.setup.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
@@ -128,23 +130,30 @@ class Estimation:
         return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _run(self, stretch: Stretch) -> Estimated:
+        if self.head is not None:
+            self.head.take(stretch)
         if stretch.fresh:
             self.state = self.setup.start(stretch.y[0])
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            try:
+            with self.dated(float(stretch.time[0]), rows):
                 run = self.observer.run(stretch.y, stretch.u, state=self.state)
-            except DivergenceError as error:
-                after = error.time - rows * self.specification.sampling.period
-                time = float(stretch.time[0]) + after
-                raise DivergenceError(error.what, time, error.finding) from None
         for one in caught:
             if issubclass(one.category, UserWarning):
                 self.warn(str(one.message))
         self.state = run.state
         return self.told(stretch.time, stretch.y, run.estimates, stretch.status)
+
+    @contextmanager
+    def dated(self, time: float, rows: int) -> Iterator[None]:
+        """Give a divergence the time of the record: at ``time`` the observer has seen ``rows``."""
+        try:
+            yield
+        except DivergenceError as error:
+            past = error.time - rows * self.specification.sampling.period
+            raise DivergenceError(error.what, time + past, error.finding) from None
 
     def told(self, time: Array, y: Array, estimates: Any, status: NDArray[np.int8]) -> Estimated:
         """Rows of results from estimates."""
@@ -183,8 +192,3 @@ def _interpolation(
         hold = np.inf
     held = tuple(c >= measurements and holds for c in range(columns))
     return Interpolation("linear" if even else sampling.uneven, reach, hold, held)
-
-
-def word(status: int) -> str:
-    """What a status is called."""
-    return STATUSES[status]

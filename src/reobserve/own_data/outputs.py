@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -66,6 +67,34 @@ class Outputs:
                 found[:, c] *= factor
             if offset and not column.deviation:
                 found[:, c] += offset
+        return found
+
+
+    def row(self, y: Array, estimates: Mapping[str, Array]) -> list[float]:
+        """The same numbers for one row, shape (1, p), where each microsecond counts."""
+        residual: list[float] = []
+        if self.setup.residual is not None:
+            residual = self.setup.residual(y, estimates)[0].tolist()
+        found, parts = [], {}
+        for _, _, estimate, index, deviation, (factor, offset) in self.columns:
+            if estimate == RESIDUAL:
+                value = residual[index]
+            elif deviation:
+                name = self.setup.sigmas[estimate]
+                if name not in parts:
+                    parts[name] = estimates[name][0].tolist()
+                variance = parts[name][index]
+                value = math.sqrt(variance if isinstance(variance, float) else variance[index])
+            else:
+                if estimate not in parts:
+                    parts[estimate] = estimates[estimate][0].tolist()
+                whole = parts[estimate]
+                value = whole if isinstance(whole, float) else whole[index]
+            if factor != 1.0:
+                value *= factor
+            if offset and not deviation:
+                value += offset
+            found.append(value)
         return found
 
 

@@ -1,0 +1,90 @@
+"""What would mislead, by criteria that are computed on the first rows of a record.
+
+Noise: its size on each measurement is taken from second differences, in which what is smooth
+cancels. The observer runs over the same rows again with noise of this size added, from a fixed
+seed; where an estimate then moves, in the root mean square, by more than half of what it varies,
+more than half of what is seen in it is noise.
+
+Settling: the observer starts a second time, as after a gap, in the middle of the rows. Where the
+two runs are still apart at the end by more than a twentieth of what the estimate varies, the
+record is too short to forget how it began.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import ReobserveError
+from reobserve.own_data.estimation import Estimation
+from reobserve.own_data.head import Head
+from reobserve.own_data.outputs import RESIDUAL
+
+Array = NDArray[np.float64]
+
+_LEAST_ROWS = 40
+_SHARE_OF_NOISE = 0.5
+_APART = 0.05
+_SEED = 20
+
+
+def misleading(estimation: Estimation, head: Head) -> list[str]:
+    """Sentences on what would mislead in these results; none if nothing does."""
+    if head.rows < _LEAST_ROWS:
+        told = f"the first stretch has {head.rows} rows, too few to judge noise or settling"
+        return [told] if head.rows else []
+    y, u = np.concatenate(head.y), np.concatenate(head.u)
+    try:
+        whole = _columns(estimation, y, u)
+        later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
+        noisy = _columns(estimation, y + _noise(y), u)
+    except ReobserveError:
+        return ["the observer diverges where it starts elsewhere or with more noise"]
+    found = []
+    half = len(later) - len(later) // 2
+    for c, column in enumerate(estimation.outputs.columns):
+        if column.estimate == RESIDUAL or column.deviation or column.unit == "1":
+            continue
+        settled = whole[-half:, c]
+        spread, size = float(np.std(settled)), float(np.abs(settled).max())
+        moved = float(np.sqrt(np.mean((noisy[-half:, c] - settled) ** 2)))
+        if moved > _SHARE_OF_NOISE * spread and moved > 1e-9 * size:
+            found.append(
+                f"{column.name}: {_percent(moved, spread)} of what it varies in the second half "
+                f"of the first {len(y)} rows is noise that the gain amplifies; a lower gain, or "
+                "less process noise, smooths it"
+            )
+        apart = float(abs(later[-1, c] - whole[-1, c]))
+        varies = max(float(np.std(whole[:, c])), 3.0 * moved)
+        if apart > _APART * varies and apart > 1e-9 * size:
+            found.append(
+                f"{column.name}: started again at half of the first {len(y)} rows it ends "
+                f"{_percent(apart, varies)} of what it varies elsewhere; the record is too short "
+                "for it to settle"
+            )
+    return found
+
+
+def _columns(estimation: Estimation, y: Array, u: Array) -> Array:
+    state = estimation.setup.start(y[0])
+    run: Any = estimation.observer.run(y, u, state=state)
+    return estimation.outputs.numbers(y, run.estimates)
+
+
+def _noise(y: Array) -> Array:
+    """Noise like that of the measurements: of white noise second differences have 6 variances."""
+    random = np.random.default_rng(_SEED)
+    noise = random.normal(size=y.shape)
+    for c in range(y.shape[1]):
+        bends = np.diff(y[:, c], 2)
+        bends = bends[np.isfinite(bends)]
+        # The median, so that jumps and outliers are no noise; 0.6745 of a deviation.
+        size = float(np.median(np.abs(bends))) / 0.6745 / np.sqrt(6.0) if len(bends) else 0.0
+        noise[:, c] *= size
+    return noise
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * part / whole:.0f} %" if whole > 0.01 * part else "far more than 100 %"

@@ -1,0 +1,137 @@
+"""All that estimation remembers between two rows, as a file of plain values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reobserve.errors import InputError
+from reobserve.own_data.estimation import Estimation
+from reobserve.plain_data.files import read_text, write_text
+from reobserve.plain_data.json_data import parse_json
+
+FORMAT = "reobserve estimate state"
+SCHEMA = 1
+_VALUES = 5_000_000
+
+_PARTS = ("account", "interpolation", "gaps")  # besides the observer's state and the alarms
+
+
+def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
+    """Write what is needed to go on; ``offset`` is the byte up to which a file was read.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    tree = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "specification": digest,
+        "offset": offset,
+        "observer": _plain(estimation.state),
+        "begun": estimation.stamps.begun,
+        "alarms": [_plain(alarm) for alarm in estimation.alarms],
+        **{part: _plain(getattr(estimation, part)) for part in _PARTS},
+    }
+    write_text(path, json.dumps(tree) + "\n")
+
+
+def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
+    """Put an estimation where it was when its state was saved; the offset that was saved.
+
+    Raises
+    ------
+    InputError
+        If the file is none of this specification, or damaged.
+    """
+    tree = parse_json(read_text(path), str(path), _VALUES)
+    if not isinstance(tree, dict) or (tree.get("format"), tree.get("schema")) != (FORMAT, SCHEMA):
+        raise InputError(str(path), f"is no state of schema {SCHEMA}")
+    if tree.get("specification") != digest:
+        raise InputError(str(path), "is the state of another specification; remove it to start anew")
+    try:
+        state = tree["observer"]
+        estimation.state = None if state is None else _like(estimation.template, state)
+        if estimation.state is not None:
+            estimation.observer._checked(estimation.state)
+        estimation.stamps.begun[:] = [float(one) for one in tree["begun"]]
+        for alarm, saved in zip(estimation.alarms, tree["alarms"], strict=True):
+            _fill(alarm, saved)
+        for part in _PARTS:
+            _fill(getattr(estimation, part), tree[part])
+        offset = tree["offset"]
+        if offset is not None and (isinstance(offset, bool) or not isinstance(offset, int)):
+            raise TypeError
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        if isinstance(error, InputError):
+            raise InputError(str(path), str(error)) from None
+        raise InputError(str(path), "is damaged: it lacks a part, or has another in its place") from None
+    found: int | None = offset
+    return found
+
+
+def digest_of(text: str) -> str:
+    """What tells one specification from another."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON can hold it; rules of a user's, which the specification has, are left out."""
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {each.name: getattr(value, each.name) for each in fields(value)}
+        kept = ("sampling", "account", "rule")
+        return {name: _plain(part) for name, part in parts.items() if name not in kept}
+    if isinstance(value, np.ndarray):
+        return {"shape": list(value.shape), "values": [_plain(one) for one in value.ravel().tolist()]}
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": str(value)}
+    return value
+
+
+def _value(saved: Any) -> Any:
+    """What `_plain` was given, of plain types and arrays."""
+    if isinstance(saved, dict):
+        if saved.keys() == {"float"}:
+            return float(saved["float"])
+        if saved.keys() == {"shape", "values"}:
+            numbers = [float(_value(one)) for one in saved["values"]]
+            return np.array(numbers, dtype=np.float64).reshape(saved["shape"])
+        return {name: _value(part) for name, part in saved.items()}
+    if isinstance(saved, list):
+        return [_value(part) for part in saved]
+    return saved
+
+
+def _like(template: Any, saved: Any) -> Any:
+    """A value of the types that a template has; a state is made of such."""
+    if is_dataclass(template) and not isinstance(template, type):
+        parts = {
+            each.name: _like(getattr(template, each.name), saved[each.name])
+            for each in fields(template)
+        }
+        return type(template)(**parts)
+    if isinstance(template, tuple):
+        return tuple(_like(one, part) for one, part in zip(template, saved, strict=True))
+    return _value(saved)
+
+
+def _fill(target: Any, saved: Any) -> None:
+    """Set the fields that were saved."""
+    for each in fields(target):
+        if each.name in saved and each.name not in ("sampling", "account", "rule"):
+            found, now = _value(saved[each.name]), getattr(target, each.name)
+            setattr(target, each.name, tuple(found) if isinstance(now, tuple) else found)
