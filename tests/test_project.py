@@ -46,7 +46,7 @@ def inside(modules: set[str], *packages: str) -> set[str]:
 # made of, and each of the evidence's own rooms, has its own order inside.
 ROOMS = (
     "errors", "numerics", "power_series", "plain_data", "timeseries", "models", "synthesis",
-    "plants", "observers", "designs", "export", "scoring", "ledger", "drawing",
+    "plants", "observers", "designs", "export", "own_data", "scoring", "ledger", "drawing",
     "papers", "pipeline", "evidence", "stages", "command_line", "cli", "forking", "__main__",
 )  # fmt: skip
 

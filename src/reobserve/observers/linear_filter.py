@@ -5,9 +5,9 @@ first row of a record corrects the one that `init` was given; before each later 
 predicts with the input of the row before. `predict` and `correct` are the two halves, which a bank
 of filters calls one by one.
 
-A nan in a row of measurements stands for a number that was not measured, its innovation is nan, and
-the run counts such rows. The others of the row correct as if they alone were measured; over a row of
-nothing but nan the filter predicts.
+A nan in a row of measurements stands for a number that was not measured: its innovation is nan, and
+the run counts such rows. The other numbers of the row correct as if they alone were measured; over
+a row of nothing but nan the filter predicts.
 """
 
 from __future__ import annotations

@@ -111,6 +111,14 @@ def output_error(
 
 
 @inlined_kernel
+def leave_out(o: int, factor: Array, scaled: Array) -> None:
+    """Write a one of its own for an output into the factor of S."""
+    for q in range(len(scaled)):
+        factor[o, q] = factor[q, o] = 0.0
+    factor[o, o], scaled[o] = 1.0, 0.0
+
+
+@inlined_kernel
 def foretell(
     states: Size,
     outputs: Size,
@@ -136,9 +144,7 @@ def foretell(
     log_root, distance, taken = 0.0, 0.0, m
     for o in range(m):
         if math.isnan(innovation[o]):
-            for q in range(m):
-                factor[o, q] = factor[q, o] = 1.0 if q == o else 0.0
-            scaled[o] = 0.0
+            leave_out(o, factor, scaled)
             taken -= 1
             continue
         for q in range(o + 1):
@@ -262,10 +268,10 @@ def correct(
 @inlined_kernel
 def is_missing(measurement: Array) -> bool:
     """Whether a sample was not taken: none of its measurements is there."""
+    taken = False
     for value in measurement:
-        if not math.isnan(value):
-            return False
-    return True
+        taken = taken or not math.isnan(value)
+    return not taken
 
 
 @kernel

@@ -77,8 +77,8 @@ def as_table(account: Account, period: float) -> str:
     if account.first is not None and account.last is not None:
         lines.append(("time", f"{account.first:.6g} to {account.last:.6g} s"))
     if account.mean_interval is not None:
-        said = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
-        lines.append(("sampling period", said))
+        told = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
+        lines.append(("sampling period", told))
         if account.jitter > 1e-9:
             lines.append(("greatest jitter", f"{100 * account.jitter:.3g} % of a period"))
     for name, value in (
@@ -110,8 +110,8 @@ def as_table(account: Account, period: float) -> str:
     for name, alarm in account.alarms.items():
         lines.append((f"alarm {name}", _told(alarm)))
     width = max(len(name) for name, _ in lines)
-    table = [f"  {name:<{width}}  {value}" for name, value in lines]
-    return "\n".join(table + [f"  warning: {warning}" for warning in account.warnings])
+    said = [f"  {name:<{width}}  {value}" for name, value in lines]
+    return "\n".join(said + [f"  warning: {warning}" for warning in account.warnings])
 
 
 def _told(alarm: Mapping[str, Any]) -> str:

@@ -99,7 +99,9 @@ def alarms(
     made = []
     for k, rule in enumerate(rules):
         if rule.of not in names:
-            raise InputError(f"alarms.{k}.of", f"there is no column {rule.of!r}{nearest(rule.of, names)}")
+            raise InputError(
+                f"alarms.{k}.of", f"there is no column {rule.of!r}{nearest(rule.of, names)}"
+            )
         place = names.index(rule.of)
         made.append(Alarm(rule, place, columns[place].unit))
     return made

@@ -72,7 +72,9 @@ class Estimation:
         self.stamps = Stamps(sampling, self.account, place)
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
-        self.interpolation = _interpolation(specification, width, len(names), self.setup.holds_inputs)
+        self.interpolation = _interpolation(
+            specification, width, len(names), self.setup.holds_inputs
+        )
         self.gaps = Gaps(sampling, self.account, place, names, width, self.can_skip)
         self.state: Any = None
         self.head: Head | None = None
@@ -104,7 +106,8 @@ class Estimation:
         time, values = self.layout.values(raw, self.account)
         if not self.layout.timed:
             first = self.account.rows
-            time = self.specification.sampling.period * np.arange(first, first + len(values))
+            rows = np.arange(first, first + len(values), dtype=np.float64)
+            time = self.specification.sampling.period * rows
         stamps, values, slots = self.stamps.read(time, values)
         return self._estimate(self.interpolation.feed(stamps, values, slots), False)
 

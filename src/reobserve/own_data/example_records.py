@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,9 @@ class Simulated:
         random = np.random.default_rng(12)
         columns = {"t": 1000.0 * stamps}
         for title, (name, factor, noise) in self.logged.items():
-            columns[title] = factor * self.at(name, stamps) + noise * random.normal(size=len(stamps))
+            columns[title] = factor * self.at(name, stamps) + noise * random.normal(
+                size=len(stamps)
+            )
         return columns
 
     def truth(self, times: Array) -> dict[str, Array]:
@@ -61,9 +64,9 @@ class Simulated:
 
 def _followed(field: Field, start: Array, time: Array) -> Array:
     """x' = field(t, x) by the classical Runge-Kutta method, shape (k, n)."""
-    rows = np.empty((len(time), len(start)))
+    rows: Array = np.empty((len(time), len(start)))
     rows[0] = x = start
-    for k, (t, after) in enumerate(zip(time[:-1], time[1:], strict=True)):
+    for k, (t, after) in enumerate(pairwise(time.tolist())):
         h = after - t
         k1 = field(t, x)
         k2 = field(t + h / 2, x + h / 2 * k1)
@@ -74,7 +77,8 @@ def _followed(field: Field, start: Array, time: Array) -> Array:
 
 
 def _grid(period: float, horizon: float) -> Array:
-    return period / _FINE * np.arange(round(horizon / period) * _FINE + 1)
+    steps: Array = np.arange(round(horizon / period) * _FINE + 1, dtype=np.float64)
+    return period / _FINE * steps
 
 
 @cache
@@ -134,9 +138,7 @@ def driven_pendulum() -> Simulated:
     rows = _followed(field, np.array([0.4, 0.0]), time)
     signals = {"angle": rows[:, 0], "rate": rows[:, 1], "torque": torque}
     logged = {"angle": ("angle", float(np.rad2deg(1.0)), 0.01), "torque": ("torque", 1000.0, 0.0)}
-    return Simulated(
-        0.01, time, signals, logged, ("torque",), {"angle": "angle", "rate": "rate"}
-    )
+    return Simulated(0.01, time, signals, logged, ("torque",), {"angle": "angle", "rate": "rate"})
 
 
 def _valve_input(t: Array | float) -> Array:
@@ -204,7 +206,9 @@ def _motor(time: Array, worn: float, lost: float, offset: float) -> Simulated:
     told |= {"probability_worn": "worn", "probability_healthy": "healthy"} if worn else {}
     told |= {"voltage_lost": "fault"} if lost else {}
     told |= {"speed_offset": "offset"} if offset else {}
-    return Simulated(period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), told)
+    return Simulated(
+        period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), told
+    )
 
 
 @cache

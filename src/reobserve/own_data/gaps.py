@@ -61,16 +61,18 @@ class Gaps:
             return []
         p = self.measurements
         y, u = rows.values[:, :p], rows.values[:, p:]
-        there = np.isfinite(rows.values)
+        there: NDArray[np.bool_] = np.isfinite(rows.values)
         self._count(rows, there)
         if there.all() and self.started and not self.in_gap:
             self.last = float(rows.time[-1])
             status = np.where(rows.between.any(axis=1), FILLED, MEASURED).astype(np.int8)
             self._tell(status)
             return [Stretch(rows.time, y, u, status, False)]
-        known = there[:, p:].all(axis=1)
-        full = known & there[:, :p].all(axis=1)
-        usable = known & there[:, :p].any(axis=1) if self.reads_missing else full
+        known: NDArray[np.bool_] = np.asarray(there[:, p:].all(axis=1))
+        full: NDArray[np.bool_] = known & there[:, :p].all(axis=1)
+        usable = full
+        if self.reads_missing:
+            usable = known & there[:, :p].any(axis=1)
         status = np.where(
             full, np.where(rows.between.any(axis=1), FILLED, MEASURED), PARTIAL
         ).astype(np.int8)

@@ -1,13 +1,15 @@
 """What would mislead, by criteria that are computed on the first rows of a record.
 
+The size of an estimate is the root mean square of the largest of its components in that unit.
+
 Noise: its size on each measurement is taken from second differences, in which what is smooth
 cancels. The observer runs over the same rows again with noise of this size added, from a fixed
-seed; where an estimate then moves, in the root mean square, by more than half of what it varies,
-more than half of what is seen in it is noise.
+seed; where an estimate then moves, in the root mean square over the second half, by more than half
+of its size, most of what is seen in it is noise.
 
 Settling: the observer starts a second time, as after a gap, in the middle of the rows. Where the
-two runs are still apart at the end by more than a twentieth of what the estimate varies, the
-record is too short to forget how it began.
+two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
+than three times what noise does, the record is too short to forget how it began.
 """
 
 from __future__ import annotations
@@ -44,25 +46,28 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
         return ["the observer diverges where it starts elsewhere or with more noise"]
     found = []
     half = len(later) - len(later) // 2
-    for c, column in enumerate(estimation.outputs.columns):
-        if column.estimate == RESIDUAL or column.deviation or column.unit == "1":
+    columns = estimation.outputs.columns
+    sizes: dict[tuple[str, str], float] = {}
+    for c, column in enumerate(columns):
+        group = (column.estimate, column.unit)
+        size = float(np.sqrt(np.mean(whole[:, c] ** 2)))
+        sizes[group] = max(sizes.get(group, 0.0), 0.0 if column.deviation else size)
+    for c, column in enumerate(columns):
+        if column.estimate == RESIDUAL or column.deviation:
             continue
-        settled = whole[-half:, c]
-        spread, size = float(np.std(settled)), float(np.abs(settled).max())
-        moved = float(np.sqrt(np.mean((noisy[-half:, c] - settled) ** 2)))
-        if moved > _SHARE_OF_NOISE * spread and moved > 1e-9 * size:
+        size = sizes[column.estimate, column.unit]
+        moved = float(np.sqrt(np.mean((noisy[-half:, c] - whole[-half:, c]) ** 2)))
+        if moved > _SHARE_OF_NOISE * size:
             found.append(
-                f"{column.name}: {_percent(moved, spread)} of what it varies in the second half "
-                f"of the first {len(y)} rows is noise that the gain amplifies; a lower gain, or "
-                "less process noise, smooths it"
+                f"{column.name}: noise moves it by {_percent(moved, size)} of its size over the "
+                f"first {len(y)} rows; a lower gain, or less process noise, smooths it"
             )
         apart = float(abs(later[-1, c] - whole[-1, c]))
-        varies = max(float(np.std(whole[:, c])), 3.0 * moved)
-        if apart > _APART * varies and apart > 1e-9 * size:
+        if apart > max(_APART * size, 3.0 * moved):
             found.append(
-                f"{column.name}: started again at half of the first {len(y)} rows it ends "
-                f"{_percent(apart, varies)} of what it varies elsewhere; the record is too short "
-                "for it to settle"
+                f"{column.name}: started again at half of the first {len(y)} rows, it ends "
+                f"{_percent(apart, size)} of its size elsewhere; the record is too short for it to "
+                "settle"
             )
     return found
 

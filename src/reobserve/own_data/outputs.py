@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 
 class Output(NamedTuple):
-    """A column: the component ``index`` of an estimate, or its standard deviation."""
+    """A column: the component at ``place`` of an estimate, or its standard deviation."""
 
     name: str
     unit: str
     estimate: str
-    index: int
+    place: int
     deviation: bool = False
     conversion: Conversion = SAME
 
@@ -51,16 +51,16 @@ class Outputs:
         for c, column in enumerate(self.columns):
             if column.estimate == RESIDUAL:
                 assert residual is not None
-                values = residual[:, column.index]
+                values = residual[:, column.place]
             elif column.deviation:
                 variance = estimates[self.setup.sigmas[column.estimate]]
                 if variance.ndim == 3:
-                    values = np.sqrt(variance[:, column.index, column.index])
+                    values = np.sqrt(variance[:, column.place, column.place])
                 else:
-                    values = np.sqrt(variance[:, column.index])
+                    values = np.sqrt(variance[:, column.place])
             else:
                 whole = estimates[column.estimate]
-                values = whole if whole.ndim == 1 else whole[:, column.index]
+                values = whole if whole.ndim == 1 else whole[:, column.place]
             factor, offset = column.conversion
             found[:, c] = values
             if factor != 1.0:
@@ -68,7 +68,6 @@ class Outputs:
             if offset and not column.deviation:
                 found[:, c] += offset
         return found
-
 
     def row(self, y: Array, estimates: Mapping[str, Array]) -> list[float]:
         """The same numbers for one row, shape (1, p), where each microsecond counts."""
@@ -118,7 +117,9 @@ def outputs(
     }  # fmt: skip
     for name in named:
         if name not in written:
-            raise InputError(f"estimates.{name}", f"there is no such estimate{nearest(name, written)}")
+            raise InputError(
+                f"estimates.{name}", f"there is no such estimate{nearest(name, written)}"
+            )
     columns: list[Output] = []
     for name, values in written.items():
         size = 1 if values.ndim == 1 else values.shape[1]

@@ -96,9 +96,7 @@ class Picture:
         panels = self._panels()
         signals = self.estimation.alarms
         heights = [1.0] * len(panels) + ([0.16 + 0.17 * len(signals)] if signals else [])
-        figure = matplotlib.Figure(
-            figsize=(7.2, 0.7 + 1.55 * sum(heights)), layout="constrained"
-        )
+        figure = matplotlib.Figure(figsize=(7.2, 0.7 + 1.55 * sum(heights)), layout="constrained")
         axes = figure.subplots(
             len(heights), 1, sharex=True, squeeze=False, height_ratios=heights
         )[:, 0]  # fmt: skip

@@ -149,7 +149,9 @@ def titles(line: bytes, separator: str) -> list[str]:
     try:
         text = line.decode("utf-8-sig").strip("\r\n")
     except UnicodeDecodeError as error:
-        raise InputError("header", f"cannot be read (byte {error.start + 1} is not UTF-8)") from None
+        raise InputError(
+            "header", f"cannot be read (byte {error.start + 1} is not UTF-8)"
+        ) from None
     found = [title.strip() for row in csv.reader([text], delimiter=separator) for title in row]
     if not any(found):
         raise InputError("header", "is empty, must name the columns")

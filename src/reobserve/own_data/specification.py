@@ -1,13 +1,13 @@
 """What a user says of a record and of the observer for it, in one YAML file, checked whole.
 
-    observer: {kind: kalman, model: {...}, start: {...}}     one of `reobserve.own_data.kinds`
-    columns:                                                 of the record, with their units
-      time: {column: t, unit: ms}
-      measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
-      inputs: [{column: u, unit: V}]
-    sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
-    estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
-    alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
+observer: {kind: kalman, model: {...}, start: {...}}     one of `reobserve.own_data.kinds`
+columns:                                                 of the record, with their units
+  time: {column: t, unit: ms}
+  measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
+  inputs: [{column: u, unit: V}]
+sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
+estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
+alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
 """
 
 from __future__ import annotations

@@ -130,7 +130,7 @@ class Stamps:
         starts = time if account.last is None else np.concatenate([[account.last], time])
         first = len(time) - len(steps)  # the row that the first step leads to
         parts, done = [], 0
-        for k in np.flatnonzero(passed > 1.0):
+        for k in np.flatnonzero(passed > 1.0).tolist():
             self._check_coast(passed[k], starts[k])
             inside = np.arange(1, min(passed[k], self._most(passed[k])))
             parts += [time[done : k + first], starts[k] + steps[k] * (inside / passed[k])]
@@ -181,7 +181,8 @@ def _times(
 ) -> Array:
     """The multiples of the period from the origin on, after one time and up to another."""
     first = 0 if after is None else int(np.floor((after - origin) / period)) - 1
-    times = origin + period * np.arange(max(first, 0), int((last - origin) / period) + 2)
+    steps = np.arange(max(first, 0), int((last - origin) / period) + 2, dtype=np.float64)
+    times = origin + period * steps
     inside = times <= last if closed else times < last
     if after is not None:
         inside &= times > after

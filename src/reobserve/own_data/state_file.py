@@ -56,7 +56,9 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
     if not isinstance(tree, dict) or (tree.get("format"), tree.get("schema")) != (FORMAT, SCHEMA):
         raise InputError(str(path), f"is no state of schema {SCHEMA}")
     if tree.get("specification") != digest:
-        raise InputError(str(path), "is the state of another specification; remove it to start anew")
+        raise InputError(
+            str(path), "is the state of another specification; remove it to start anew"
+        )
     try:
         state = tree["observer"]
         estimation.state = None if state is None else _like(estimation.template, state)
@@ -73,7 +75,9 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         if isinstance(error, InputError):
             raise InputError(str(path), str(error)) from None
-        raise InputError(str(path), "is damaged: it lacks a part, or has another in its place") from None
+        raise InputError(
+            str(path), "is damaged: it lacks a part, or has another in its place"
+        ) from None
     found: int | None = offset
     return found
 
@@ -90,7 +94,10 @@ def _plain(value: Any) -> Any:
         kept = ("sampling", "account", "rule")
         return {name: _plain(part) for name, part in parts.items() if name not in kept}
     if isinstance(value, np.ndarray):
-        return {"shape": list(value.shape), "values": [_plain(one) for one in value.ravel().tolist()]}
+        return {
+            "shape": list(value.shape),
+            "values": [_plain(one) for one in value.ravel().tolist()],
+        }
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

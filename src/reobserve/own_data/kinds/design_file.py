@@ -1,25 +1,82 @@
-"""An observer from a design file."""
+"""An observer from a design file, with the names and units that are stated there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.imm import IMM
+from reobserve.observers.levant import LevantDifferentiator
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.normal_form_observer import NormalFormObserver
+from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.own_data.kinds.linear import eso_residual, imm_setup, linear_setup
+from reobserve.own_data.kinds.nonlinear import levant_setup, normal_form_setup
+from reobserve.own_data.kinds.rigid_body import rigid_body_setup
 from reobserve.own_data.kinds.setup import Setup
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class DesignFile:
-    """What `reobserve design` wrote."""
+    """What `reobserve design` wrote; its gains are certified again."""
 
     kind: Literal["design"]
     file: str
 
     def set_up(self, period: float) -> Setup:
-        """The observer, its gains certified again."""
-        raise NotImplementedError
+        """The observer, if it is one of this sampling period."""
+        design = import_module("reobserve.designs.file").load_design(Path(self.file))
+        observer = design.observer
+        if abs(observer.sampling_period - period) > 1e-9 * period:
+            raise InputError(
+                "file", f"{self.file} is of a sampling period of {observer.sampling_period:g} s, "
+                f"sampling.period says {period:g} s",
+            )  # fmt: skip
+        return from_design(design)
 
 
 def from_design(design: Any) -> Setup:
-    """The one place that knows what a design offers."""
-    raise NotImplementedError
+    """What a design offers, as estimation takes it; the one place that knows both."""
+    observer = design.observer
+
+    def start(y: Array) -> Any:
+        found = design.start()
+        return observer._start(y) if found is None else found
+
+    made = next(
+        (set_up(observer, start) for kind, set_up in _SETUPS if isinstance(observer, kind)),
+        Setup(observer, start),
+    )
+    measured, known = (
+        tuple(unit for _, unit in signals) for signals in (design.measurements, design.inputs)
+    )
+    estimates = design.estimates
+    return replace(
+        made, measured=measured if all(measured) else (), known=known if all(known) else (),
+        units={name: tuple(unit for _, unit in parts) for name, parts in estimates.items()},
+        names={name: tuple(label for label, _ in parts) for name, parts in estimates.items()},
+    )  # fmt: skip
+
+
+def _eso_setup(observer: ExtendedStateObserver, start: Callable[[Array], Any]) -> Setup:
+    return Setup(observer, start, eso_residual(observer.system))
+
+
+_SETUPS: tuple[tuple[type, Callable[..., Setup]], ...] = (
+    (LinearFilter, linear_setup),
+    (IMM, imm_setup),
+    (RigidBodyObserver, rigid_body_setup),
+    (NormalFormObserver, normal_form_setup),
+    (LevantDifferentiator, levant_setup),
+    (ExtendedStateObserver, _eso_setup),
+)

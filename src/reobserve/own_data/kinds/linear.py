@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -256,15 +256,22 @@ class Imm:
 
         with located("start"):
             begin()
-        return Setup(
-            observer, lambda y: begin(), _mixed_innovation, sigmas={"state": "covariance"},
+        return replace(
+            imm_setup(observer, lambda y: begin()),
             names={"probability": tuple(f"probability_{name}" for name in self.modes)},
-            left_out=("covariance", "innovation", "log_likelihood"),
             unseen=tuple(
                 hidden for name, one in zip(self.modes, filters, strict=True)
                 for hidden in _unseen(one.model, f"modes.{name}")
             ),
         )  # fmt: skip
+
+
+def imm_setup(observer: IMM, start: Callable[[Array], Any]) -> Setup:
+    """The setup of a bank."""
+    return Setup(
+        observer, start, _mixed_innovation, sigmas={"state": "covariance"},
+        left_out=("covariance", "innovation", "log_likelihood"),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -329,7 +336,10 @@ def eso_residual(system: AugmentedSystem) -> Callable[[Array, Estimates], Array]
 
     def residual(y: Array, estimates: Estimates) -> Array:
         found: Array = y.copy()  # column by column: the same bits for a row and for many
-        for matrix, values in ((system.C, estimates["state"]), (system.Fs, estimates["sensor_fault"])):
+        for matrix, values in (
+            (system.C, estimates["state"]),
+            (system.Fs, estimates["sensor_fault"]),
+        ):
             for column in range(matrix.shape[1]):
                 found -= values[:, column, None] * matrix[:, column]
         return found

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
+from reobserve.errors import located
 from reobserve.models.triangular import TriangularModel
 from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.own_data.kinds.linear import as_poles
 from reobserve.own_data.kinds.setup import Estimates, Setup
 
@@ -57,16 +59,19 @@ class NormalForm:
         given = np.zeros(n) if self.start is None else self.start.state
         with located("start"):
             observer.init(given)
-        read = observer.normal_form.problem.system.output
+        made = normal_form_setup(observer, lambda y: observer.init(given))
+        return replace(made, names={"state": tuple(self.variables)})
 
-        def residual(y: Array, estimates: Estimates) -> Array:
-            found: Array = y - np.array([read(row) for row in estimates["state"]])
-            return found
 
-        return Setup(
-            observer, lambda y: observer.init(given), residual,
-            names={"state": tuple(self.variables)},
-        )  # fmt: skip
+def normal_form_setup(observer: NormalFormObserver, start: Callable[[Array], Any]) -> Setup:
+    """The setup of any normal-form observer."""
+    read = observer.normal_form.problem.system.output
+
+    def residual(y: Array, estimates: Estimates) -> Array:
+        found: Array = y - np.array([read(row) for row in estimates["state"]])
+        return found
+
+    return Setup(observer, start, residual)
 
 
 @dataclass(frozen=True)
@@ -182,14 +187,14 @@ class Levant:
             )  # fmt: skip
             return observer.init(given)
 
-        def residual(y: Array, estimates: Estimates) -> Array:
-            found: Array = y - estimates["derivatives"][:, :1]
-            return found
-
-        return Setup(observer, begin, residual)
+        return levant_setup(observer, begin)
 
 
-def check_variables(place: str, names: list[str]) -> None:
-    """Refuse names that stand twice."""
-    if len(set(names)) < len(names):
-        raise InputError(place, "must be different names")
+def levant_setup(observer: LevantDifferentiator, start: Callable[[Array], Any]) -> Setup:
+    """The setup of a differentiator."""
+
+    def residual(y: Array, estimates: Estimates) -> Array:
+        found: Array = y - estimates["derivatives"][:, :1]
+        return found
+
+    return Setup(observer, start, residual)

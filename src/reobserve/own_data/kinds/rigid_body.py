@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,6 +15,7 @@ from reobserve.numerics.matrices import spectral_radius
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
+from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.own_data.kinds.setup import Estimates, Setup
 
 Array = NDArray[np.float64]
@@ -99,13 +101,18 @@ def _ready(observer: ILO | SampledILO | AdaptiveObserver, start: RateStart | Non
     def begin(y: Array) -> Any:
         return observer.init(y) if start is None else observer.init(start.rate, start.fault)
 
+    return rigid_body_setup(observer, begin)
+
+
+def rigid_body_setup(observer: RigidBodyObserver, start: Callable[[Array], Any]) -> Setup:
+    """The setup of any observer of a rigid body."""
     rank = int(np.linalg.matrix_rank(observer.model.fault_matrix))
     unseen = (
         f"fault: fault_matrix has rank {rank} of 3, so that a part of the fault moves nothing and "
         "its estimate means nothing",
     )
     return Setup(
-        observer, begin, _residual, ("rad/s",) * 3, ("N m",) * 3,
+        observer, start, _residual, ("rad/s",) * 3, ("N m",) * 3,
         {"rate": ("rad/s",) * 3, "fault": ("N m",) * 3}, unseen=unseen if rank < 3 else (),
     )  # fmt: skip
 
