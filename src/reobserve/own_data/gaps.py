@@ -71,7 +71,7 @@ class Gaps:
         known: NDArray[np.bool_] = np.asarray(there[:, p:].all(axis=1))
         full: NDArray[np.bool_] = known & there[:, :p].all(axis=1)
         usable = full
-        if self.reads_missing:
+        if self.reads_missing and self.sampling.missing != "refuse":
             usable = known & there[:, :p].any(axis=1)
         status = np.where(
             full, np.where(rows.between.any(axis=1), FILLED, MEASURED), PARTIAL

@@ -7,6 +7,8 @@ cancels. The observer runs over the same rows again with noise of this size adde
 seed; where an estimate then moves, in the root mean square over the second half, by more than half
 of its size, most of what is seen in it is noise.
 
+Excitation: an observer of a delay that switches itself off for want of it does so all the time.
+
 Settling: the observer starts a second time, as after a gap, in the middle of the rows. Where the
 two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
 than three times what noise does, the record is too short to forget how it began.
@@ -14,6 +16,7 @@ than three times what noise does, the record is too short to forget how it began
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -39,12 +42,20 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
         return [told] if head.rows else []
     y, u = np.concatenate(head.y), np.concatenate(head.u)
     try:
-        whole = _columns(estimation, y, u)
-        later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
-        noisy = _columns(estimation, y + _noise(y), u)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            whole = _columns(estimation, y, u)
+            later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
+            noisy = _columns(estimation, y + _noise(y), u)
     except ReobserveError:
         return ["the observer diverges where it starts elsewhere or with more noise"]
     found = []
+    off = [c for c, one in enumerate(estimation.outputs.columns) if one.estimate == "switched_off"]
+    if off and whole[1:, off[0]].min() >= 1.0:
+        found.append(
+            f"delay: over 100 % of the first {len(y)} rows the input moves too little for it to be "
+            "seen, and it stays as it began"
+        )
     half = len(later) - len(later) // 2
     columns = estimation.outputs.columns
     sizes: dict[tuple[str, str], float] = {}

@@ -69,6 +69,8 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
             _fill(alarm, saved)
         for part in _PARTS:
             _fill(getattr(estimation, part), tree[part])
+        if estimation.gaps.started and estimation.state is None:
+            raise TypeError
         offset = tree["offset"]
         if offset is not None and (isinstance(offset, bool) or not isinstance(offset, int)):
             raise TypeError

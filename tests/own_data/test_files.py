@@ -1,0 +1,234 @@
+"""Files in and out: the same numbers from any format and in pieces, and bad ones refused."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as arrow_csv
+import pyarrow.parquet as parquet
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.errors import InputError
+from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.examples import simulated
+from reobserve.own_data.reading import File
+from reobserve.own_data.specification import read_specification
+from reobserve.own_data.writing import KEY
+from tests.own_data.records import read_results, specification, write_record
+
+Array = NDArray[np.float64]
+
+EVEN = {name: values[:300] for name, values in simulated("kalman").record().items()}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = tmp_path_factory.mktemp("whole")
+    record = write_record(folder / "r.csv", EVEN)
+    estimate_file(specification("kalman"), record, folder / "e.csv")
+    return (folder / "e.csv").read_bytes()
+
+
+def as_parquet(path: Path) -> Path:
+    parquet.write_table(pa.table(EVEN), path, row_group_size=70)
+    return path
+
+
+def test_each_format_in_gives_the_same_bits_and_pieces_too(expected: bytes, tmp_path: Path) -> None:
+    text = write_record(tmp_path / "r.csv", EVEN)
+    packed = tmp_path / "r.csv.gz"
+    packed.write_bytes(gzip.compress(text.read_bytes()))
+    for record in (text, packed, as_parquet(tmp_path / "r.parquet")):
+        for block in (600, 2**20):
+            made = estimate_file(specification("kalman"), record, tmp_path / "e.csv", block=block)
+            assert (tmp_path / "e.csv").read_bytes() == expected, record.suffix
+            assert made.account.rows == 300
+
+
+def test_each_format_out_holds_the_same_numbers(expected: bytes, tmp_path: Path) -> None:
+    record = write_record(tmp_path / "r.csv", EVEN)
+    estimate_file(specification("kalman"), record, tmp_path / "e.csv.gz")
+    assert gzip.decompress((tmp_path / "e.csv.gz").read_bytes()) == expected
+    again = tmp_path / "again.csv.gz"
+    estimate_file(specification("kalman"), record, again)
+    assert again.read_bytes() == (tmp_path / "e.csv.gz").read_bytes()
+    estimate_file(specification("kalman"), record, tmp_path / "e.parquet")
+    table = parquet.read_table(tmp_path / "e.parquet")
+    same = arrow_csv.read_csv(pa.BufferReader(expected))
+    assert table.column_names == same.column_names
+    for name in table.column_names[:-2]:
+        assert np.array_equal(table[name].to_numpy(), same[name].to_numpy()), name
+    about = parquet.read_metadata(tmp_path / "e.parquet").metadata
+    assert json.loads(about[KEY])["rows"] == 300
+
+
+def test_a_file_larger_than_its_blocks_is_never_whole_in_memory(tmp_path: Path) -> None:
+    columns = {name: np.tile(values, 200) for name, values in EVEN.items()}
+    record = write_record(tmp_path / "r.csv", columns)
+    block = 2**14
+    sizes = [rows.nbytes for rows in File(record, block=block).blocks(list(columns))]
+    assert sum(sizes) == 4 * 8 * 60_000
+    assert max(sizes) < 2 * block
+    assert record.stat().st_size > 50 * block
+
+
+def test_units_may_stand_in_the_header_and_what_comes_out_can_go_in(
+    expected: bytes, tmp_path: Path
+) -> None:
+    titles = {"t": "t [ms]", "speed": "speed [rpm]", "current": "current[mA]"}
+    columns = {titles.get(name, name): values for name, values in EVEN.items()}
+    tree = {
+        "time": {"column": "t"},
+        "measurements": [{"column": "speed", "model_unit": "rad/s"},
+                         {"column": "current", "unit": "mA", "model_unit": "A"}],
+        "inputs": [{"column": "voltage", "unit": "V"}],
+    }  # fmt: skip
+    record = write_record(tmp_path / "r.csv", columns)
+    estimate_file(specification("kalman", columns=tree), record, tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+    tree["measurements"][0]["unit"] = "rad/s"  # type: ignore[index]
+    with pytest.raises(InputError, match="says rad/s, the header of .* says rpm"):
+        estimate_file(specification("kalman", columns=tree), record, tmp_path / "e.csv")
+    once_more = specification("levant", columns={
+        "time": {"column": "time"}, "measurements": [{"column": "current"}],
+    })  # fmt: skip
+    made = estimate_file(once_more, tmp_path / "e.csv", tmp_path / "d.csv")
+    assert made.titles[1:4] == [
+        "derivatives_1 [A]", "derivatives_2 [A/s]", "derivatives_3 [A/s^2]"
+    ]  # fmt: skip
+
+
+def test_semicolons_and_decimal_commas_are_read(expected: bytes, tmp_path: Path) -> None:
+    text = write_record(tmp_path / "r.csv", EVEN).read_text()
+    (tmp_path / "r.csv").write_text("\ufeff" + text.replace(",", ";").replace(".", ","))
+    tree: Any = {
+        "time": {"column": "t", "unit": "ms"}, "separator": ";", "decimal": ",",
+        "measurements": [{"column": "speed", "unit": "rpm", "model_unit": "rad/s"},
+                         {"column": "current", "unit": "mA", "model_unit": "A"}],
+        "inputs": [{"column": "voltage", "unit": "V"}],
+    }  # fmt: skip
+    chosen = specification("kalman", columns=tree)
+    estimate_file(chosen, tmp_path / "r.csv", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+
+
+def test_the_report_tells_what_became_of_the_record(tmp_path: Path) -> None:
+    columns = {name: values.copy() for name, values in EVEN.items()}
+    columns["speed"][10] = np.nan
+    record = write_record(tmp_path / "r.csv", columns)
+    made = estimate_file(
+        specification("kalman"), record, tmp_path / "e.csv", plot=tmp_path / "e.png",
+        report=tmp_path / "e.json",
+    )  # fmt: skip
+    told = json.loads((tmp_path / "e.json").read_text())
+    assert told["record"] == "r.csv"
+    assert told["statuses"] == {"measured": 299, "partial": 1}
+    assert told["missing"] == {"speed": 1}
+    assert told["mean_interval"] == pytest.approx(0.01)
+    assert told["warnings"] == made.account.warnings
+    assert told["alarms"]["odd"]["threshold"] is None  # the record ends before its stretch does
+    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_alarm_has_the_threshold_that_was_said_or_learned(tmp_path: Path) -> None:
+    record = write_record(tmp_path / "r.csv", simulated("ilo-sampled").record())
+    made = estimate_file(specification("ilo-sampled"), record, tmp_path / "e.csv")
+    found, _ = read_results(tmp_path / "e.csv")
+    assert np.array_equal(found["alarm leak"], np.abs(found["fault_1"]) > 0.2)
+    time, residual = found["time"], found["residual wx"]
+    stretch = residual[(time >= 1.0) & (time <= 4.0)]
+    limit, mean = 6 * np.std(stretch, ddof=1), np.mean(stretch)
+    later = time > 4.0
+    assert np.isnan(found["alarm odd"][~later]).all()
+    assert np.array_equal(found["alarm odd"][later], np.abs(residual - mean)[later] > limit)
+    told = made.account.alarms["odd"]
+    assert told["threshold"] == pytest.approx(limit, rel=1e-9)
+    assert told["mean"] == pytest.approx(mean, rel=1e-6)
+    assert told["first"] == time[found["alarm odd"] == 1.0][0]
+
+
+def test_what_would_mislead_is_told(tmp_path: Path) -> None:
+    tree = {"kind": "levant", "L": 1e3, "order": 2}
+    columns = simulated("levant").record()
+    columns["voltage"] += np.random.default_rng(1).normal(size=len(columns["t"]))
+    record = write_record(tmp_path / "r.csv", columns)
+    made = estimate_file(specification("levant", observer=tree), record, tmp_path / "e.csv")
+    noisy = [told for told in made.account.warnings if "noise moves it by" in told]
+    assert [told.partition(":")[0] for told in noisy] == ["derivatives_3"]
+    slow = {"kind": "fixed_gain", "gain": [[0.0, 0.0], [0.0, 0.0]]}
+    short = {name: values[:60] for name, values in simulated("kalman").record().items()}
+    record = write_record(tmp_path / "r.csv", short)
+    chosen = specification("fixed-gain", observer=slow)
+    made = estimate_file(chosen, record, tmp_path / "e.csv")
+    assert any(told.startswith("speed: started again at half") for told in made.account.warnings)
+    body = {"inertia": 1.0, "fault_matrix": [1.0, 1.0, 0.0]}
+    record = write_record(tmp_path / "r.csv", simulated("adaptive").record())
+    chosen = specification("adaptive", observer={"body": body})
+    made = estimate_file(chosen, record, tmp_path / "e.csv")
+    assert any("fault_matrix has rank 2 of 3" in told for told in made.account.warnings)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is empty, must name the columns"),
+        (b"t,speed,current\n0,1,2\n", "columns.inputs.0.column: .* has no column 'voltage'"),
+        (b"t,speed,current,voltage,speed\n", "has the column 'speed' twice"),
+        (b"t,speed,current,voltage\n0,x,2,3\n", "invalid value 'x'"),
+        (b"t,speed,current,voltage\n0,1,2\n", "Expected 4 columns, got 3"),
+        (b"t,speed,current,voltage\n0,1,\xff,3\n", "invalid|UTF"),
+        (b"t,speed,current,voltage\n", "has no row from which the observer could start"),
+        (b"t,speed,current,voltage\n0,1e999,1,1\n", "must be a number"),
+    ],
+)
+def test_bad_records_are_refused_in_a_sentence(content: bytes, said: str, tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        estimate_file(specification("kalman"), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert not (tmp_path / "e.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("kind: kalman>kind: kalmann", "observer.kind: 'kalmann' must be one of"),
+        ("unit: rpm>unit: rpn", "columns.measurements.0.unit: 'rpn' is no unit that is known"),
+        ("unit: rpm>unit: Hz", "hertz does not say whether turns or radians"),
+        ("unit: mA>unit: mV", r"'mV' cannot become 'A'"),
+        ("period: 0.01>period: 0", "sampling.period: 0 must be greater than zero"),
+        ("missing: skip>missing: fill", "sampling.missing: 'fill' must be one of"),
+        ("missing: skip>missing: refuse", "sampling.at_gap: coast has no gap to act on"),
+        ("of: residual speed>of: speeds", "alarms.0.of: there is no column 'speeds'; did you"),
+        ("{speed: rad/s, current: A}>{speed: rad/s}", "estimates.state: names 1 components"),
+        ("{speed: rad/s, current: A}>{speed: rad/s, time: A}", "two columns would have the name"),
+        ("  state: {>  stat: {", "estimates.stat: there is no such estimate; did you"),
+        ("    - {column: current, unit: mA, model_unit: A}\n>", "are 1 columns, the observer reads 2"),
+        ("R: [1.0e-3>R: [-1.0e-3", "observer.model.R: must be positive definite"),
+        ("until: 4}>until: 1}", "alarms.0.until: 1 s must be after since, 1 s"),
+    ],
+)  # fmt: skip
+def test_bad_specifications_are_refused_by_their_key(
+    change: str, said: str, tmp_path: Path
+) -> None:
+    from reobserve.own_data.examples import specification_text
+
+    old, _, new = change.partition(">")
+    text = specification_text("kalman")
+    assert old in text
+    (tmp_path / "s.yaml").write_text(text.replace(old, new))
+    record = write_record(tmp_path / "r.csv", EVEN)
+    with pytest.raises(InputError, match=said):
+        estimate_file(read_specification(tmp_path / "s.yaml"), record, tmp_path / "e.csv")
+
+
+def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:
+    record = write_record(tmp_path / "r.csv", simulated("levant").record())
+    for sampling in ({"missing": "skip"}, {"at_gap": "coast"}):
+        with pytest.raises(InputError, match="is for observers that predict without measurements"):
+            estimate_file(specification("levant", sampling=sampling), record, tmp_path / "e.csv")

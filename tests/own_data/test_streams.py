@@ -1,0 +1,195 @@
+"""Lines as they come: the bits of a whole record, also after a stop, and each at once."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.cli import main
+from reobserve.errors import InputError
+from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.estimation import Estimation
+from reobserve.own_data.examples import NAMES, simulated, specification_text
+from reobserve.own_data.row_by_row import RowByRow
+from reobserve.own_data.state_file import load_state, save_state
+from reobserve.own_data.writing import header
+from tests.own_data.records import specification, write_record
+
+
+def record(path: Path, name: str, rows: int = 240) -> Path:
+    """The record of an example with a lost row, an empty cell and a gap."""
+    columns = {title: values[:rows].copy() for title, values in simulated(name).record().items()}
+    kept = np.ones(rows, dtype=bool)
+    kept[30] = False
+    if rows > 130:
+        columns[list(columns)[1]][60] = np.nan
+        kept[100:130] = False
+    return write_record(path, {title: values[kept] for title, values in columns.items()})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
+    name: str, tmp_path: Path
+) -> None:
+    chosen = specification(name)
+    text = record(tmp_path / "r.csv", name)
+    whole = estimate_file(chosen, text, tmp_path / "e.csv")
+    titles, *lines = text.read_text().splitlines(keepends=True)
+    columns = titles.strip().split(",")
+    estimation = Estimation(chosen, columns, str(text))
+    rows = RowByRow(estimation, columns)
+    out = header(estimation.titles)
+    for k, line in enumerate(lines):
+        if k in (29, 60, 99):  # in front of a lost row, with an empty cell at hand, before a gap
+            rows.settle()
+            save_state(tmp_path / "s.json", estimation, name, None)
+            estimation = Estimation(chosen, columns, str(text))
+            load_state(tmp_path / "s.json", estimation, name)
+            rows = RowByRow(estimation, columns)
+        out += rows.read(line)
+    out += rows.finish()
+    assert out.encode() == (tmp_path / "e.csv").read_bytes()
+    kept = ("warnings",)  # of a stream nothing is looked at twice
+    counted = {name: value for name, value in vars(whole.account).items() if name not in kept}
+    assert {n: v for n, v in vars(estimation.account).items() if n not in kept} == counted
+
+
+class Bytes:
+    """Standard input."""
+
+    def __init__(self, content: bytes) -> None:
+        self.buffer = io.BytesIO(content)
+
+
+def run(
+    arguments: list[Any], capsys: Any, monkeypatch: Any, given: bytes = b""
+) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "stdin", Bytes(given))
+    code = main([str(argument) for argument in arguments])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_the_commands_stream_stop_and_go_on(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = tmp_path / "s.yaml"
+    spec.write_text(specification_text("kalman"))
+    text = record(tmp_path / "r.csv", "kalman")
+    assert run(["estimate", spec, text, "--out", tmp_path / "e.csv"], capsys, monkeypatch)[0] == 0
+    whole = (tmp_path / "e.csv").read_text()
+    content = text.read_bytes()
+    code, out, told = run(["estimate", spec, "--stream", "--warm"], capsys, monkeypatch, content)
+    assert (code, out) == (0, whole)
+    assert told.startswith("reobserve: ready\n")
+    assert "gap" in told
+    lines = content.splitlines(keepends=True)
+    state = ["--stream", "--state", tmp_path / "state.json"]
+    first = run(["estimate", spec, *state], capsys, monkeypatch, b"".join(lines[:110]))
+    rest = run(["estimate", spec, *state], capsys, monkeypatch, b"".join([lines[0], *lines[110:]]))
+    assert first[1] + rest[1] == whole
+    spec.write_text(specification_text("kalman").replace("gap: 0.1", "gap: 0.2"))
+    code, _, told = run(["estimate", spec, *state], capsys, monkeypatch, content)
+    assert code == 1
+    assert "is the state of another specification; remove it to start anew" in told
+
+
+def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
+    """Each line is there before the next one is written; a signal ends it, and it goes on."""
+    spec, log = tmp_path / "s.yaml", tmp_path / "log.csv"
+    spec.write_text(specification_text("levant"))
+    text = record(tmp_path / "r.csv", "levant", 50).read_text().splitlines(keepends=True)
+    whole = estimate_file(specification("levant"), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert whole.account.estimates == 50  # the row that was lost among them
+    expected = (tmp_path / "e.csv").read_text().splitlines(keepends=True)
+    log.write_text("".join(text[:3]))
+    command = [
+        sys.executable, "-m", "reobserve", "estimate", str(spec), str(log), "--follow",
+        "--state", str(tmp_path / "state.json"),
+    ]  # fmt: skip
+    found: list[str] = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ)) as one:
+        assert one.stdout is not None
+        found += [one.stdout.readline() for _ in range(3)]
+        for line in text[3:20]:
+            with log.open("a") as stream:
+                stream.write(line[:5])
+                stream.flush()
+                stream.write(line[5:])
+            found.append(one.stdout.readline())
+        one.send_signal(signal.SIGTERM)
+        assert one.wait(20) == 0
+    with log.open("a") as stream:
+        stream.write("".join(text[20:]))
+    again = subprocess.run(
+        [*command, "--idle", "0.3"], capture_output=True, text=True, check=True
+    )  # fmt: skip
+    assert found + again.stdout.splitlines(keepends=True) == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"observer": None}, "is damaged"),
+        ({"observer": {"belief": 3}}, "is damaged"),
+        ({"schema": 2}, "is no state of schema 1"),
+        ({"begun": "x"}, "is damaged"),
+        ({"alarms": []}, "is damaged"),
+    ],
+)
+def test_a_damaged_state_is_refused(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+    columns = ["t", "speed", "current", "voltage"]
+    estimation = Estimation(specification("kalman"), columns, "r")
+    rows = RowByRow(estimation, columns)
+    for k in range(25):
+        rows.read(f"{10 * k},{k},100,3")
+    rows.settle()
+    path = tmp_path / "s.json"
+    save_state(path, estimation, "d", None)
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(InputError, match=said):
+        load_state(path, Estimation(specification("kalman"), columns, "r"), "d")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("250,1,2", "row 26 has 3 cells, the header has 4"),
+        ("250,x,2,3", "speed: row 26 is 'x', must be a number"),
+        ("250,1_0,2,3", "speed: row 26 is '1_0', must be a number"),
+        ("250,inf,2,3", "speed: row 26 is inf, must be a number"),
+        ("254,1,2,3", "1.4 sampling periods"),
+        ("230,1,2,3", "the stamp goes back"),
+    ],
+)
+def test_a_bad_line_is_refused(line: str, said: str) -> None:
+    columns = ["t", "speed", "current", "voltage"]
+    rows = RowByRow(Estimation(specification("kalman"), columns, "r"), columns)
+    for k in range(25):
+        rows.read(f"{10 * k},{k},100,3")
+    with pytest.raises(InputError, match=said):
+        rows.read(line)
+
+
+def test_a_step_takes_no_longer_than_the_next_sample() -> None:
+    """A loose bound, for busy machines; the benchmark measures it."""
+    name = "imm-kalman"
+    columns = list(simulated(name).record())
+    rows = RowByRow(Estimation(specification(name), columns, "r"), columns)
+    lines = [f"{10 * k},300.5,2000.25,3\n" for k in range(600)]
+    taken = []
+    for line in lines:
+        begin = time.perf_counter()
+        assert rows.read(line)
+        taken.append(time.perf_counter() - begin)
+    assert np.median(taken[100:]) < 2e-3
