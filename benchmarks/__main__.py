@@ -10,7 +10,7 @@ from pathlib import Path
 from reobserve.numerics.code_paths import THREADS
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
-NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "pinned", "build")
+NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "pinned", "streams", "build")
 
 
 def main() -> int:
@@ -20,9 +20,9 @@ def main() -> int:
         description=(
             "Speed as ratios against peers measured in the same run: the compiled observers "
             "against C, numpy, scipy, control and filterpy, designs by Clarabel against SCS, "
-            "normal forms against sympy and DACE, pinned code paths against free ones, "
-            "builds against one process in memory. Slow is no failure; the exit code is 1 only "
-            "if a peer computes other numbers."
+            "normal forms against sympy and DACE, pinned code paths against free ones, streams "
+            "against what they aim at, builds against one process in memory. Slow is no failure; "
+            "the exit code is 1 only if a peer computes other numbers."
         ),
     )
     parser.add_argument(
@@ -35,7 +35,7 @@ def main() -> int:
     # Before numpy is imported. No more is pinned: peers are as fast as the processor lets them.
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    from benchmarks import build, delays, designs, filters, kernels, normal_forms, pinned
+    from benchmarks import build, delays, designs, filters, kernels, normal_forms, pinned, streams
     from benchmarks.report import write
 
     runs = {
@@ -45,6 +45,7 @@ def main() -> int:
         "designs": designs.run,
         "normal_forms": normal_forms.run,
         "pinned": pinned.run,
+        "streams": streams.run,
         "build": build.run,
     }
     sections = {}

@@ -30,7 +30,7 @@ def kalman(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
 
 
 def signal(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
-    """The same of a differentiator: one column, no input, and what it read is estimate + residual."""
+    """The same of a differentiator, which read its estimate plus the residual."""
     sampling = {"missing": "refuse", "at_gap": "refuse", **sampling}
     chosen = specification("levant", sampling=sampling)
     made = estimate_file(chosen, write_record(path / "r.csv", columns), path / "e.csv")
@@ -139,7 +139,7 @@ def test_uneven_stamps_are_resampled_by_the_method_that_was_said(
     ],
 )  # fmt: skip
 def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict[str, Any]) -> None:
-    """Rows one by one, in blocks of odd sizes, and all at once; stamps, gaps and sensors are bad."""
+    """Rows one by one, in odd blocks, and all at once; stamps, gaps and sensors are bad."""
     chosen = specification(name, sampling=sampling)
     random = np.random.default_rng(8)
     plant = simulated(name)

@@ -95,7 +95,9 @@ def satellite() -> Simulated:
         k = steps.get(t)
         k = int(t / time[1] + 1e-6) if k is None else k
         known = torques[k] + np.array([fault[k], 0.0, 0.0])
-        found: Array = inverse @ (known - np.cross(w, inertia @ w))
+        h = inertia @ w
+        turned = (w[1] * h[2] - w[2] * h[1], w[2] * h[0] - w[0] * h[2], w[0] * h[1] - w[1] * h[0])
+        found: Array = inverse @ (known - turned)
         return found
 
     rates = _followed(field, np.array([0.05, -0.03, 0.04]), time)

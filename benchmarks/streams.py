@@ -1,0 +1,121 @@
+"""How long a line takes from text to text: an IMM of three models of four states."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import yaml
+
+from benchmarks.report import Row, Section
+from reobserve.own_data.estimation import Estimation
+from reobserve.own_data.row_by_row import RowByRow
+from reobserve.own_data.specification import read_specification
+
+_PERIOD = 0.001
+_HEADER = "t,position,rate,torque"
+_AIM, _AIM_OF_TEXT = 100e-6, 50e-6
+
+
+def run(quick: bool) -> Section:
+    """Time a line in this process, the observer in it alone, and a line through pipes."""
+    count = 2_000 if quick else 20_000
+    section = Section(
+        "Streams",
+        f"median of {count} lines: time, two measurements and an input in, 13 numbers out; "
+        "IMM of 3 Kalman filters of 4 states",
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "imm.yaml"
+        path.write_text(yaml.safe_dump(_specification()))
+        columns = _HEADER.split(",")
+        estimation = Estimation(read_specification(path), columns, "the record")
+        rows, lines = RowByRow(estimation, columns), list(_lines(count + 100))
+        whole = _median(lines, rows.read)
+        alone = _median(lines, lambda line: _step(estimation))
+        piped = _through_pipes(path, lines)
+    section.rows += [
+        Row("a line in, a line out", whole, f"{_AIM * 1e6:g} us", _AIM, cost=True, aim=1.0),
+        Row(
+            "all but the observer's step", whole - alone, f"{_AIM_OF_TEXT * 1e6:g} us",
+            _AIM_OF_TEXT, cost=True, aim=1.0,
+        ),
+        Row("a line through pipes", piped, "in one process", whole, cost=True),
+    ]  # fmt: skip
+    return section
+
+
+def _median(lines: list[str], job: Callable[[str], Any]) -> float:
+    taken = []
+    for line in lines:
+        start = time.perf_counter()
+        job(line)
+        taken.append(time.perf_counter() - start)
+    return median(taken[100:])
+
+
+def _step(estimation: Estimation) -> None:
+    estimation.state, _ = estimation.observer.unchecked_step(
+        estimation.state, np.zeros((1, 2)), np.zeros((1, 1))
+    )
+
+
+def _through_pipes(path: Path, lines: list[str]) -> float:
+    command = [sys.executable, "-m", "reobserve", "estimate", str(path), "--stream", "--warm"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        bufsize=1,
+    ) as child:  # fmt: skip
+        assert child.stdin is not None
+        assert child.stdout is not None
+        to, back = child.stdin, child.stdout
+        to.write(_HEADER + "\n")
+        back.readline()
+
+        def there_and_back(line: str) -> None:
+            to.write(line)
+            back.readline()
+
+        found = _median(lines, there_and_back)
+        to.close()
+        back.read()
+    return found
+
+
+def _lines(count: int) -> Iterator[str]:
+    random = np.random.default_rng(4)
+    for k, (position, rate) in enumerate(random.normal(size=(count, 2)).tolist()):
+        yield f"{k * _PERIOD:.3f},{position!r},{rate!r},0.25\n"
+
+
+def _specification() -> dict[str, Any]:
+    def model(friction: float) -> dict[str, Any]:
+        A = [[0, 1, 0, 0], [-40, -friction, 40, 0], [0, 0, 0, 1], [20, 0, -20, -1]]
+        return {
+            "continuous": {"A": A, "B": [[0], [10], [0], [0]]},
+            "H": [[1, 0, 0, 0], [0, 1, 0, 0]], "Q": 1e-4, "R": [1e-2, 1e-2],
+        }  # fmt: skip
+
+    stays = (0.98 * np.eye(3) + 0.01 * (1 - np.eye(3))).tolist()
+    return {
+        "observer": {
+            "kind": "imm", "modes": {name: model(f) for name, f in (("a", 1), ("b", 2), ("c", 4))},
+            "transition": stays, "start": {"mean": [0.0] * 4, "covariance": 1.0},
+        },
+        "columns": {
+            "time": {"column": "t", "unit": "s"},
+            "measurements": [
+                {"column": "position", "unit": "deg", "model_unit": "rad"},
+                {"column": "rate", "unit": "deg/s", "model_unit": "rad/s"},
+            ],
+            "inputs": [{"column": "torque", "unit": "N m"}],
+        },
+        "sampling": {"period": _PERIOD},
+    }  # fmt: skip
