@@ -20,6 +20,7 @@ from . import (
     ledgers,
     models,
     overrides,
+    own_data,
     pictures,
     records,
     robustness,
@@ -59,6 +60,7 @@ CLASSES = {
     "pictures": Class(200, pictures.make, pictures.examples),
     "command-line": Class(250, command_line.make, command_line.examples),
     "arguments": Class(900, arguments.make, arguments.examples),
+    "own-data": Class(250, own_data.make, own_data.examples),
     "expressions": Class(150, expressions.make, expressions.examples),
 }
 
