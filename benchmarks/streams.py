@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from benchmarks.report import Row, Section
+from reobserve.observers.unchecked import unchecked_step
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.row_by_row import RowByRow
 from reobserve.own_data.specification import read_specification
@@ -62,8 +63,8 @@ def _median(lines: list[str], job: Callable[[str], Any]) -> float:
 
 
 def _step(estimation: Estimation) -> None:
-    estimation.state, _ = estimation.observer.unchecked_step(
-        estimation.state, np.zeros((1, 2)), np.zeros((1, 1))
+    estimation.state, _ = unchecked_step(
+        estimation.observer, estimation.state, np.zeros((1, 2)), np.zeros((1, 1))
     )
 
 

@@ -175,26 +175,6 @@ class Observer(ABC, Generic[StateKind]):
         values = {name: array[0] for name, array in rows.estimates.items()}
         return rows.state, Estimate(time, values, self.units)
 
-    def unchecked_step(
-        self, state: StateKind, y: Array, u: Array
-    ) -> tuple[StateKind, Mapping[str, Array]]:
-        """`step` for a loop that minds every microsecond: what it is given is taken as it is.
-
-        ``state`` must be one that this observer made, ``y`` and ``u`` arrays of floats of shape
-        (1, p) and (1, m), as `run` would take them. The estimates keep their axis of samples.
-
-        Raises
-        ------
-        DivergenceError
-            As `run`.
-        """
-        record = Record(y, u)
-        rows = self._fill(state, record)
-        if not self._good(rows):
-            time = np.array([self._next_row(state) * self.sampling_period])
-            raise self._divergence(state, record, time, 0)
-        return rows.state, rows.estimates
-
     def run(
         self,
         y: ArrayLike,

@@ -117,7 +117,8 @@ def as_table(account: Account, period: float) -> str:
 def _told(alarm: Mapping[str, Any]) -> str:
     if alarm.get("threshold") is None:
         return "no threshold yet: the record ends before the stretch that sets it"
-    origin = f"threshold {alarm['threshold']:.4g} {alarm['unit']}".rstrip()
+    unit = alarm["unit"] if alarm["unit"] != "1" else ""
+    origin = f"threshold {alarm['threshold']:.4g} {unit}".rstrip()
     if alarm.get("mean") is not None:
         origin += f" off {alarm['mean']:.4g}"
     if alarm.get("first") is None:

@@ -48,25 +48,34 @@ class Picture:
         self.share = 1  # rows to a point
         width = len(estimation.outputs.columns) + len(estimation.alarms)
         self.time, self.least = np.empty(0), np.empty((0, width))
-        self.greatest = self.least
+        self.greatest, self.rest = self.least, np.empty((0, 1 + width))
 
     def add(self, block: Estimated) -> None:
         """Take a block of results."""
-        values = np.column_stack([block.numbers, block.alarms])
-        self.time = np.concatenate([self.time, block.time])
-        self.least = np.concatenate([self.least, values])
-        self.greatest = np.concatenate([self.greatest, values])
-        while len(self.time) > 4 * _POINTS:
+        rows = np.column_stack([block.time, block.numbers, block.alarms])
+        self.rest = np.concatenate([self.rest, rows])
+        self._reduce(len(self.rest) // self.share)
+        while len(self.time) >= 4 * _POINTS:
+            if len(self.time) % 2:  # it waits for its partner
+                break
             self._halve()
 
+    def _reduce(self, points: int) -> None:
+        """Make points of the rows that wait."""
+        if not points:
+            return
+        taken, self.rest = self.rest[: points * self.share], self.rest[points * self.share :]
+        shared = taken.reshape(points, -1, taken.shape[1])
+        self.time = np.concatenate([self.time, shared[:, 0, 0]])
+        self.least = np.concatenate([self.least, np.fmin.reduce(shared[:, :, 1:], axis=1)])
+        self.greatest = np.concatenate([self.greatest, np.fmax.reduce(shared[:, :, 1:], axis=1)])
+
     def _halve(self) -> None:
-        pairs = len(self.time) // 2
+        """Let two points become one; there is an even number of them."""
         self.share *= 2
-        self.time = np.concatenate([self.time[: 2 * pairs : 2], self.time[2 * pairs :]])
-        for name, pick in (("least", np.fmin), ("greatest", np.fmax)):
-            values = getattr(self, name)
-            joined = pick(values[0 : 2 * pairs : 2], values[1 : 2 * pairs : 2])
-            setattr(self, name, np.concatenate([joined, values[2 * pairs :]]))
+        self.time = self.time[::2]
+        self.least = np.fmin(self.least[::2], self.least[1::2])
+        self.greatest = np.fmax(self.greatest[::2], self.greatest[1::2])
 
     def save(self, path: Path) -> None:
         """Draw it.
@@ -76,6 +85,10 @@ class Picture:
         InputError
             If the file cannot be written, or matplotlib is not installed.
         """
+        if len(self.rest):
+            self.share, share = len(self.rest), self.share
+            self._reduce(1)
+            self.share = share
         style = {
             "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
             "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",

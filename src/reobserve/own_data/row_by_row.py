@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.observers.unchecked import unchecked_step
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.gaps import MEASURED, STATUSES
 from reobserve.own_data.writing import line, text
@@ -104,7 +105,7 @@ class RowByRow:
         y[0], u[0] = values[:measured], values[measured:]
         begun = made.state.count + 1 if made.state.sample is not None else 0
         try:
-            made.state, estimates = made.observer.unchecked_step(made.state, y, u)
+            made.state, estimates = unchecked_step(made.observer, made.state, y, u)
         except ArithmeticError:
             with made.dated(time, begun):
                 raise

@@ -7,20 +7,25 @@ import json
 import math
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.own_data.account import Account
 from reobserve.own_data.estimation import Estimation
 from reobserve.plain_data.files import read_text, write_text
 from reobserve.plain_data.json_data import parse_json
+from reobserve.plain_data.typed_tree import parse
 
 FORMAT = "reobserve estimate state"
 SCHEMA = 1
 _VALUES = 5_000_000
 
-_PARTS = ("account", "interpolation", "gaps")  # besides the observer's state and the alarms
+# What changes from row to row; the rest of these is the specification's.
+_ALARM = ("origin", "learned", "mean", "squares", "ready")
+_GAPS = ("last", "started", "in_gap")
+_INTERPOLATION = ("time", "values", "asked", "kept")
 
 
 def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
@@ -38,8 +43,10 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         "offset": offset,
         "observer": _plain(estimation.state),
         "begun": estimation.stamps.begun,
-        "alarms": [_plain(alarm) for alarm in estimation.alarms],
-        **{part: _plain(getattr(estimation, part)) for part in _PARTS},
+        "account": _plain(estimation.account),
+        "alarms": [_parts(alarm, _ALARM) for alarm in estimation.alarms],
+        "gaps": _parts(estimation.gaps, _GAPS),
+        "interpolation": _parts(estimation.interpolation, _INTERPOLATION),
     }
     write_text(path, json.dumps(tree) + "\n")
 
@@ -64,11 +71,13 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
         estimation.state = None if state is None else _like(estimation.template, state)
         if estimation.state is not None:
             estimation.observer._checked(estimation.state)
-        estimation.stamps.begun[:] = [float(one) for one in tree["begun"]]
+        estimation.stamps.begun[:] = parse(list[float], tree["begun"], "begun")
         for alarm, saved in zip(estimation.alarms, tree["alarms"], strict=True):
-            _fill(alarm, saved)
-        for part in _PARTS:
-            _fill(getattr(estimation, part), tree[part])
+            _fill(alarm, _ALARM, saved)
+        _fill(estimation.gaps, _GAPS, tree["gaps"])
+        account = parse(Account, _value(tree["account"]), "account")
+        vars(estimation.account).update(vars(account))
+        _interpolation(estimation, tree["interpolation"])
         if estimation.gaps.started and estimation.state is None:
             raise TypeError
         offset = tree["offset"]
@@ -89,12 +98,14 @@ def digest_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _parts(value: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: _plain(getattr(value, name)) for name in names}
+
+
 def _plain(value: Any) -> Any:
-    """A value as JSON can hold it; rules of a user's, which the specification has, are left out."""
+    """A value as JSON can hold it."""
     if is_dataclass(value) and not isinstance(value, type):
-        parts = {each.name: getattr(value, each.name) for each in fields(value)}
-        kept = ("sampling", "account", "rule")
-        return {name: _plain(part) for name, part in parts.items() if name not in kept}
+        return _parts(value, tuple(each.name for each in fields(value)))
     if isinstance(value, np.ndarray):
         return {
             "shape": list(value.shape),
@@ -138,9 +149,25 @@ def _like(template: Any, saved: Any) -> Any:
     return _value(saved)
 
 
-def _fill(target: Any, saved: Any) -> None:
-    """Set the fields that were saved."""
-    for each in fields(target):
-        if each.name in saved and each.name not in ("sampling", "account", "rule"):
-            found, now = _value(saved[each.name]), getattr(target, each.name)
-            setattr(target, each.name, tuple(found) if isinstance(now, tuple) else found)
+def _fill(target: Any, names: tuple[str, ...], saved: Any) -> None:
+    """Set fields that were saved, each of its type."""
+    hints = get_type_hints(type(target))
+    for name in names:
+        setattr(target, name, parse(hints[name], _value(saved[name]), name))
+
+
+def _interpolation(estimation: Estimation, saved: Any) -> None:
+    """The samples that values between them may still need, and the times at which these wait."""
+    found = {name: _value(saved[name]) for name in _INTERPOLATION}
+    columns = len(estimation.interpolation.held)
+    rows = len(found["time"])
+    wanted: dict[str, tuple[int, ...]] = {"time": (rows,), "asked": (len(found["asked"]),)}
+    if found["values"] is not None or found["kept"] is not None or rows:
+        wanted |= {"values": (rows, columns), "kept": (2, columns)}
+    for name, shape in wanted.items():
+        if not isinstance(found[name], np.ndarray) or found[name].shape != shape:
+            raise TypeError
+    for name in ("time", "asked"):
+        if not (np.isfinite(found[name]).all() and (np.diff(found[name]) > 0).all()):
+            raise ValueError
+    vars(estimation.interpolation).update(found)
