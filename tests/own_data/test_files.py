@@ -14,12 +14,15 @@ import pyarrow.parquet as parquet
 import pytest
 from numpy.typing import NDArray
 
+from reobserve.cli import main
+from reobserve.designs.file import load_design
 from reobserve.errors import InputError
 from reobserve.own_data.commands import estimate_file
 from reobserve.own_data.examples import simulated
 from reobserve.own_data.reading import File
-from reobserve.own_data.specification import read_specification
+from reobserve.own_data.specification import Specification, read_specification
 from reobserve.own_data.writing import KEY
+from reobserve.plain_data.typed_tree import parse
 from tests.own_data.records import read_results, specification, write_record
 
 Array = NDArray[np.float64]
@@ -225,6 +228,44 @@ def test_bad_specifications_are_refused_by_their_key(
     record = write_record(tmp_path / "r.csv", EVEN)
     with pytest.raises(InputError, match=said):
         estimate_file(read_specification(tmp_path / "s.yaml"), record, tmp_path / "e.csv")
+
+
+def test_a_design_file_brings_observer_names_and_units(tmp_path: Path) -> None:
+    """That of the motor's example, on a record of this motor's voltage and readings."""
+    design = tmp_path / "design.json"
+    for arguments in (
+        ["design", "luenberger", "--example", str(tmp_path / "model.yaml")],
+        ["design", "luenberger", str(tmp_path / "model.yaml"), "--out", str(design)],
+    ):
+        assert main(arguments) == 0
+    made = load_design(design)
+    signals = {"measurements": made.measurements, "inputs": made.inputs}
+    names = [signal.name for part in signals.values() for signal in part]
+    columns: dict[str, Array] = {"t": 0.01 * np.arange(100)}
+    columns |= {name: np.sin(columns["t"] + k) for k, name in enumerate(names)}
+    tree = {
+        "observer": {"kind": "design", "file": str(design)},
+        "columns": {
+            "time": {"column": "t"},
+            **{part: [{"column": s.name, "unit": s.unit} for s in listed]
+               for part, listed in signals.items()},
+        },
+        "sampling": {"period": made.observer.sampling_period},
+    }  # fmt: skip
+    record = write_record(tmp_path / "r.csv", columns)
+    estimated = estimate_file(parse(Specification, tree), record, tmp_path / "e.csv")
+    found, _ = read_results(tmp_path / "e.csv")
+    y, u = (
+        np.column_stack([columns[s.name] for s in listed] or [np.empty((100, 0))])
+        for listed in signals.values()
+    )
+    run = made.observer.run(y, u, state=made.start())
+    for k, (name, unit) in enumerate(made.estimates["state"]):
+        assert np.array_equal(found[name], run["state"][:, k])
+        assert f"{name} [{unit}]" in estimated.titles
+    tree["sampling"] = {"period": 0.5}
+    with pytest.raises(InputError, match=r"observer.file: .* is of a sampling period of"):
+        estimate_file(parse(Specification, tree), record, tmp_path / "e.csv")
 
 
 def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:

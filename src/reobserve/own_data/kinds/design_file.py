@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.designs.design import Design
+from reobserve.designs.file import load_design
 from reobserve.errors import InputError
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.imm import IMM
@@ -28,14 +29,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DesignFile:
-    """What `reobserve design` wrote; its gains are certified again."""
+    """What `reobserve design` wrote, by its path; its gains are certified again."""
 
     kind: Literal["design"]
     file: str
 
     def set_up(self, period: float) -> Setup:
         """The observer, if it is one of this sampling period."""
-        design = import_module("reobserve.designs.file").load_design(Path(self.file))
+        design = load_design(Path(self.file))
         observer = design.observer
         if abs(observer.sampling_period - period) > 1e-9 * period:
             raise InputError(
@@ -45,7 +46,7 @@ class DesignFile:
         return from_design(design)
 
 
-def from_design(design: Any) -> Setup:
+def from_design(design: Design) -> Setup:
     """What a design offers, as estimation takes it; the one place that knows both."""
     observer = design.observer
 

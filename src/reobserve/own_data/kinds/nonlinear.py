@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +32,7 @@ class StateStart:
 
 @dataclass(frozen=True)
 class NormalForm:
-    """A normal-form observer of an autonomous system, x' = f(x), y = h(x)."""
+    """A normal-form observer of x' = f(x, u), y = h(x), where u may be left out."""
 
     kind: Literal["normal_form"]
     variables: list[str]
@@ -45,6 +45,7 @@ class NormalForm:
     gain: str = "series"
     degree: int | None = None
     expanded: int = 9
+    inputs: list[str] = field(default_factory=list)
     start: StateStart | None = None
 
     def set_up(self, period: float) -> Setup:
@@ -53,7 +54,7 @@ class NormalForm:
         observer = normal_form_observer(
             self.dynamics, self.output, self.variables, order=self.order, sampling_period=period,
             poles=poles, injection=self.injection, form=self.form, gain=self.gain,
-            degree=self.degree, expanded=self.expanded,
+            degree=self.degree, expanded=self.expanded, inputs=self.inputs,
         )  # fmt: skip
         n = len(self.variables)
         given = np.zeros(n) if self.start is None else self.start.state
