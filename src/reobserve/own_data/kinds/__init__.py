@@ -8,9 +8,9 @@ from reobserve.own_data.kinds.delays import (
     VariableStructureDelay,
 )
 from reobserve.own_data.kinds.design_file import DesignFile
+from reobserve.own_data.kinds.extended_state import Eso
 from reobserve.own_data.kinds.linear import (
     AugmentedKalman,
-    Eso,
     FixedGain,
     Imm,
     Kalman,

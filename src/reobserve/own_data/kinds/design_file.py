@@ -19,7 +19,8 @@ from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
-from reobserve.own_data.kinds.linear import eso_residual, imm_setup, linear_setup
+from reobserve.own_data.kinds.extended_state import eso_residual
+from reobserve.own_data.kinds.linear import imm_setup, linear_setup
 from reobserve.own_data.kinds.nonlinear import levant_setup, normal_form_setup
 from reobserve.own_data.kinds.rigid_body import rigid_body_setup
 from reobserve.own_data.kinds.setup import Setup

@@ -1,4 +1,4 @@
-"""Observers of linear models: Kalman filters and their kin, banks of them, constant gains, ESO."""
+"""Observers of linear models: Kalman filters and their kin, banks of them, constant gains."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
-from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.own_data.kinds.setup import Estimates, Setup
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.linear import undetectable_modes
 
 Array = NDArray[np.float64]
@@ -274,79 +272,6 @@ def imm_setup(observer: IMM, start: Callable[[Array], Any]) -> Setup:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class System:
-    """The plant of an extended state observer, `AugmentedSystem`."""
-
-    A: Array
-    B: Array
-    C: Array
-    Dd: Array
-    Dw: Array
-    Fa: Array
-    Fs: Array
-    Az: Array | None = None
-
-
-@dataclass(frozen=True)
-class EsoGains:
-    """L and Ld; without Ld it is the PI observer."""
-
-    L: Array
-    Ld: Array | None = None
-
-
-@dataclass(frozen=True)
-class EsoStart:
-    """Of [x, xz, fa, fs] and of the filter; zeros if left out."""
-
-    estimate: Array | None = None
-    filtered: Array | None = None
-
-
-@dataclass(frozen=True)
-class Eso:
-    """A PI or PD/PI extended state observer."""
-
-    kind: Literal["eso"]
-    system: System
-    gains: EsoGains
-    start: EsoStart | None = None
-
-    def set_up(self, period: float) -> Setup:
-        """The observer."""
-        parts = {name: part for name, part in vars(self.system).items() if part is not None}
-        with located("system"):
-            system = AugmentedSystem(**parts)
-        Ld = np.zeros((system.size, system.outputs)) if self.gains.Ld is None else self.gains.Ld
-        with located("gains"):
-            observer = ExtendedStateObserver(system, Gains(self.gains.L, Ld), period)
-        start = self.start or EsoStart()
-        with located("start"):
-            observer.init(start.estimate, start.filtered)
-        return Setup(
-            observer,
-            lambda y: observer.init(start.estimate, start.filtered),
-            eso_residual(system),
-        )
-
-
-def eso_residual(system: AugmentedSystem) -> Callable[[Array, Estimates], Array]:
-    """What of y neither the state nor the sensor fault explains."""
-
-    def residual(y: Array, estimates: Estimates) -> Array:
-        found: Array = y.copy()  # column by column: the same bits for a row and for many
-        for matrix, values in (
-            (system.C, estimates["state"]),
-            (system.Fs, estimates["sensor_fault"]),
-        ):
-            for column in range(matrix.shape[1]):
-                found -= values[:, column, None] * matrix[:, column]
-        return found
-
-    return residual
-
-
 def as_poles(poles: list[float | tuple[float, float]]) -> list[complex]:
     """Poles as numbers, or as pairs of real and imaginary part."""
     return [complex(*pole) if isinstance(pole, tuple) else complex(pole) for pole in poles]
@@ -391,6 +316,12 @@ def _innovation(y: Array, estimates: Estimates) -> Array:
 def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
     """What the modes did not foretell, weighed by their probabilities."""
     probability, innovation = estimates["probability"], estimates["innovation"]
+    if len(y) == 1:  # the same sums in the same order, without the price of small arrays
+        weights, told = probability[0].tolist(), innovation[0].tolist()
+        sums = [weights[0] * value for value in told[0]]
+        for weight, values in zip(weights[1:], told[1:], strict=True):
+            sums = [total + weight * value for total, value in zip(sums, values, strict=True)]
+        return np.array([sums])
     total = probability[:, 0, None] * innovation[:, 0]
     for mode in range(1, probability.shape[1]):
         total = total + probability[:, mode, None] * innovation[:, mode]
