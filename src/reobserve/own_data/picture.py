@@ -148,9 +148,12 @@ class Picture:
             self._band(ax, c, colour)
         for alarm in self.estimation.alarms:
             if alarm.column in columns and alarm.threshold is not None:
-                for bound in (alarm.mean - alarm.threshold, alarm.mean + alarm.threshold):
-                    low, high = ax.get_ylim()
-                    if low - (high - low) <= bound <= high + (high - low):
+                _, low, high = self._broken(alarm.column)
+                reached = np.nanmin(low) < alarm.mean, np.nanmax(high) > alarm.mean
+                for side, there in zip((-1, 1), reached, strict=True):
+                    bound, (bottom, top) = alarm.mean + side * alarm.threshold, ax.get_ylim()
+                    # A probability has no bound below zero; one far off would flatten the curves.
+                    if there and 2 * bottom - top <= bound <= 2 * top - bottom:
                         ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
         first = every[columns[0]]
         name = first.name if len(columns) == 1 else first.estimate.replace("_", " ")
