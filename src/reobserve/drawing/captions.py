@@ -47,6 +47,11 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
     return "\n\n".join(paragraph for paragraph in paragraphs if paragraph) + "\n"
 
 
+def with_note(caption: str, note: str) -> str:
+    """A caption and, as its last paragraph, the note that is left out of the figure."""
+    return f"{caption}\n{_Literal(note)}\n" if note else caption
+
+
 class _Literal(str):
     """Text that compares as it is, and is written so that reStructuredText shows it as it is."""
 

@@ -1,64 +1,21 @@
-"""How every figure looks and is saved: sized for print, safe in greyscale, the same bytes."""
+"""What figures are made of: panels, lines that differ without colour, axes, notes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.plain_data.files import write_whole
+from reobserve.drawing import look
 
 Array = NDArray[np.float64]
-
-WIDTH = 6.6  # inches: a text width, so that print needs no scaling
-
-matplotlib.rcParams.update(
-    {
-        "font.family": "DejaVu Sans",
-        "mathtext.fontset": "dejavusans",
-        "font.size": 8.5,
-        "axes.labelsize": 8.5,
-        "axes.titlesize": 9,
-        "axes.titlelocation": "left",
-        "axes.grid": True,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "grid.color": "0.88",
-        "grid.linewidth": 0.5,
-        "legend.fontsize": 7.5,
-        "legend.frameon": False,
-        "lines.linewidth": 1.1,
-        "figure.constrained_layout.use": True,
-        "savefig.dpi": 160,
-        "pdf.fonttype": 42,
-        "svg.hashsalt": "reobserve",
-        "path.simplify": True,
-    }
-)
-
-# Only the fonts that come with matplotlib: a font of the same name on this machine may differ.
-_BUNDLED = matplotlib.get_data_path()
-font_manager.fontManager.ttflist = [
-    font for font in font_manager.fontManager.ttflist if font.fname.startswith(_BUNDLED)
-]
-
-# What would differ from build to build, by format.
-_METADATA: dict[str, dict[str, Any]] = {
-    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
-    "svg": {"Date": None, "Creator": None},
-    "png": {"Software": None},
-}
 
 
 @dataclass(frozen=True)
@@ -72,11 +29,12 @@ class Style:
 
     def line(self) -> dict[str, Any]:
         """Keyword arguments for ``Axes.plot`` without markers."""
-        return {"color": self.color, "linestyle": self.linestyle, "linewidth": self.linewidth}
+        width = look.thick(self.linewidth)
+        return {"color": self.color, "linestyle": self.linestyle, "linewidth": width}
 
     def points(self) -> dict[str, Any]:
         """Keyword arguments for ``Axes.plot`` with markers."""
-        return {**self.line(), "marker": self.marker, "markersize": 4}
+        return {**self.line(), "marker": self.marker, "markersize": look.mark(4)}
 
 
 TRUTH = Style("0.70", "-", 3.0)
@@ -89,9 +47,33 @@ STYLES = (
 )
 
 
-def new_figure(heights: tuple[float, ...], *, share_time: bool = True) -> tuple[Figure, list[Axes]]:
-    """A figure of text width with one panel a row; ``heights`` in inches."""
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.35))
+class PaperFigure(Figure):
+    """A figure that remembers what styles with less room put elsewhere.
+
+    Attributes
+    ----------
+    note
+        What stands below the panels, or in the caption, by paragraph.
+    bare
+        The limits of ordinates without headroom for the legend, where there is some.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.note: tuple[str, ...] = ()
+        self.bare: dict[Axes, tuple[float, float]] = {}
+
+
+def blank(height: float) -> PaperFigure:
+    """A figure as wide as the style, without panels; ``height`` in inches at the house's width."""
+    return PaperFigure(figsize=look.size(height))
+
+
+def new_figure(
+    heights: tuple[float, ...], *, share_time: bool = True
+) -> tuple[PaperFigure, list[Axes]]:
+    """A figure as wide as the style with one panel a row; ``heights`` in inches."""
+    figure = blank(sum(heights) + 0.35)
     axes = figure.subplots(len(heights), 1, sharex=share_time, height_ratios=heights, squeeze=False)
     return figure, list(axes[:, 0])
 
@@ -127,10 +109,12 @@ def time_axis(axes: Axes, time: Array) -> None:
     axes.set_xlim(time[0], time[-1])
 
 
-def headroom(axes: Axes, share: float) -> None:
-    """Room for the legend above the curves."""
+def headroom(axes: Axes, share: float = 0.0, *, factor: float = 1.0) -> None:
+    """Room for the legend above the curves: a share of the height, or a factor to the greatest."""
     low, high = axes.get_ylim()
-    axes.set_ylim(low, high + share * (high - low))
+    if isinstance(axes.figure, PaperFigure):
+        axes.figure.bare[axes] = (low, high)
+    axes.set_ylim(low, factor * high if factor != 1.0 else high + share * (high - low))
 
 
 def few_ticks(axes: Axes, levels: Sequence[float]) -> None:
@@ -151,30 +135,16 @@ def decades(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def add_note(figure: Figure, text: str) -> None:
-    """Small print under the panels: what was chosen where the paper is silent."""
-    figure.supxlabel(text, fontsize=6.3, color="0.35", x=0.012, ha="left", linespacing=1.35)
+def add_note(figure: PaperFigure, *paragraphs: str) -> None:
+    """Small print under the panels: what was chosen where the paper is silent.
 
-
-def fix_layout(figure: Figure) -> None:
-    """Place the panels now and for good: every format gets the same layout, computed once."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write the format of the path's suffix, whole or not at all, without dates or versions.
-
-    Raises
-    ------
-    InputError
-        If the format is none of ours or the folder cannot be written.
+    Lines are broken where the paragraphs are; in a narrower style also elsewhere.
     """
-    kind = path.suffix.removeprefix(".")
-    if kind not in _METADATA:
-        raise InputError(str(path), f"must end in one of .{', .'.join(_METADATA)}")
-    write_whole(
-        path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
-    )
+    figure.note = paragraphs
+
+
+def note_of(figure: PaperFigure) -> str:
+    """The note as running text; nothing if the figure has none."""
+    told = [" ".join(one.split()) for one in figure.note]
+    joined = [one if one.endswith((".", ":", ";")) else f"{one};" for one in told[:-1]]
+    return " ".join([*joined, *told[-1:]])

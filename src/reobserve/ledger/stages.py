@@ -36,6 +36,11 @@ def kept_file(paper: str) -> str:
     return f"config/draws/{paper}.json"
 
 
+def style_sheet(name: str) -> str:
+    """Where the sheet of a style is, in the project."""
+    return f"config/styles/{name}.mplstyle"
+
+
 @dataclass(frozen=True)
 class Stage:
     """What the jobs of a stage have in common.
@@ -114,9 +119,10 @@ STAGES = {
     ),
     "plot": Stage(
         ("figure",), (*_RUNS, "figure", "study", "designs"),
-        ("ledger", "plant", "estimates", "study", "metrics", "template", "partials"),
+        ("ledger", "plant", "estimates", "study", "metrics", "template", "partials", "style"),
         "stage plot {ledger} {figure} --plant-file {plant} --estimate-files {estimates}"
-        " [--study-file {study}] --metrics-file {metrics} --template {template}"
+        " [--study-file {study}] --metrics-file {metrics} [--style {style}] [{notes}]"
+        " --template {template}"
         " --caption {caption} --outputs {drawings}",
         ("results/{paper}/{figure}.{format}", "results/{paper}/{figure}.caption.rst"),
         "logs/{paper}/{figure}.plot.log",

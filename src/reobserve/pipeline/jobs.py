@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES, kept_file
+from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES, kept_file, style_sheet
 from reobserve.pipeline.chunks import chunks_of, earlier
 from reobserve.timeseries.signals import sample_files
 
@@ -78,7 +78,8 @@ class Job:
     @property
     def inputs(self) -> dict[str, list[str]]:
         """The same of those files alone whose age counts."""
-        return {role: paths for role, paths in self.files.items() if role not in AGELESS}
+        ageless = (*AGELESS, "style")
+        return {role: paths for role, paths in self.files.items() if role not in ageless}
 
     @property
     def outputs(self) -> list[str]:
@@ -98,6 +99,7 @@ class Job:
             **{word: [name] for word, name in self.names.items()},
             **self.files,
             "output": outputs, "drawings": outputs[:-1], "caption": outputs[-1:],
+            "notes": [] if graph.notes else ["--no-notes"],
             "draws": [graph.draws], "flips": [] if graph.flips else ["--no-flips"],
             "papers": graph.papers, "claimed": graph.claimed, "formats": graph.formats,
         }  # fmt: skip
@@ -116,8 +118,9 @@ class Graph:
 
     ``papers`` are those that are built (without any: all), in these ``formats``, their claims
     decided over ``draws``, made in ``chunks`` if in more than one, with or without a look for
-    ``flips``. ``project`` is the folder that paths are relative to: what is there of captions and
-    claims decides who reads what.
+    ``flips``; figures are drawn in a ``style``, with or without ``notes`` in them. ``project`` is
+    the folder that paths are relative to: what is there of captions, styles and claims decides who
+    reads what.
     """
 
     ledgers: Mapping[str, Ledger]
@@ -127,6 +130,8 @@ class Graph:
     flips: bool = True
     kept: bool = True
     chunks: int = 1
+    style: str = "default"
+    notes: bool = True
     project: Path = Path()
     _jobs: dict[tuple[str, frozenset[tuple[str, str]]], Job] = field(
         default_factory=dict, init=False, repr=False
@@ -153,7 +158,7 @@ class Graph:
     @property
     def drawn(self) -> list[str]:
         """The formats as they are drawn, first that which reports show: vectors where there are."""
-        shown = next(kind for kind in ("svg", "png", "pdf") if kind in self.formats)
+        shown = next((kind for kind in ("svg", "png", "pdf") if kind in self.formats), "")
         return sorted(self.formats, key=lambda kind: kind != shown)
 
     @property
@@ -256,6 +261,10 @@ class Graph:
         elif role == "kept":  # draws of claims, if there are any
             path = kept_file(paper)
             if self.kept and (self.project / path).exists():
+                yield path
+        elif role == "style":  # the default may have no sheet: it is the look of the house
+            path = style_sheet(self.style)
+            if (self.project / path).is_file():
                 yield path
         elif role == "template":
             yield self.caption(paper, job.names["figure"], "figure")

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from reobserve.drawing.captions import render
-from reobserve.drawing.figures import fix_layout, save
+from reobserve.drawing.captions import render, with_note
+from reobserve.drawing.figures import note_of
+from reobserve.drawing.fitting import fix_layout
+from reobserve.drawing.formats import save
 from reobserve.drawing.layouts import draw
+from reobserve.drawing.look import use_sheet
 from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.common import paper_module, read_study, rows_from
@@ -27,8 +30,14 @@ def run(
     template: Path,
     outputs: list[Path],
     caption: Path,
+    style: Path | None = None,
+    notes: bool = True,
 ) -> None:
-    """Draw, save and caption; the estimates come in the order the figure names observers."""
+    """Draw, save and caption; the estimates come in the order the figure names observers.
+
+    ``style`` is a sheet of matplotlib's; without ``notes`` they go into the caption.
+    """
+    use_sheet(style)
     ledger = Ledger.read(ledger_file)
     settings = ledger.settings("plot", figure)
     metrics = read_metrics(metrics_file)
@@ -40,7 +49,7 @@ def run(
     layouts = paper_module(ledger.paper, "plot").LAYOUTS
     with located(f"{ledger.paper}.figures.{figure}"), rows_from(study_file):
         drawing = draw(layouts, replace(data, metrics=lookup(metrics)))
-    fix_layout(drawing)
+    fix_layout(drawing, notes=notes)
     for output in outputs:
         save(drawing, output)
-    write_text(caption, text)
+    write_text(caption, text if notes else with_note(text, note_of(drawing)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.drawing.figures import save
+from reobserve.drawing.formats import save
 from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness_file import read_robustness

@@ -17,7 +17,9 @@ import pytest
 from playwright.sync_api import Browser
 
 from reobserve.cli import main
-from reobserve.drawing.figures import STYLES, fix_layout, new_figure, save
+from reobserve.drawing.figures import STYLES, new_figure
+from reobserve.drawing.fitting import fix_layout
+from reobserve.drawing.formats import save
 from reobserve.errors import ReobserveError
 from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.figure_diff import commands, page, plot_moved

@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, fix_layout, new_figure, save
+from reobserve.drawing.figures import STYLES, TRUTH, add_note, new_figure
+from reobserve.drawing.fitting import fix_layout
+from reobserve.drawing.formats import save
 from reobserve.errors import InputError
 from reobserve.evidence.figure_diff.pixels import (
     PixelDifference,

@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import WIDTH
+from reobserve.drawing.look import WIDTH
 from reobserve.evidence.claims.checks import Check
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from reobserve.drawing.figures import STYLES, TRUTH, fix_layout, new_figure, save
+from reobserve.drawing.figures import STYLES, TRUTH, new_figure
+from reobserve.drawing.fitting import fix_layout
+from reobserve.drawing.formats import save
 from reobserve.evidence.figure_diff.model import MovedSeries
 from reobserve.evidence.golden.kept import PERIOD
 

@@ -13,10 +13,12 @@ from reobserve.drawing.figures import (
     add_note,
     decades,
     envelope,
+    headroom,
     new_figure,
     thin,
     time_axis,
 )
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.notes import note
 from reobserve.papers.delay.scoring import errors, singular_instants, turned_over_at
@@ -65,7 +67,7 @@ def draw(data: FigureData) -> Figure:
         panel.set_title(f"({letter}) size of the error of the {word} {each}")
         decades(panel.yaxis)
     low, high = state_errors[0].get_ylim()
-    state_errors[0].set_ylim(low, high * (high / low) ** 0.45)
+    headroom(state_errors[0], factor=(high / low) ** 0.45)
     state_errors[0].legend(loc="upper right", ncols=3)
     time_axis(state_errors[-1], plant.time)
     _mark_turn(angle, rate, plant)
@@ -103,8 +105,9 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
             axes.set_ylim(float(before.min()) - room, float(before.max()) + room)
     angle.axvline(turned, color="0.4", linewidth=0.8, linestyle="-.")
     angle.annotate(
-        text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left", fontsize=7,
-        xycoords=("data", "axes fraction"), textcoords="offset points", color="0.3",
+        text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left",
+        xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=points(7),
+        color="0.3",
     )  # fmt: skip
 
 
@@ -117,7 +120,7 @@ def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> No
             axes.axvline(at, ymax=top, color="0.4", linewidth=0.8, linestyle=":")
     if len(instants):
         told.annotate(
-            "u′ = 0", (instants[0], 0.86), (3, 0), fontsize=7, color="0.3",
+            "u′ = 0", (instants[0], 0.86), (3, 0), fontsize=points(7), color="0.3",
             xycoords=("data", "axes fraction"), textcoords="offset points",
         )  # fmt: skip
     bars = 0
@@ -131,4 +134,6 @@ def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> No
         )  # fmt: skip
         bars += 1
     if bars:
-        told.annotate("← gain off", (0.08, 0.05), xycoords="axes fraction", fontsize=7, color="0.3")
+        told.annotate(
+            "← gain off", (0.08, 0.05), xycoords="axes fraction", fontsize=points(7), color="0.3"
+        )

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, few_ticks, new_figure
+from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.notes import noise
 from reobserve.papers.delay.styles import style_of
@@ -40,8 +41,7 @@ def draw(data: FigureData) -> Figure:
     _compare(panels[2], data)
     few_ticks(panels[2], rhos)
     panels[0].legend(loc="upper center", ncols=2)
-    least, most = panels[0].get_ylim()
-    panels[0].set_ylim(least, 5 * most)
+    headroom(panels[0], factor=5)
     panels[-1].set_xlabel("gain parameter ρ [1/s]")
     add_note(
         figure,
@@ -77,7 +77,7 @@ def _compare(axes: Axes, data: FigureData) -> None:
             "ρ of Fig. 2",
             (rho, 0.08),
             (3, 0),
-            fontsize=7,
+            fontsize=points(7),
             color="0.3",
             xycoords=("data", "axes fraction"),
             textcoords="offset points",

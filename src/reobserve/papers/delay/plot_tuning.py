@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import WIDTH, add_note, decades, few_ticks
+from reobserve.drawing.figures import add_note, blank, decades, few_ticks
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.styles import style_of
 
@@ -24,7 +24,7 @@ _QUANTITIES = (
 def draw(data: FigureData) -> Figure:
     """One panel a method; the dotted line is the tuning of Fig. 3."""
     job = data.job
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = blank(4.6)
     panels = figure.subplots(2, 2, sharey=True)
     for axes, (name, (parameter, label)) in zip(panels.ravel(), _SWEPT.items(), strict=True):
         runs = data.study.where(observer=name, sweep=parameter)

@@ -8,7 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import WIDTH, add_note, few_ticks
+from reobserve.drawing.figures import add_note, blank, few_ticks
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.styles import KINDS
@@ -19,7 +20,7 @@ _OPEN = ("pi_least_norm", "pi_least_gamma")  # around what they fall together wi
 
 def draw(data: FigureData) -> Figure:
     """One point a design: how late its estimates are, and what noise and disturbance do to them."""
-    figure = Figure(figsize=(WIDTH, 6.0))
+    figure = blank(6.0)
     panels = figure.subplots(2, 2)
     for column, (fault, unit) in enumerate(_FAULTS.items()):
         for row, source in enumerate(("noise", "disturbance")):
@@ -59,7 +60,7 @@ def _bound(axes: Axes, level: float, unit: str) -> None:
     axes.axhline(level, color="0.45", linestyle=(0, (1, 1.5)), linewidth=0.9)
     axes.annotate(
         f"shows in a figure: {level:g} {unit}", (0.02, level), (0, 2), textcoords="offset points",
-        xycoords=axes.get_yaxis_transform(), va="bottom", fontsize=6.5, color="0.3",
+        xycoords=axes.get_yaxis_transform(), va="bottom", fontsize=points(6.5), color="0.3",
     )  # fmt: skip
 
 

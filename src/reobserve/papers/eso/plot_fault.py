@@ -6,14 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import (
-    TRUTH,
-    add_note,
-    headroom,
-    new_figure,
-    thin,
-    time_axis,
-)
+from reobserve.drawing.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.eso import keys

@@ -21,6 +21,7 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job, named
 from reobserve.papers.ilo import keys
@@ -76,7 +77,7 @@ def estimation(data: FigureData) -> Figure:
     decades(below.yaxis)
     time_axis(below, plant.time)
     below.legend(loc="upper center", ncols=3)
-    add_note(figure, _note(job))
+    add_note(figure, *_note(job))
     return figure
 
 
@@ -103,10 +104,11 @@ def matching(data: FigureData) -> Figure:
         gains.axvline(gain, ymax=0.8, color="0.5", linewidth=0.8, linestyle=":")
         gains.annotate(
             place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(side, 0),
-            textcoords="offset points", ha="left" if side > 0 else "right", fontsize=7, color="0.3",
+            textcoords="offset points", ha="left" if side > 0 else "right", fontsize=points(7),
+            color="0.3",
         )  # fmt: skip
     gains.legend(loc="upper center", ncols=3)
-    gains.set_ylim(top=20 * gains.get_ylim()[1])
+    headroom(gains, factor=20)
 
     for name in names:
         _sweep(noise, study, "noise", name, styles[name], labels[name])
@@ -114,7 +116,7 @@ def matching(data: FigureData) -> Figure:
     noise.set_ylabel("relative RMS error [%]")
     noise.set_title("(b) the same error over the measurement noise")
     noise.legend(loc="upper left", ncols=2)
-    noise.set_ylim(top=30 * noise.get_ylim()[1])
+    headroom(noise, factor=30)
 
     for name in names:
         if name != "adaptive":  # its error is that without noise
@@ -125,8 +127,8 @@ def matching(data: FigureData) -> Figure:
     growth.set_ylabel("relative RMS error [%]")
     growth.set_title(f"(c) error over time, noise of {job.study.shown_noise:g} rad/s")
     growth.legend(loc="upper left", ncols=2)
-    growth.set_ylim(top=30 * growth.get_ylim()[1])
-    add_note(figure, _note(job))
+    headroom(growth, factor=30)
+    add_note(figure, *_note(job))
     return figure
 
 
@@ -141,8 +143,8 @@ def _sweep(axes: Axes, study: StudyTable, sweep: str, name: str, style: Style, l
     axes.fill_between(list(runs), least, most, color=style.color, alpha=0.2, linewidth=0)
 
 
-def _note(job: Job) -> str:
-    """One line an observer: the settings behind its curve."""
+def _note(job: Job) -> list[str]:
+    """One paragraph an observer: the settings behind its curve."""
     lines = ["Settings (the paper names only K₁ = I; units: N m, s, rad):"]
     symbols = {
         "K1": "K₁",
@@ -159,7 +161,7 @@ def _note(job: Job) -> str:
             if hasattr(observer, key)
         )
         lines.append(f"{observer.label}: {values}")
-    return "\n".join(lines)
+    return lines
 
 
 def _short(value: Any) -> str:

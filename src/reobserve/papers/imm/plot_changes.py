@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import WIDTH, add_note
+from reobserve.drawing.figures import add_note, blank
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.styles import style_of
 
@@ -31,7 +31,7 @@ def draw(data: FigureData) -> Figure:
     """All modes, one row a change."""
     study, observers = data.study, data.job.observers
     changes = [change for change, _ in study.groups("sweep", "level")]
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(changes)))
+    figure = blank(0.9 + 0.24 * len(changes))
     panels = figure.subplots(1, 3, sharey=True)
     for axes, mode, letter in zip(panels, ("normal", "leakage", "friction"), "abc", strict=True):
         for order, (name, body) in enumerate(observers.items()):

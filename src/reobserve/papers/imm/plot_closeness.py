@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, WIDTH, Style, add_note
+from reobserve.drawing.figures import STYLES, Style, add_note, blank
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detection import Judged, curve
@@ -27,7 +28,7 @@ def draw(data: FigureData) -> Figure:
     job, study = data.job, data.study
     styles, labels = _detectors(with_units(job.observers, job.study.layer_units))
     sweeps = study.levels("sweep")
-    figure = Figure(figsize=(WIDTH, 6.3))
+    figure = blank(6.3)
     panels = figure.subplots(
         3, len(sweeps), sharex=True, sharey="row", squeeze=False, height_ratios=(2.4, 1.1, 1.7)
     )
@@ -48,7 +49,7 @@ def draw(data: FigureData) -> Figure:
         shares.set_title(
             f"({'abcdefgh'[column]}) noise {level:.0%}"
             + (",\nprocess noise of Q" if plant == DRIVEN else "\n"),
-            fontsize=8,
+            fontsize=points(8),
         )  # fmt: skip
         shares.axhline(job.study.enough, color="0.4", linewidth=0.8, linestyle=":")
         for axes in (shares, alarms):

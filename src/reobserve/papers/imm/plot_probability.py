@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import add_note, new_figure, thin, time_axis
+from reobserve.drawing.figures import PaperFigure, add_note, new_figure, thin, time_axis
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.notes import note
@@ -74,11 +75,12 @@ def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
         axes.plot((start, end), (value, value), color=color, linewidth=1.6, linestyle=(0, (1, 1)))
         axes.annotate(
             f"◂ {value:g}", (1.0, value), xycoords=("axes fraction", "data"),
-            xytext=(2, 0), textcoords="offset points", va="center", color=color, fontsize=7.5,
+            xytext=(2, 0), textcoords="offset points", va="center", color=color,
+            fontsize=points(7.5),
         )  # fmt: skip
 
 
-def _finished(figure: Figure, data: FigureData) -> Figure:
+def _finished(figure: PaperFigure, data: FigureData) -> Figure:
     onset = next(iter(data.estimates.values())).events["fault"][0]
     for axes in figure.axes:
         axes.axvline(onset, color="0.4", linewidth=0.8, linestyle=":")

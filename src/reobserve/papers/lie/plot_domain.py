@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, TRUTH, WIDTH, add_note, decades
+from reobserve.drawing.figures import STYLES, TRUTH, add_note, blank, decades
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import EDGE
 from reobserve.papers.lie.words import vector
@@ -17,7 +18,7 @@ from reobserve.scoring.study_table import StudyTable
 def draw(data: FigureData) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
     plant, study = data.plant, data.study
-    figure = Figure(figsize=(WIDTH, 4.7))
+    figure = blank(4.7)
     axes = figure.subplot_mosaic([["plane", "errors"], ["plane", "radii"]], width_ratios=(1.1, 1.0))
     plane, errors, radii = axes["plane"], axes["errors"], axes["radii"]
     cycle, edge = _points(study, "point"), _points(study, "boundary")
@@ -45,8 +46,9 @@ def draw(data: FigureData) -> Figure:
     distance = data.metrics["cycle", "distance"]
     radii.axhline(distance, color="0.4", linewidth=0.8, linestyle=":")
     radii.annotate(
-        "distance of the cycle from the origin", (0.98, distance), (0, 3), ha="right", fontsize=7,
-        xycoords=("axes fraction", "data"), textcoords="offset points", color="0.3",
+        "distance of the cycle from the origin", (0.98, distance), (0, 3), ha="right",
+        xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=points(7),
+        color="0.3",
     )  # fmt: skip
     radii.set_xlabel("degree")
     radii.set_ylabel("radius")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import WIDTH, add_note
+from reobserve.drawing.figures import add_note, blank
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS, style_of
 from reobserve.papers.lie.words import pair
@@ -19,7 +19,7 @@ def draw(data: FigureData) -> Figure:
     """Shares by order that settle and that are better, and where the order of Fig. 1 is better."""
     job = data.job
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
-    figure = Figure(figsize=(WIDTH, 4.9))
+    figure = blank(4.9)
     axes = figure.subplot_mosaic(
         [["settled", "plane"], ["better", "plane"]], height_ratios=(1.45, 1.0)
     )

@@ -10,14 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import (
-    TRUTH,
-    add_note,
-    decades,
-    headroom,
-    new_figure,
-    thin,
-)
+from reobserve.drawing.figures import TRUTH, add_note, decades, headroom, new_figure, thin
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import style_of
 from reobserve.papers.lie.words import starts, vector

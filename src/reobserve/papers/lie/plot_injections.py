@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from reobserve.drawing.figures import WIDTH, add_note
+from reobserve.drawing.figures import add_note, blank
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.plot_errors import draw_sizes
 from reobserve.papers.lie.styles import style_of
@@ -19,7 +20,7 @@ from reobserve.papers.lie.words import starts, vector
 def draw(data: FigureData) -> Figure:
     """Errors over time, and over the square of coefficients the share of states and the median."""
     job, study = data.job, data.study
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = blank(5.0)
     axes = figure.subplot_mosaic([["size", "size"], ["share", "ratio"]], height_ratios=(1.0, 1.25))
     size, share, ratio = axes["size"], axes["share"], axes["ratio"]
     draw_sizes(size, data)
@@ -39,7 +40,7 @@ def draw(data: FigureData) -> Figure:
     ratio.set_title("(c) ISE over the constant gain's")
     for panel in (share, ratio):
         _mark(panel, data)
-    share.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5)
+    share.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=points(6.5))
 
     note = ";\n".join(
         f"{observer.label}, ℓ(y) = {vector(job.designs[observer.design].injection)}"

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, new_figure
+from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS
 from reobserve.papers.lie.words import starts
@@ -71,7 +72,7 @@ def _mark_divergence(axes: Axes, study: StudyTable) -> None:
     axes.axhspan(high, top, color="0.94", zorder=0)
     axes.set_yticks([tick for tick in axes.get_yticks() if low <= tick <= high])
     axes.text(
-        0.995, 0.97, "the estimate leaves all bounds", fontsize=7, color="0.35",
+        0.995, 0.97, "the estimate leaves all bounds", fontsize=points(7), color="0.35",
         ha="right", va="top", transform=axes.transAxes,
     )  # fmt: skip
     for place, (form, (style, _)) in enumerate(READINGS.items()):

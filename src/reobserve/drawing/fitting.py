@@ -1,0 +1,216 @@
+"""A figure made ready to be saved: its note placed, what does not fit mended, the layout fixed.
+
+The drawings are made for the look of the house. Where a sheet leaves less room, titles, labels and
+notes are broken into more lines, legends that cover something go between title and panel, labels
+of ticks that touch are left out, and the figure grows by what that takes.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import LayoutEngine
+from matplotlib.legend import Legend
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+from reobserve.drawing import look
+from reobserve.drawing.figures import PaperFigure
+from reobserve.drawing.look import points
+
+_EDGE = 0.012  # of the width, beside a note
+_PANELS = 0.62  # of the height that a drawing asks for, at least, which its panels have
+_ROUNDS = 4  # a broken title moves the panels, which moves what fits
+_GAP = 3.0  # pixels between what must not touch
+
+
+def fix_layout(figure: Figure, *, notes: bool = True) -> None:
+    """Place the panels now and for good: every format gets the same layout, computed once."""
+    engine = figure.get_layout_engine()
+    fits = look.as_designed()
+    paragraphs = figure.note if notes and isinstance(figure, PaperFigure) else ()
+    if paragraphs:
+        note = figure.supxlabel(
+            "\n".join(paragraphs), fontsize=points(6.3), color="0.35", x=_EDGE, ha="left",
+            linespacing=1.35,
+        )  # fmt: skip
+        if not fits:
+            measure, wide = _Measure(figure), figure.bbox.width * (1 - 2 * _EDGE)
+            note.set_text("\n".join(measure.broken(one, note, wide) for one in paragraphs))
+    if engine is not None:
+        if not fits:
+            _fit(figure, engine)
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
+def _fit(figure: Figure, engine: LayoutEngine) -> None:
+    measure, asked = _Measure(figure), _PANELS * figure.get_figheight()
+    for _ in range(_ROUNDS):
+        engine.execute(figure)
+        for legend in figure.legends:
+            _fewer_columns(measure, figure, legend)
+        for axes in figure.axes:
+            _break_texts(measure, figure, axes)
+            _lift_legend(measure, axes)
+            for axis in (axes.xaxis, axes.yaxis):
+                _fewer_labels(measure, axis)
+        engine.execute(figure)
+        figure.set_figheight(figure.get_figheight() + max(asked - _height(figure), 0.0))
+
+
+def _height(figure: Figure) -> float:
+    """Inches of the figure's height at which there are panels."""
+    total = top = 0.0
+    for low, high in sorted(axes.get_position().intervaly.tolist() for axes in figure.axes):
+        total += max(high - max(low, top), 0.0)
+        top = max(top, high)
+    return total * figure.get_figheight()
+
+
+class _Measure:
+    """How large things are, in pixels of the figure."""
+
+    def __init__(self, figure: Figure) -> None:
+        canvas: Any = FigureCanvasAgg(figure)  # whose methods matplotlib does not annotate
+        self.renderer = canvas.get_renderer()
+
+    def box(self, artist: Text | Legend | Axes) -> Bbox:
+        """Where an artist is."""
+        box: Bbox = artist.get_window_extent(self.renderer)
+        return box
+
+    def broken(self, running: str, text: Text, room: float) -> str:
+        """Running text with line breaks so that each line has room, as far as words allow it."""
+        lines: list[str] = []
+        for word in running.split():
+            longer = " ".join([*lines[-1:], word])
+            wide, *_ = self.renderer.get_text_width_height_descent(
+                longer, text.get_fontproperties(), ismath=False
+            )
+            lines[-1:] = [longer] if wide <= room or not lines else [*lines[-1:], word]
+        return "\n".join(lines)
+
+    def break_up(self, text: Text, room: float) -> None:
+        """Break a text that is longer than its room."""
+        box = self.box(text)
+        if text.get_text() and (box.height if text.get_rotation() == 90 else box.width) > room:
+            text.set_text(self.broken(text.get_text(), text, room))
+
+
+def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
+    """The title, which ends where the next panel begins, the labels, and what stands inside."""
+    box = measure.box(axes)
+    right = [figure.bbox.width]
+    for other in figure.axes:
+        place = measure.box(other)
+        if place.x0 > box.x0 + _GAP and place.y0 < box.y1 and box.y0 < place.y1:
+            right.append(place.x0)
+    measure.break_up(_title(axes), min(right) - 2 * _GAP - box.x0)
+    measure.break_up(axes.xaxis.label, min(right) - box.x0)
+    measure.break_up(axes.yaxis.label, 1.1 * box.height)
+    for text in axes.texts:
+        measure.break_up(text, 0.98 * box.width)
+
+
+def _title(axes: Axes) -> Text:
+    """The title on the left."""
+    told = axes.get_title(loc="left")
+    return next(
+        text
+        for text in axes.get_children()
+        if isinstance(text, Text) and text not in axes.texts and text.get_text() == told
+    )
+
+
+def _lift_legend(measure: _Measure, axes: Axes) -> None:
+    """Put a legend between title and panel if it has no room, or lies on what it tells of."""
+    legend = axes.get_legend()
+    if legend is None:
+        return
+    lifted = legend.get_gid() == _LIFTED
+    if not (lifted or _in_the_way(measure, axes, legend)):
+        return
+    if isinstance(axes.figure, PaperFigure) and axes in axes.figure.bare:
+        axes.set_ylim(axes.figure.bare.pop(axes))
+    handles, labels = axes.get_legend_handles_labels()
+    room = measure.box(axes).width
+    for columns in range(len(labels), 0, -1):
+        legend = axes.legend(
+            handles, labels, ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.15, borderpad=0.0, columnspacing=1.2,
+        )  # fmt: skip
+        if measure.box(legend).width <= room:
+            break
+    legend.set_gid(_LIFTED)
+    if told := _title(axes).get_text():
+        above = measure.box(legend).height * 72 / axes.figure.dpi
+        pad = above + matplotlib.rcParams["axes.titlepad"]
+        axes.set_title(told, loc="left", pad=pad, fontsize=_title(axes).get_fontsize())
+
+
+_LIFTED = "lifted legend"
+
+
+def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
+    """Whether a legend sticks out to a side, covers lines or bands, or the title."""
+    box, panel = measure.box(legend), measure.box(axes)
+    if box.x0 < min(panel.x0 - _GAP, _GAP) or box.x1 > panel.x1 + _GAP:
+        return True
+    if _title(axes).get_text() and box.overlaps(measure.box(_title(axes))):
+        return True
+    if box.y1 > panel.y1 + _GAP:
+        return False
+    return any(
+        path.transformed(artist.get_transform()).intersects_bbox(box, filled=filled)
+        for artist, paths, filled in (
+            *((line, [line.get_path()], False) for line in axes.lines),
+            *((band, band.get_paths(), True) for band in axes.collections),
+        )
+        for path in paths
+        if len(np.asarray(path.vertices))
+    )
+
+
+def _fewer_columns(measure: _Measure, figure: Figure, legend: Legend) -> None:
+    """A legend of the whole figure, above it, with as many columns as there is room for."""
+    if measure.box(legend).width <= figure.bbox.width:
+        return
+    labels = [text.get_text() for text in legend.get_texts()]
+    known = {
+        label: handle
+        for axes in figure.axes
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    handles = [known[label] for label in labels]
+    legend.remove()
+    for columns in range(len(labels), 0, -1):
+        fewer = figure.legend(
+            handles, labels, ncols=columns, loc="outside upper left", columnspacing=1.2
+        )
+        if measure.box(fewer).width <= figure.bbox.width:
+            return
+        if columns > 1:
+            fewer.remove()
+
+
+def _fewer_labels(measure: _Measure, axis: Axis) -> None:
+    """Label every second tick, or third, so that no two labels touch."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    shown = [tick for tick in ticks if tick.label1.get_visible() and tick.label1.get_text()]
+    boxes = [measure.box(tick.label1).padded(_GAP / 2) for tick in shown]
+    step = 1
+    while any(one.overlaps(other) for one, other in pairwise(boxes[::step])):
+        step += 1
+    if step > 1:
+        kept = {tick.get_loc(): tick.label1.get_text() for tick in shown[::step]}
+        places = [tick.get_loc() for tick in ticks]
+        axis.set_ticks(places, [kept.get(place, "") for place in places])
