@@ -10,7 +10,7 @@ from reobserve.errors import InputError, ReobserveError, shown
 from reobserve.ledger.config import check_config, known_papers, read_yaml, take_truths
 from reobserve.evidence.claims.registry import claims_file, decisive
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.ledger.stages import AGELESS, STAGES, paper_part
+from reobserve.ledger.stages import AGELESS, STAGES, paper_part, style_sheet
 from reobserve.ledger.types import read_ledger
 from reobserve.pipeline.jobs import Graph
 from reobserve.pipeline.provenance import code_digest, closure_digest, versions
@@ -37,6 +37,9 @@ def load_ledgers():
         take_truths(config)
         check_config(PROJECT, config, papers)
         config.setdefault("papers", papers)
+        for key, usual in {"style": "default", "notes": True, "latex": False}.items():
+            config.setdefault(key, usual)
+        check_style(config["style"])
         ledgers = {
             paper: Ledger.load(PROJECT, paper, config.get(paper), config["seed"])
             for paper in papers
@@ -47,6 +50,14 @@ def load_ledgers():
         return ledgers
     except ReobserveError as error:
         sys.exit(f"reobserve: {error}")
+
+
+def check_style(name):
+    """Read the sheet of a style before the first job; only where one is chosen, for this takes matplotlib."""
+    if name != "default":
+        from reobserve.drawing.look import read_sheet
+
+        read_sheet(PROJECT / style_sheet(name))
 
 
 def check_files(ledger):
@@ -67,7 +78,10 @@ LEDGERS = load_ledgers()
 
 GRAPH = Graph(
     LEDGERS,
-    *(config[key] for key in ("papers", "formats", "draws", "flips", "kept", "chunks")),
+    **{
+        key: config[key]
+        for key in ("papers", "formats", "draws", "flips", "kept", "chunks", "style", "notes")
+    },
 )
 
 # What a job runs and what it leaves in its log: its one command first, then what it says.
@@ -175,6 +189,12 @@ def command(stage):
 def settings(stage):
     """A params function: the digest of all that a job takes from the ledger."""
     return lambda wildcards: digest(job(stage, wildcards).settings)
+
+
+def sheet(wildcards):
+    """A params function: the digest of the style sheet that figures are drawn with."""
+    path = PROJECT / style_sheet(config["style"])
+    return digest(path.read_text(encoding="utf-8") if path.is_file() else "")
 
 
 def code(stage):

@@ -208,6 +208,7 @@ rule plot:
     params:
         command=command("plot"),
         settings=settings("plot"),
+        style=sheet,
         code=code("plot"),
         packages=packages,
     message:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
+from reobserve.ledger.stages import DEFAULT_STYLE, style_sheet
 from reobserve.plain_data.files import read_text, reason
 from reobserve.plain_data.json_data import check_plain
 
@@ -43,6 +44,12 @@ def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
         if paper not in known:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, known)}")
     return list(dict.fromkeys(papers or known))
+
+
+def known_styles(project: Path) -> list[str]:
+    """The styles of figures that there is a sheet of, and the look of the house."""
+    sheets = (project / style_sheet("x")).parent.glob("*.mplstyle")
+    return sorted({DEFAULT_STYLE, *(path.stem for path in sheets)})
 
 
 def check_name(place: str, name: object) -> None:
@@ -101,6 +108,9 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
         if paper not in papers:
             problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
             raise InputError("config.papers", problem)
+    styles = known_styles(project)
+    if (style := config.get("style", DEFAULT_STYLE)) not in styles:
+        raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")
     for name in ("seed", "draws"):
         if isinstance(config[name], float):
             raise InputError(f"config.{name}", f"{config[name]:g} must be a whole number")

@@ -36,6 +36,9 @@ def kept_file(paper: str) -> str:
     return f"config/draws/{paper}.json"
 
 
+DEFAULT_STYLE = "default"  # the look of the house, with a sheet or without
+
+
 def style_sheet(name: str) -> str:
     """Where the sheet of a style is, in the project."""
     return f"config/styles/{name}.mplstyle"

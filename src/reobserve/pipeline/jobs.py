@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import AGELESS, SECTIONS, STAGES, kept_file, style_sheet
+from reobserve.ledger.stages import AGELESS, DEFAULT_STYLE, SECTIONS, STAGES, kept_file, style_sheet
 from reobserve.pipeline.chunks import chunks_of, earlier
 from reobserve.timeseries.signals import sample_files
 
@@ -131,6 +131,7 @@ class Graph:
     kept: bool = True
     chunks: int = 1
     style: str = "default"
+    style: str = DEFAULT_STYLE
     notes: bool = True
     project: Path = Path()
     _jobs: dict[tuple[str, frozenset[tuple[str, str]]], Job] = field(
@@ -185,6 +186,12 @@ class Graph:
         """The jobs that make figures, their numbers, and tables."""
         stages = ("plot", "metrics", "table")
         return [job for one in self.papers for stage in stages for job in self.all_of(stage, one)]
+
+    def in_latex(self) -> dict[str, str]:
+        """The captions and tables of what is built, by where they are in LaTeX."""
+        jobs = [*self.products(), *(job for one in self.papers for job in self.numbers(one))]
+        paths = [path for job in jobs for path in job.outputs if path.endswith((".csv", ".rst"))]
+        return {str(Path(path).with_suffix(".tex")): path for path in paths}
 
     def behind(self, *jobs: Job) -> list[Job]:
         """These jobs and all that they need, those of one stage together, the first ones first."""

@@ -180,6 +180,25 @@ def cell(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float) else str(value)
 
 
+def read_rows(path: str | Path) -> tuple[list[str], list[list[str]]]:
+    """The header of a CSV and its rows, all cells as text.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or a row has more or fewer cells than the header.
+    """
+    text = read_text(path)
+    try:
+        header, *rows = list(csv.reader(io.StringIO(text, newline=""), strict=True)) or [[]]
+    except csv.Error as error:
+        raise InputError(str(path), f"cannot be read ({error})") from None
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise InputError(str(path), f"line {number} has not {len(header)} cells")
+    return header, rows
+
+
 def read_table(
     path: str | Path,
     header: Sequence[str],
@@ -202,18 +221,11 @@ def read_table(
     InputError
         If the file is missing or damaged, its columns are others, or a cell is not of its kind.
     """
-    text = read_text(path)
-    try:
-        cells = list(csv.reader(io.StringIO(text, newline=""), strict=True))
-    except csv.Error as error:
-        raise InputError(str(path), f"cannot be read ({error})") from None
-    found = cells[0] if cells else []
+    found, lines = read_rows(path)
     if found != list(header):
         raise InputError(str(path), f"has the columns {shown(found)}, must have {list(header)}")
     rows, seen = [], set()
-    for number, line in enumerate(cells[1:], start=2):
-        if len(line) != len(header):
-            raise InputError(str(path), f"line {number} has not {len(header)} cells")
+    for number, line in enumerate(lines, start=2):
         row = dict(zip(header, line, strict=True))
         for column, kind in (kinds or {}).items():
             if not kind.allows(row[column]):

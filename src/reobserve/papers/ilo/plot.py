@@ -73,7 +73,8 @@ def estimation(data: FigureData) -> Figure:
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
     # From what the faulty part shows on; two decades more above hold the legend.
-    below.set_ylim(max(_LEAST, 10.0 ** np.floor(np.log10(least))), 100)
+    below.set_ylim(max(_LEAST, 10.0 ** np.floor(np.log10(least))), 1.0)
+    headroom(below, factor=100)
     decades(below.yaxis)
     time_axis(below, plant.time)
     below.legend(loc="upper center", ncols=3)
