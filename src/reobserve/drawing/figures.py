@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,6 +78,21 @@ def new_figure(
     return figure, list(axes[:, 0])
 
 
+def mosaic(
+    rows: Sequence[Sequence[str]], height: float, *, stacked: Mapping[str, float], **ratios: Any
+) -> tuple[PaperFigure, dict[str, Axes]]:
+    """A figure with panels by name, as in ``rows``, of relative ``ratios``.
+
+    Where a style has no room for panels side by side they go below each other, all in the order
+    and of the heights in inches that ``stacked`` says.
+    """
+    if look.narrow():
+        figure, panels = new_figure(tuple(stacked.values()), share_time=False)
+        return figure, dict(zip(stacked, panels, strict=True))
+    figure = blank(height)
+    return figure, figure.subplot_mosaic([list(row) for row in rows], **ratios)
+
+
 def thin(time: Array, values: Array, buckets: int = 1200) -> tuple[Array, Array]:
     """Fewer points with the same picture: the least and the greatest of each bucket, in order.
 
@@ -109,12 +124,16 @@ def time_axis(axes: Axes, time: Array) -> None:
     axes.set_xlim(time[0], time[-1])
 
 
-def headroom(axes: Axes, share: float = 0.0, *, factor: float = 1.0) -> None:
-    """Room for the legend above the curves: a share of the height, or a factor to the greatest."""
+def headroom(
+    axes: Axes, share: float = 0.0, *, factor: float = 1.0, to: float | None = None
+) -> None:
+    """Room for the legend above the curves: a share of the height, a factor, or a new limit."""
     low, high = axes.get_ylim()
     if isinstance(axes.figure, PaperFigure):
         axes.figure.bare[axes] = (low, high)
-    axes.set_ylim(low, factor * high if factor != 1.0 else high + share * (high - low))
+    if to is None:
+        to = factor * high if factor != 1.0 else high + share * (high - low)
+    axes.set_ylim(low, to)
 
 
 def few_ticks(axes: Axes, levels: Sequence[float]) -> None:

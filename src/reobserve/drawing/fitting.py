@@ -7,18 +7,20 @@ of ticks that touch are left out, and the figure grows by what that takes.
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, Tick
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.legend import Legend
 from matplotlib.text import Text
+from matplotlib.ticker import Formatter, Locator
 from matplotlib.transforms import Bbox
 
 from reobserve.drawing import look
@@ -52,18 +54,38 @@ def fix_layout(figure: Figure, *, notes: bool = True) -> None:
 
 
 def _fit(figure: Figure, engine: LayoutEngine) -> None:
-    measure, asked = _Measure(figure), _PANELS * figure.get_figheight()
-    for _ in range(_ROUNDS):
-        engine.execute(figure)
+    measure, designed = _Measure(figure), figure.get_figheight()
+    asked = _PANELS * designed
+    labels: dict[Axis, tuple[Locator, Formatter]] = {}
+    for done in range(_ROUNDS):
+        for axis, (locator, formatter) in labels.items():
+            axis.set_major_locator(locator)
+            axis.set_major_formatter(formatter)
+        _place(figure, engine)
         for legend in figure.legends:
             _fewer_columns(measure, figure, legend)
         for axes in figure.axes:
             _break_texts(measure, figure, axes)
-            _lift_legend(measure, axes)
-            for axis in (axes.xaxis, axes.yaxis):
-                _fewer_labels(measure, axis)
-        engine.execute(figure)
-        figure.set_figheight(figure.get_figheight() + max(asked - _height(figure), 0.0))
+            if done:  # what texts leave of the panels is known
+                _lift_legend(measure, axes)
+                for axis in (axes.xaxis, axes.yaxis):
+                    labels.setdefault(axis, (axis.get_major_locator(), axis.get_major_formatter()))
+                    if axis is axes.xaxis or not _in_words(axis):
+                        _fewer_labels(measure, axis)
+        _place(figure, engine)
+        asked = max([asked, *(_crowded(measure, axes) * _height(figure) for axes in figure.axes)])
+        figure.set_figheight(max(designed, figure.get_figheight() + asked - _height(figure)))
+
+
+def _place(figure: Figure, engine: LayoutEngine) -> None:
+    """Lay the panels out, in a figure high enough to hold what stands around them."""
+    for _ in range(_ROUNDS):
+        with warnings.catch_warnings(record=True) as collapsed:
+            warnings.simplefilter("always")
+            engine.execute(figure)
+        if not collapsed:
+            break
+        figure.set_figheight(1.3 * figure.get_figheight())
 
 
 def _height(figure: Figure) -> float:
@@ -81,6 +103,7 @@ class _Measure:
     def __init__(self, figure: Figure) -> None:
         canvas: Any = FigureCanvasAgg(figure)  # whose methods matplotlib does not annotate
         self.renderer = canvas.get_renderer()
+        self._whole: dict[Text, str] = {}
 
     def box(self, artist: Text | Legend | Axes) -> Bbox:
         """Where an artist is."""
@@ -99,22 +122,23 @@ class _Measure:
         return "\n".join(lines)
 
     def break_up(self, text: Text, room: float) -> None:
-        """Break a text that is longer than its room."""
+        """Break a text that is longer than its room, as it is now."""
+        whole = self._whole.setdefault(text, text.get_text())
+        text.set_text(whole)
         box = self.box(text)
-        if text.get_text() and (box.height if text.get_rotation() == 90 else box.width) > room:
-            text.set_text(self.broken(text.get_text(), text, room))
+        if whole and (box.height if text.get_rotation() == 90 else box.width) > room:
+            text.set_text(self.broken(whole, text, room))
 
 
 def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
     """The title, which ends where the next panel begins, the labels, and what stands inside."""
     box = measure.box(axes)
-    right = [figure.bbox.width]
-    for other in figure.axes:
-        place = measure.box(other)
-        if place.x0 > box.x0 + _GAP and place.y0 < box.y1 and box.y0 < place.y1:
-            right.append(place.x0)
-    measure.break_up(_title(axes), min(right) - 2 * _GAP - box.x0)
-    measure.break_up(axes.xaxis.label, min(right) - box.x0)
+    places = [(other, measure.box(other)) for other in figure.axes if other is not axes]
+    beside = [(o, place) for o, place in places if place.y0 < box.y1 and box.y0 < place.y1]
+    ends = [figure.bbox.width, *(place.x0 for _, place in beside if place.x0 > box.x0 + _GAP)]
+    measure.break_up(_title(axes), min(ends) - 2 * _GAP - box.x0)
+    alone = not any(other.get_xlabel() for other, _ in beside)
+    measure.break_up(axes.xaxis.label, (figure.bbox.width if alone else min(ends)) - box.x0)
     measure.break_up(axes.yaxis.label, 1.1 * box.height)
     for text in axes.texts:
         measure.break_up(text, 0.98 * box.width)
@@ -166,6 +190,8 @@ def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
         return True
     if _title(axes).get_text() and box.overlaps(measure.box(_title(axes))):
         return True
+    if axes.get_xlabel() and box.overlaps(measure.box(axes.xaxis.label)):
+        return True
     if box.y1 > panel.y1 + _GAP:
         return False
     return any(
@@ -203,9 +229,7 @@ def _fewer_columns(measure: _Measure, figure: Figure, legend: Legend) -> None:
 
 def _fewer_labels(measure: _Measure, axis: Axis) -> None:
     """Label every second tick, or third, so that no two labels touch."""
-    low, high = sorted(axis.get_view_interval())
-    ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
-    shown = [tick for tick in ticks if tick.label1.get_visible() and tick.label1.get_text()]
+    ticks, shown = _labelled(axis)
     boxes = [measure.box(tick.label1).padded(_GAP / 2) for tick in shown]
     step = 1
     while any(one.overlaps(other) for one, other in pairwise(boxes[::step])):
@@ -214,3 +238,24 @@ def _fewer_labels(measure: _Measure, axis: Axis) -> None:
         kept = {tick.get_loc(): tick.label1.get_text() for tick in shown[::step]}
         places = [tick.get_loc() for tick in ticks]
         axis.set_ticks(places, [kept.get(place, "") for place in places])
+
+
+def _labelled(axis: Axis) -> tuple[list[Tick], list[Tick]]:
+    """The ticks that are seen, and those of them with a label."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    return ticks, [t for t in ticks if t.label1.get_visible() and t.label1.get_text()]
+
+
+def _in_words(axis: Axis) -> bool:
+    """Whether ticks are named, so that none of them can do without its label."""
+    texts = (tick.label1.get_text() for tick in _labelled(axis)[1])
+    return any(a.isalpha() and b.isalpha() for text in texts for a, b in pairwise(text))
+
+
+def _crowded(measure: _Measure, axes: Axes) -> float:
+    """How many times higher a panel must be for the names beside it."""
+    if not _in_words(axes.yaxis):
+        return 1.0
+    heights = [measure.box(tick.label1).height for tick in _labelled(axes.yaxis)[1]]
+    return max(1.0, sum(heights) / float(measure.box(axes).height))

@@ -10,6 +10,7 @@ from reobserve.drawing.figures import (
     add_note,
     decades,
     envelope,
+    headroom,
     new_figure,
     thin,
     time_axis,
@@ -33,7 +34,8 @@ def draw(data: FigureData) -> Figure:
         error.semilogy(*envelope(estimate.time, size, BIN), **line)
     delay.set_ylabel("delay [s]")
     delay.set_title("(a) delay and its estimates")
-    delay.set_ylim(-0.1, 2.4)
+    delay.set_ylim(-0.1, 1.6)
+    headroom(delay, to=2.4)
     delay.legend(loc="upper left", ncols=2)
     error.set_ylabel("|error| [s]")
     error.set_title("(b) size of the error (largest in each fifth of a second)")

@@ -50,7 +50,8 @@ def draw(data: FigureData) -> Figure:
         for i, panel in enumerate(state_errors):
             size = np.abs(error["state"][:, i])
             panel.semilogy(*envelope(estimate.time, size, BIN), **line)
-    delay.set(ylabel="delay [s]", ylim=(-0.1, 2.3))
+    delay.set(ylabel="delay [s]", ylim=(-0.1, 1.5))
+    headroom(delay, to=2.3)
     delay.set_title("(a) delay and its estimates")
     delay.legend(loc="upper left", ncols=3)
     angle.set_ylabel("angle x₁ [rad]")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, few_ticks, new_figure
+from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.styles import style_of
 from reobserve.papers.imm.tuning import TUNED
@@ -60,7 +60,8 @@ def draw(data: FigureData) -> Figure:
                 linewidth=width,
                 label=f"{body.label}, {quantity.removesuffix('_after')}",
             )  # fmt: skip
-    curves.set_ylim(-0.03, 1.5)
+    curves.set_ylim(-0.03, 1.03)
+    headroom(curves, to=1.5)
     curves.set_yticks((0, 0.5, 1))
     curves.set_ylabel("mean probability")
     curves.set_title(f"(b) the number with the least room: {_NAMES[narrow]}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, blank, decades
+from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, mosaic
 from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import EDGE
@@ -18,8 +18,10 @@ from reobserve.scoring.study_table import StudyTable
 def draw(data: FigureData) -> Figure:
     """Phase plane, errors of the truncated series on the cycle, and radii by degree."""
     plant, study = data.plant, data.study
-    figure = blank(4.7)
-    axes = figure.subplot_mosaic([["plane", "errors"], ["plane", "radii"]], width_ratios=(1.1, 1.0))
+    figure, axes = mosaic(
+        [["plane", "errors"], ["plane", "radii"]], 4.7, width_ratios=(1.1, 1.0),
+        stacked={"plane": 3.8, "errors": 2.0, "radii": 2.0},
+    )  # fmt: skip
     plane, errors, radii = axes["plane"], axes["errors"], axes["radii"]
     cycle, edge = _points(study, "point"), _points(study, "boundary")
     plane.plot(*_closed(cycle), **TRUTH.line(), label="limit cycle")

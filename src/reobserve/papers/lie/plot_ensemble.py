@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, blank
+from reobserve.drawing.figures import add_note, headroom, mosaic
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS, style_of
 from reobserve.papers.lie.words import pair
@@ -19,14 +19,15 @@ def draw(data: FigureData) -> Figure:
     """Shares by order that settle and that are better, and where the order of Fig. 1 is better."""
     job = data.job
     mapped, estimate = job.observers["order4"].order, job.observers["order4"].initial_estimate
-    figure = blank(4.9)
-    axes = figure.subplot_mosaic(
-        [["settled", "plane"], ["better", "plane"]], height_ratios=(1.45, 1.0)
-    )
+    figure, axes = mosaic(
+        [["settled", "plane"], ["better", "plane"]], 4.9, height_ratios=(1.45, 1.0),
+        stacked={"settled": 2.2, "better": 2.0, "plane": 3.8},
+    )  # fmt: skip
     settled, better, plane = axes["settled"], axes["better"], axes["plane"]
     _shares(settled, data, "share_settled")
     settled.set_title(f"(a) settles within {job.plant.horizon:g} s")
-    settled.set_ylim(-4, 190)
+    settled.set_ylim(-4, 104)
+    headroom(settled, to=190)
     settled.set_yticks([0, 25, 50, 75, 100])
     settled.legend(loc="upper right")
     _shares(better, data, "share_better")

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from reobserve.drawing.figures import add_note, blank
+from reobserve.drawing.figures import add_note, mosaic
 from reobserve.drawing.look import points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.plot_errors import draw_sizes
@@ -20,8 +20,10 @@ from reobserve.papers.lie.words import starts, vector
 def draw(data: FigureData) -> Figure:
     """Errors over time, and over the square of coefficients the share of states and the median."""
     job, study = data.job, data.study
-    figure = blank(5.0)
-    axes = figure.subplot_mosaic([["size", "size"], ["share", "ratio"]], height_ratios=(1.0, 1.25))
+    figure, axes = mosaic(
+        [["size", "size"], ["share", "ratio"]], 5.0, height_ratios=(1.0, 1.25),
+        stacked={"size": 2.2, "share": 3.4, "ratio": 3.4},
+    )  # fmt: skip
     size, share, ratio = axes["size"], axes["share"], axes["ratio"]
     draw_sizes(size, data)
     size.set_xlabel("time [s]")
