@@ -61,13 +61,16 @@ def _fit(figure: Figure, engine: LayoutEngine) -> None:
         for axis, (locator, formatter) in labels.items():
             axis.set_major_locator(locator)
             axis.set_major_formatter(formatter)
+        for axes in figure.axes:
+            if (legend := axes.get_legend()) is not None:  # one that is too wide leaves no panel
+                legend.set_in_layout(done > 0)
         _place(figure, engine)
         for legend in figure.legends:
             _fewer_columns(measure, figure, legend)
         for axes in figure.axes:
             _break_texts(measure, figure, axes)
-            if done:  # what texts leave of the panels is known
-                _lift_legend(measure, axes)
+            _lift_legend(measure, axes, only_wide=not done)
+            if done:
                 for axis in (axes.xaxis, axes.yaxis):
                     labels.setdefault(axis, (axis.get_major_locator(), axis.get_major_formatter()))
                     if axis is axes.xaxis or not _in_words(axis):
@@ -154,13 +157,14 @@ def _title(axes: Axes) -> Text:
     )
 
 
-def _lift_legend(measure: _Measure, axes: Axes) -> None:
-    """Put a legend between title and panel if it has no room, or lies on what it tells of."""
+def _lift_legend(measure: _Measure, axes: Axes, *, only_wide: bool) -> None:
+    """Put a legend between title and panel if it is too wide, or lies on what it tells of."""
     legend = axes.get_legend()
     if legend is None:
         return
     lifted = legend.get_gid() == _LIFTED
-    if not (lifted or _in_the_way(measure, axes, legend)):
+    in_the_way = _too_wide if only_wide else _in_the_way
+    if not (lifted or in_the_way(measure, axes, legend)):
         return
     if isinstance(axes.figure, PaperFigure) and axes in axes.figure.bare:
         axes.set_ylim(axes.figure.bare.pop(axes))
@@ -183,10 +187,16 @@ def _lift_legend(measure: _Measure, axes: Axes) -> None:
 _LIFTED = "lifted legend"
 
 
-def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
-    """Whether a legend sticks out to a side, covers lines or bands, or the title."""
+def _too_wide(measure: _Measure, axes: Axes, legend: Legend) -> bool:
+    """Whether a legend sticks out to a side."""
     box, panel = measure.box(legend), measure.box(axes)
-    if box.x0 < min(panel.x0 - _GAP, _GAP) or box.x1 > panel.x1 + _GAP:
+    return bool(box.x0 < min(panel.x0 - _GAP, _GAP) or box.x1 > panel.x1 + _GAP)
+
+
+def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
+    """Whether a legend sticks out to a side, covers lines or bands, the title or a label."""
+    box, panel = measure.box(legend), measure.box(axes)
+    if _too_wide(measure, axes, legend):
         return True
     if _title(axes).get_text() and box.overlaps(measure.box(_title(axes))):
         return True
