@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from reobserve.command_line.parts import add_command, add_output, add_project
+from reobserve.command_line.parts import FORMATS, add_command, add_output, add_project
 from reobserve.command_line.types import whole
-
-_FORMATS = ("pdf", "svg", "png")
 
 
 def add_evidence(commands: Any) -> None:
@@ -35,7 +33,7 @@ def add_evidence(commands: Any) -> None:
     report.add_argument(
         "--formats",
         nargs="+",
-        choices=_FORMATS,
+        choices=FORMATS,
         metavar="FORMAT",
         help=f"formats of figures {default}",
     )

@@ -1,15 +1,16 @@
-"""Ways to look around: what there is, a paper's ledger, what its metrics mean."""
+"""Ways to look around: what there is, a paper's ledger, what its metrics mean, LaTeX."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
-from reobserve.command_line.parts import add_command, add_project
-from reobserve.command_line.types import tree
+from reobserve.command_line.parts import add_command, add_output, add_project
+from reobserve.command_line.types import tree, whole
 
 
 def add_overview(commands: Any) -> None:
-    """`list`, `params`, `readme` and `check`."""
+    """`list`, `params`, `readme`, `latex` and `check`."""
     listing = add_command(
         commands, "list", "ledger.overview:show_list", "what there is, and what is built"
     )
@@ -35,6 +36,16 @@ def add_overview(commands: Any) -> None:
         "write what metrics mean into results/README.md",
     )  # fmt: skip
     add_project(readme)
+
+    latex = add_command(
+        commands, "latex", "stages.latex:run", "write a caption or a table of the results as LaTeX"
+    )
+    latex.add_argument("source", type=Path, help="a caption, .rst, or a table, .csv")
+    latex.add_argument(
+        "--digits", type=whole(1, 17), metavar="N",
+        help="significant digits of numbers (default: 3 of metrics, in other tables as they stand)",
+    )  # fmt: skip
+    add_output(latex, "what LaTeX takes with its command input, .tex")
 
     check = add_command(
         commands, "check", "stages.check:run", "check ledgers whole, without writing any"

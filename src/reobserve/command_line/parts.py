@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+FORMATS = ("pdf", "svg", "png", "eps", "pgf")  # of figures
+
 
 def add_command(commands: Any, name: str, run: str, text: str) -> argparse.ArgumentParser:
     """A sub-command that calls ``run``, as ``"module:function"`` below `reobserve`."""

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from reobserve.command_line.parts import add_command, add_output, add_project
+from reobserve.command_line.parts import FORMATS, add_command, add_output, add_project
 from reobserve.command_line.types import tree, whole
 
 _EXAMPLES = """\
@@ -101,7 +101,12 @@ def _add_figures(commands: Any) -> None:
     plot.add_argument("--template", type=Path, required=True, help="the caption's template")
     plot.add_argument("--caption", type=Path, required=True, help="where the caption goes")
     plot.add_argument(
-        "--outputs", type=Path, nargs="+", required=True, help="files, .pdf, .svg or .png"
+        "--outputs", type=Path, nargs="+", required=True,
+        help=f"files, in any of {', '.join(FORMATS)}",
+    )  # fmt: skip
+    plot.add_argument("--style", type=Path, metavar="FILE", help="a style sheet of matplotlib's")
+    plot.add_argument(
+        "--no-notes", dest="notes", action="store_false", help="put the note into the caption"
     )
 
 

@@ -7,6 +7,7 @@ of ticks that touch are left out, and the figure grows by what that takes.
 
 from __future__ import annotations
 
+import re
 import warnings
 from itertools import pairwise
 from typing import Any
@@ -30,13 +31,17 @@ from reobserve.drawing.look import points
 _EDGE = 0.012  # of the width, beside a note
 _PANELS = 0.62  # of the height that a drawing asks for, at least, which its panels have
 _ROUNDS = 4  # a broken title moves the panels, which moves what fits
-_GAP = 3.0  # pixels between what must not touch
+_GAP = 2.0  # points between what must not touch
+_DPI = 400  # at which text is measured: at fewer its letters are put on whole pixels
+_SLACK = 0.96  # of its room, which text takes at most: at other resolutions it is wider
 
 
 def fix_layout(figure: Figure, *, notes: bool = True) -> None:
     """Place the panels now and for good: every format gets the same layout, computed once."""
     engine = figure.get_layout_engine()
     fits = look.as_designed()
+    if not fits:
+        figure.set_dpi(_DPI)
     paragraphs = figure.note if notes and isinstance(figure, PaperFigure) else ()
     if paragraphs:
         note = figure.supxlabel(
@@ -80,6 +85,9 @@ def _fit(figure: Figure, engine: LayoutEngine) -> None:
         figure.set_figheight(max(designed, figure.get_figheight() + asked - _height(figure)))
 
 
+_WORD = re.compile(r"\[[^\]]*\]|\S+")  # a unit in its brackets is one
+
+
 def _place(figure: Figure, engine: LayoutEngine) -> None:
     """Lay the panels out, in a figure high enough to hold what stands around them."""
     for _ in range(_ROUNDS):
@@ -106,6 +114,7 @@ class _Measure:
     def __init__(self, figure: Figure) -> None:
         canvas: Any = FigureCanvasAgg(figure)  # whose methods matplotlib does not annotate
         self.renderer = canvas.get_renderer()
+        self.gap = _GAP * figure.dpi / 72
         self._whole: dict[Text, str] = {}
 
     def box(self, artist: Text | Legend | Axes) -> Bbox:
@@ -116,7 +125,8 @@ class _Measure:
     def broken(self, running: str, text: Text, room: float) -> str:
         """Running text with line breaks so that each line has room, as far as words allow it."""
         lines: list[str] = []
-        for word in running.split():
+        room *= _SLACK
+        for word in _WORD.findall(running):
             longer = " ".join([*lines[-1:], word])
             wide, *_ = self.renderer.get_text_width_height_descent(
                 longer, text.get_fontproperties(), ismath=False
@@ -129,7 +139,7 @@ class _Measure:
         whole = self._whole.setdefault(text, text.get_text())
         text.set_text(whole)
         box = self.box(text)
-        if whole and (box.height if text.get_rotation() == 90 else box.width) > room:
+        if whole and (box.height if text.get_rotation() == 90 else box.width) > _SLACK * room:
             text.set_text(self.broken(whole, text, room))
 
 
@@ -138,13 +148,16 @@ def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
     box = measure.box(axes)
     places = [(other, measure.box(other)) for other in figure.axes if other is not axes]
     beside = [(o, place) for o, place in places if place.y0 < box.y1 and box.y0 < place.y1]
-    ends = [figure.bbox.width, *(place.x0 for _, place in beside if place.x0 > box.x0 + _GAP)]
-    measure.break_up(_title(axes), min(ends) - 2 * _GAP - box.x0)
+    ends = [
+        figure.bbox.width,
+        *(place.x0 for _, place in beside if place.x0 > box.x0 + measure.gap),
+    ]
+    measure.break_up(_title(axes), min(ends) - 2 * measure.gap - box.x0)
     alone = not any(other.get_xlabel() for other, _ in beside)
     measure.break_up(axes.xaxis.label, (figure.bbox.width if alone else min(ends)) - box.x0)
-    measure.break_up(axes.yaxis.label, 1.1 * box.height)
+    measure.break_up(axes.yaxis.label, 1.15 * box.height)
     for text in axes.texts:
-        measure.break_up(text, 0.98 * box.width)
+        measure.break_up(text, box.width)
 
 
 def _title(axes: Axes) -> Text:
@@ -190,7 +203,9 @@ _LIFTED = "lifted legend"
 def _too_wide(measure: _Measure, axes: Axes, legend: Legend) -> bool:
     """Whether a legend sticks out to a side."""
     box, panel = measure.box(legend), measure.box(axes)
-    return bool(box.x0 < min(panel.x0 - _GAP, _GAP) or box.x1 > panel.x1 + _GAP)
+    return bool(
+        box.x0 < min(panel.x0 - measure.gap, measure.gap) or box.x1 > panel.x1 + measure.gap
+    )
 
 
 def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
@@ -202,7 +217,7 @@ def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
         return True
     if axes.get_xlabel() and box.overlaps(measure.box(axes.xaxis.label)):
         return True
-    if box.y1 > panel.y1 + _GAP:
+    if box.y1 > panel.y1 + measure.gap:
         return False
     return any(
         path.transformed(artist.get_transform()).intersects_bbox(box, filled=filled)
@@ -240,7 +255,7 @@ def _fewer_columns(measure: _Measure, figure: Figure, legend: Legend) -> None:
 def _fewer_labels(measure: _Measure, axis: Axis) -> None:
     """Label every second tick, or third, so that no two labels touch."""
     ticks, shown = _labelled(axis)
-    boxes = [measure.box(tick.label1).padded(_GAP / 2) for tick in shown]
+    boxes = [measure.box(tick.label1).padded(measure.gap / 2) for tick in shown]
     step = 1
     while any(one.overlaps(other) for one, other in pairwise(boxes[::step])):
         step += 1

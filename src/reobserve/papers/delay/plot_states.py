@@ -18,7 +18,7 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
-from reobserve.drawing.look import points
+from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.notes import note
 from reobserve.papers.delay.scoring import errors, singular_instants, turned_over_at
@@ -104,7 +104,7 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
             before = plant["state"][plant.time <= turned, i]
             room = 0.15 * float(np.ptp(before))
             axes.set_ylim(float(before.min()) - room, float(before.max()) + room)
-    angle.axvline(turned, color="0.4", linewidth=0.8, linestyle="-.")
+    angle.axvline(turned, color="0.4", linewidth=thick(0.8), linestyle="-.")
     angle.annotate(
         text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left",
         xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=points(7),
@@ -118,7 +118,7 @@ def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> No
     for axes in (told, *others):
         top = 1.0 if axes.get_legend() is None else BELOW
         for at in instants:
-            axes.axvline(at, ymax=top, color="0.4", linewidth=0.8, linestyle=":")
+            axes.axvline(at, ymax=top, color="0.4", linewidth=thick(0.8), linestyle=":")
     if len(instants):
         told.annotate(
             "u′ = 0", (instants[0], 0.86), (3, 0), fontsize=points(7), color="0.3",

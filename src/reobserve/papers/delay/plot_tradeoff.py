@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
-from reobserve.drawing.look import points
+from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.notes import noise
 from reobserve.papers.delay.styles import style_of
@@ -70,9 +70,9 @@ def _compare(axes: Axes, data: FigureData) -> None:
             axes.loglog(
                 list(above), ratios, **style.points(), **filled, label=f"{_m(data, name)}, {kind}"
             )
-    axes.axhline(1.0, color="0.4", linewidth=0.8)
+    axes.axhline(1.0, color="0.4", linewidth=thick(0.8))
     for rho in dict.fromkeys(body.rho for body in observers.values()):
-        axes.axvline(rho, color="0.4", linewidth=0.8, linestyle="-.")
+        axes.axvline(rho, color="0.4", linewidth=thick(0.8), linestyle="-.")
         axes.annotate(
             "ρ of Fig. 2",
             (rho, 0.08),

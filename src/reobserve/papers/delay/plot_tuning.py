@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, blank, decades, few_ticks
+from reobserve.drawing.look import thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.styles import style_of
 
@@ -35,7 +36,7 @@ def draw(data: FigureData) -> Figure:
             axes.loglog(found["level"], found["value"], **style.points(), **face, label=text)
         chosen = getattr(job.observers[name], parameter)
         if chosen > 0:
-            axes.axvline(chosen, color="0.4", linewidth=0.8, linestyle=":")
+            axes.axvline(chosen, color="0.4", linewidth=thick(0.8), linestyle=":")
         axes.set_title(job.observers[name].label.replace(", a reconstruction of", ""))
         axes.set_xlabel(label)
         few_ticks(axes, runs.levels("level"))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, blank, few_ticks
-from reobserve.drawing.look import points
+from reobserve.drawing.look import mark, points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.styles import KINDS
@@ -31,7 +31,7 @@ def draw(data: FigureData) -> Figure:
                 axes.loglog(
                     *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
                     linestyle="", marker=style.marker, color=style.color,
-                    markersize=7.5 if kind in _OPEN else 4.5,
+                    markersize=mark(7.5 if kind in _OPEN else 4.5),
                     markerfacecolor="none" if kind in _OPEN else style.color,
                     markeredgewidth=1.1, label=label,
                 )  # fmt: skip
@@ -39,8 +39,8 @@ def draw(data: FigureData) -> Figure:
                 found = data.study.where(**at)
                 axes.loglog(
                     *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
-                    linestyle="", marker="o", color="0.2", markersize=13, markerfacecolor="none",
-                    markeredgewidth=0.8,
+                    linestyle="", marker="o", color="0.2", markersize=mark(13),
+                    markerfacecolor="none", markeredgewidth=0.8,
                 )  # fmt: skip
             axes.margins(y=0.1)
             axes.set_title(f"({letter}) {fault} fault: effect of {source}")
@@ -57,7 +57,7 @@ def draw(data: FigureData) -> Figure:
 def _bound(axes: Axes, level: float, unit: str) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, level / 1.3), max(high, 2.0 * level))
-    axes.axhline(level, color="0.45", linestyle=(0, (1, 1.5)), linewidth=0.9)
+    axes.axhline(level, color="0.45", linestyle=(0, (1, 1.5)), linewidth=thick(0.9))
     axes.annotate(
         f"shows in a figure: {level:g} {unit}", (0.02, level), (0, 2), textcoords="offset points",
         xycoords=axes.get_yaxis_transform(), va="bottom", fontsize=points(6.5), color="0.3",

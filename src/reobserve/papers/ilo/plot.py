@@ -21,7 +21,7 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
-from reobserve.drawing.look import points
+from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job, named
 from reobserve.papers.ilo import keys
@@ -102,7 +102,7 @@ def matching(data: FigureData) -> Figure:
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
     for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "continuous ILO", -3)):
         gain = named(job.observers, name, keys.Adaptive).integral_gain
-        gains.axvline(gain, ymax=0.8, color="0.5", linewidth=0.8, linestyle=":")
+        gains.axvline(gain, ymax=0.8, color="0.5", linewidth=thick(0.8), linestyle=":")
         gains.annotate(
             place, (gain, 0.06), xycoords=("data", "axes fraction"), xytext=(side, 0),
             textcoords="offset points", ha="left" if side > 0 else "right", fontsize=points(7),

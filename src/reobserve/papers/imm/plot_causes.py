@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.drawing.figures import STYLES, Style, add_note, new_figure
+from reobserve.drawing.look import thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.notes import stimulus
 from reobserve.papers.imm.study_causes import HELD, INSIDE, NO_MEMORY, SCANNED
@@ -46,7 +47,7 @@ def draw(data: FigureData) -> Figure:
     name = study["observer"][0]
     stated = job.observers[name].layer_unit
     for axes in (mode, outside):
-        axes.axvline(stated, color="0.4", linewidth=0.8, linestyle=":")
+        axes.axvline(stated, color="0.4", linewidth=thick(0.8), linestyle=":")
         axes.set_ylim(-0.04, 1.04)
     mode.set_xscale("log")
     start, end = job.metrics.after

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, blank
+from reobserve.drawing.look import mark, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.styles import style_of
 
@@ -40,12 +41,12 @@ def draw(data: FigureData) -> Figure:
             told = [change for change, _ in mine.groups("sweep", "level")]
             axes.plot(
                 mine["value"], [changes.index(change) + 0.2 * (order - 1) for change in told],
-                linestyle="", marker=style.marker, color=style.color, markersize=4.5,
+                linestyle="", marker=style.marker, color=style.color, markersize=mark(4.5),
                 label=body.label,
             )  # fmt: skip
             if mode != "friction":  # the paper quotes none for it
                 quoted = body.quoted[("normal", "leakage").index(mode)]
-                axes.axvline(quoted, color=style.color, linestyle=":", linewidth=1.4)
+                axes.axvline(quoted, color=style.color, linestyle=":", linewidth=thick(1.4))
         axes.set_xlim(-0.05, 1.05)
         axes.set_title(f"({letter}) {mode} mode")
     start, end = data.job.metrics.after

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, Style, add_note, blank
-from reobserve.drawing.look import points
+from reobserve.drawing.look import mark, points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detection import Judged, curve
@@ -41,9 +41,11 @@ def draw(data: FigureData) -> Figure:
             apart = gap * 1.035 ** (order - (len(styles) - 1) / 2)
             value = [one.detected.value for one in found]
             shares.plot(apart, value, **style.points(), label=labels[name])
-            shares.vlines(apart, *_limits(found), color=style.color, linewidth=0.6, alpha=0.6)
+            shares.vlines(
+                apart, *_limits(found), color=style.color, linewidth=thick(0.6), alpha=0.6
+            )
             mean = [one.alarmed.value for one in found]
-            alarms.plot(apart, mean, **{**style.points(), "linestyle": "", "markersize": 3})
+            alarms.plot(apart, mean, **{**style.points(), "linestyle": "", "markersize": mark(3)})
             delays.plot(apart, [1000 * one.delay for one in found], **style.points())
         plant, level = sweep_kind(sweep)
         shares.set_title(
@@ -51,9 +53,9 @@ def draw(data: FigureData) -> Figure:
             + (",\nprocess noise of Q" if plant == DRIVEN else "\n"),
             fontsize=points(8),
         )  # fmt: skip
-        shares.axhline(job.study.enough, color="0.4", linewidth=0.8, linestyle=":")
+        shares.axhline(job.study.enough, color="0.4", linewidth=thick(0.8), linestyle=":")
         for axes in (shares, alarms):
-            axes.axhline(job.study.budget, color="0.4", linewidth=0.8, linestyle=":")
+            axes.axhline(job.study.budget, color="0.4", linewidth=thick(0.8), linestyle=":")
         panels[-1, column].set_xlabel("ν-gap")
     panels[0, 0].set_ylim(-0.04, 1.04)
     panels[1, 0].set_ylim(-0.015, None)

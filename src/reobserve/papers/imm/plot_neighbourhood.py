@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
+from reobserve.drawing.look import mark, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.styles import style_of
 from reobserve.papers.imm.tuning import TUNED
@@ -31,12 +32,12 @@ def draw(data: FigureData) -> Figure:
     for row, parameter in enumerate(TUNED):
         low = numbers[parameter, "least_factor"]
         high = numbers[parameter, "greatest_factor"]
-        bars.plot((low, high), (row, row), color="0.35", linewidth=5, solid_capstyle="butt")
+        bars.plot((low, high), (row, row), color="0.35", linewidth=thick(5), solid_capstyle="butt")
         for end, side in ((low, -1), (high, 1)):
             open_end = abs(end - most ** float(side)) < 1e-9
             bars.plot(end, row, marker=("<" if side < 0 else ">") if open_end else "|",
-                      color="0.1", markersize=7)  # fmt: skip
-    bars.axvline(1.0, color="0.4", linewidth=0.8, linestyle=":")
+                      color="0.1", markersize=mark(7))  # fmt: skip
+    bars.axvline(1.0, color="0.4", linewidth=thick(0.8), linestyle=":")
     bars.set_yticks(range(len(TUNED)), [_NAMES[name] for name in TUNED])
     bars.invert_yaxis()
     bars.set_xscale("log")
@@ -57,7 +58,7 @@ def draw(data: FigureData) -> Figure:
             order = np.argsort(level)
             curves.plot(
                 level[order], value[order], color=style.color, linestyle=style.linestyle,
-                linewidth=width,
+                linewidth=thick(width),
                 label=f"{body.label}, {quantity.removesuffix('_after')}",
             )  # fmt: skip
     curves.set_ylim(-0.03, 1.03)

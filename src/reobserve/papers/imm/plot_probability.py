@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.drawing.figures import PaperFigure, add_note, new_figure, thin, time_axis
-from reobserve.drawing.look import points
+from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.notes import note
@@ -72,7 +72,9 @@ def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
         body = data.job.observers[name]
         value = body.quoted[("normal", "leakage").index(mode)]
         color = style_of(body).color
-        axes.plot((start, end), (value, value), color=color, linewidth=1.6, linestyle=(0, (1, 1)))
+        axes.plot(
+            (start, end), (value, value), color=color, linewidth=thick(1.6), linestyle=(0, (1, 1))
+        )
         axes.annotate(
             f"◂ {value:g}", (1.0, value), xycoords=("axes fraction", "data"),
             xytext=(2, 0), textcoords="offset points", va="center", color=color,
@@ -83,7 +85,7 @@ def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
 def _finished(figure: PaperFigure, data: FigureData) -> Figure:
     onset = next(iter(data.estimates.values())).events["fault"][0]
     for axes in figure.axes:
-        axes.axvline(onset, color="0.4", linewidth=0.8, linestyle=":")
+        axes.axvline(onset, color="0.4", linewidth=thick(0.8), linestyle=":")
     first = figure.axes[0]
     first.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     time_axis(figure.axes[-1], data.plant.time)

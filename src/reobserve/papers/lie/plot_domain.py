@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, mosaic
-from reobserve.drawing.look import points
+from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import EDGE
 from reobserve.papers.lie.words import vector
@@ -46,7 +46,7 @@ def draw(data: FigureData) -> Figure:
     errors.legend(loc="upper right")
     radii.plot(*_by_degree(study, "S", "radius"), **STYLES[0].points())
     distance = data.metrics["cycle", "distance"]
-    radii.axhline(distance, color="0.4", linewidth=0.8, linestyle=":")
+    radii.axhline(distance, color="0.4", linewidth=thick(0.8), linestyle=":")
     radii.annotate(
         "distance of the cycle from the origin", (0.98, distance), (0, 3), ha="right",
         xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=points(7),

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, headroom, mosaic
+from reobserve.drawing.look import mark
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS, style_of
 from reobserve.papers.lie.words import pair
@@ -41,7 +42,7 @@ def draw(data: FigureData) -> Figure:
         (~smaller, "constant", "x", "the constant gain has it"),
     ):
         plane.plot(
-            *states[chosen].T, linestyle="", markersize=4, marker=marker, label=label,
+            *states[chosen].T, linestyle="", markersize=mark(4), marker=marker, label=label,
             color=style_of(observer).color,
         )  # fmt: skip
     plane.set_aspect("equal")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from reobserve.drawing.figures import add_note, mosaic
-from reobserve.drawing.look import points
+from reobserve.drawing.look import mark, points
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.plot_errors import draw_sizes
 from reobserve.papers.lie.styles import style_of
@@ -92,7 +92,7 @@ def _mark(axes: Axes, data: FigureData) -> None:
         cubic = _cubic(data.job.designs[observer.design].injection)
         if cubic:
             axes.plot(
-                *cubic, linestyle="", marker=style_of(name).marker, markersize=8,
+                *cubic, linestyle="", marker=style_of(name).marker, markersize=mark(8),
                 color=style_of(name).color, markeredgecolor="white", label=observer.label,
             )  # fmt: skip
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.drawing.figures import add_note, new_figure
-from reobserve.drawing.look import points
+from reobserve.drawing.look import mark, points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS
 from reobserve.papers.lie.words import starts
@@ -33,10 +33,10 @@ def draw(data: FigureData) -> Figure:
     settling.set_title(f"(b) time to {band:g} % of the first error; a gap: not within the run")
     _curves(floquet, study, "floquet_exponent", named=False)
     settling.legend(loc="upper left")
-    floquet.axhline(0.0, color="0.4", linewidth=0.8)
+    floquet.axhline(0.0, color="0.4", linewidth=thick(0.8))
     floquet.axhline(
         study.value(form="injection", quantity="floquet_exponent"),
-        color="0.4", linewidth=0.8, linestyle=":",
+        color="0.4", linewidth=thick(0.8), linestyle=":",
         label="nonlinear injection",
     )  # fmt: skip
     floquet.legend(loc="lower right")
@@ -79,6 +79,6 @@ def _mark_divergence(axes: Axes, study: StudyTable) -> None:
         runs = study.where(form=form, quantity="diverged_at")
         lost = runs["order"][np.isfinite(runs["value"])]
         axes.plot(
-            lost, [0.9 - 0.09 * place] * len(lost), linestyle="", marker="x", markersize=5,
+            lost, [0.9 - 0.09 * place] * len(lost), linestyle="", marker="x", markersize=mark(5),
             color=style.color, transform=axes.get_xaxis_transform(),
         )  # fmt: skip
