@@ -17,11 +17,11 @@ from reobserve.drawing.figures import (
     Style,
     decades,
     few_ticks,
-    fix_layout,
     new_figure,
-    save,
     thin,
 )
+from reobserve.drawing.fitting import fix_layout
+from reobserve.drawing.formats import save
 from reobserve.errors import InputError
 
 

@@ -119,8 +119,8 @@ def read_sheet(path: Path) -> dict[str, Any]:
         except ValueError as error:
             reason = re.sub(r"\s+", " ", str(error)).removeprefix(f"Key {key}: ")
             raise InputError(str(path), f"{place}: {reason}") from None
-        fixed, why = _FIXED.get(key, (value, ""))
-        if value != fixed:
+        if key in _FIXED and value != _FIXED[key][0]:
+            fixed, why = _FIXED[key]
             raise InputError(str(path), f"{place}: {shown(text)} must be {fixed}, {why}")
         if key.startswith("font."):
             _check_font(f"{path}", place, key, value)
