@@ -27,7 +27,10 @@ from reobserve.drawing.look import use_sheet
 
 COLUMN = Path(__file__).parents[2] / "config" / "styles" / "ieee-column.mplstyle"
 TIME = np.linspace(0, 10, 200)
-NOTE = "A note that is much longer than a line of a narrow column can be, and says what was chosen."
+NOTE = (
+    "A note that is much longer than a line of a narrow column can be, and says what was chosen "
+    "where the paper is silent."
+)
 TITLE = "(a) a title that is as long as a line of the house, which is of 6.6 inches, and not of 3.5"
 
 

@@ -291,7 +291,11 @@ def test_a_divergent_observer_names_the_time(
 
 
 BAD_CALLS = {
-    "formats=[gif]": "config.formats.0: 'gif' is not one of ['pdf', 'svg', 'png']",
+    "formats=[gif]": "config.formats.0: 'gif' is not one of ['pdf', 'svg', 'png', 'eps', 'pgf']",
+    "style=ieee-colum": (
+        "config.style: there is no 'ieee-colum', only default, elsevier-column, elsevier-page, "
+        "ieee-column, ieee-page, slides"
+    ),
     "sede=1": "config.sede: unknown key; did you mean 'seed'?",
     "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
     "ilo={observers: {sampled: {K22: 1}}}": (

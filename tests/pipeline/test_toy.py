@@ -72,6 +72,30 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     assert toy.stale() == {}
 
 
+def test_a_figure_of_one_s_own_takes_a_style_of_one_s_own(toy: Project) -> None:
+    """Three inches wide, its caption and numbers in LaTeX; figures of the house are left alone."""
+    sheet = toy.folder / "config/styles/mine.mplstyle"
+    own = "toy={figures: {fig2: {like: fig1, title: Ours & 5 %, source: none}}}"
+    wanted = [f"results/toy/fig2.{kind}" for kind in ("eps", "pgf", "metrics.tex", "caption.tex")]
+    config = ("--config", "style=mine", "formats=[eps,pgf]", "notes=false", own)
+    sheet.write_text("figure.figsize: 3, 3\nfont size: 7\n")
+    said = toy.snakemake(*wanted, *config, check=False).stderr.rstrip().splitlines()[-1]
+    place = "reobserve: config/styles/mine.mplstyle: line 2: there is no parameter 'font size'"
+    assert said.startswith(place)
+    sheet.write_text("figure.figsize: 3, 3\nfont.size: 7\n")
+    toy.snakemake(*wanted, *config)
+    eps, pgf, metrics, caption = ((toy.folder / path).read_text("latin-1") for path in wanted)
+    assert re.search(r"^%%HiResBoundingBox: 0\.0+ 0\.0+ 216\.0+ ", eps, re.MULTILINE)
+    assert r"\pgfqpoint{3.000000in}" in pgf
+    assert r"metric & placed & slow & unit \\" in metrics
+    assert caption.startswith(r"\caption[Ours \& 5 \% (none), scenario")
+    sheet.write_text("figure.figsize: 4, 3\n")
+    assert toy.stale(*wanted[:1], config=config[1:]) == {"plot": 1}
+    for path in [sheet, *(toy.folder / "results/toy").glob("fig2.*")]:
+        path.unlink()
+    assert toy.stale() == {}
+
+
 def claims(toy: Project) -> dict[str, dict[str, str]]:
     rows = read_table(toy.folder / "results/claims.csv", HEADER)
     return {row["claim"]: row for row in rows}
