@@ -29,7 +29,7 @@ COLUMN = Path(__file__).parents[2] / "config" / "styles" / "ieee-column.mplstyle
 TIME = np.linspace(0, 10, 200)
 NOTE = (
     "A note that is much longer than a line of a narrow column can be, and says what was chosen "
-    "where the paper is silent."
+    "where the paper is silent [1], [2 and 3]."
 )
 TITLE = "(a) a title that is as long as a line of the house, which is of 6.6 inches, and not of 3.5"
 

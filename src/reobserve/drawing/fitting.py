@@ -85,7 +85,7 @@ def _fit(figure: Figure, engine: LayoutEngine) -> None:
         figure.set_figheight(max(designed, figure.get_figheight() + asked - _height(figure)))
 
 
-_WORD = re.compile(r"\[[^\]]*\]|\S+")  # a unit in its brackets is one
+_WORD = re.compile(r"(?:\[[^\]]*\]|\S)+")  # a unit in its brackets is one
 
 
 def _place(figure: Figure, engine: LayoutEngine) -> None:

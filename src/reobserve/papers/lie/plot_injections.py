@@ -38,6 +38,7 @@ def draw(data: FigureData) -> Figure:
     # Powers of two about one; what is beyond, or diverges, is as dark as it gets.
     doublings = np.nan_to_num(np.log2(medians["value"]), nan=_DOUBLINGS)
     image = _map(figure, ratio, medians, doublings, "median ratio", (-_DOUBLINGS, _DOUBLINGS))
+    image.colorbar.set_ticks(np.arange(-_DOUBLINGS, _DOUBLINGS + 1))
     image.colorbar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{2**value:g}"))
     ratio.set_title("(c) ISE over the constant gain's")
     for panel in (share, ratio):
