@@ -16,7 +16,7 @@ from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()  # as the command line does it
 
-from reobserve.drawing.figures import fix_layout  # noqa: E402
+from reobserve.drawing.fitting import fix_layout  # noqa: E402
 from reobserve.drawing.layouts import draw  # noqa: E402
 from reobserve.ledger.config import known_papers, read_yaml  # noqa: E402
 from reobserve.ledger.ledger import Ledger  # noqa: E402

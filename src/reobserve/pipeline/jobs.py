@@ -130,7 +130,6 @@ class Graph:
     flips: bool = True
     kept: bool = True
     chunks: int = 1
-    style: str = "default"
     style: str = DEFAULT_STYLE
     notes: bool = True
     project: Path = Path()
