@@ -80,7 +80,16 @@ GRAPH = Graph(
     LEDGERS,
     **{
         key: config[key]
-        for key in ("papers", "formats", "draws", "flips", "kept", "chunks", "style", "notes")
+        for key in (
+            "papers",
+            "formats",
+            "draws",
+            "flips",
+            "kept",
+            "chunks",
+            "style",
+            "notes",
+        )
     },
 )
 
