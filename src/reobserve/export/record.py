@@ -20,7 +20,7 @@ from reobserve.observers.run import Run
 Array = NDArray[np.float64]
 
 ROWS = 60
-_LOST = slice(20, 23)
+_LOST, _PARTLY = slice(20, 23), slice(30, 33)
 
 
 def test_run(observer: Observer[Any], state: Any) -> tuple[Array, Array, Run[Any]]:
@@ -35,6 +35,8 @@ def test_run(observer: Observer[Any], state: Any) -> tuple[Array, Array, Run[Any
     if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):
         y = _simulated(observer, state, u)
         y[_LOST] = np.nan
+        if observer.measurements > 1:
+            y[_PARTLY, 0] = np.nan
     return y, u, observer.run(y, u if observer.inputs else None, state=state)
 
 
