@@ -15,6 +15,7 @@ from reobserve.evidence.claims import gallery
 from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.ledger.config import known_papers
+from reobserve.ledger.stages import STAGES
 from reobserve.pipeline.common import paper_module
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.plain_data.files import read_table, write_table
@@ -201,10 +202,11 @@ def test_what_a_person_can_look_up(built: Project) -> None:
     why = built.run("reobserve", "params", "ilo", "adaptive.damping", "--why").stdout
     assert "Law and gains of the comparison are only cited" in re.sub(r"\s+", " ", why)
     usage = built.run("reobserve", "--help").stdout
-    stages = ("ledger", "plant", "design", "observe", "study", "table", "metrics", "plot", "theory")
-    stages += ("robustness", "sensitivity", "claims", "verdicts", "report")
-    for command in ("list", "params", *stages):
-        assert command in usage
+    for command in ("list", "params", "estimate", "design", "export", "report", "stage"):
+        assert f"    {command} " in usage
+    usage = built.run("reobserve", "stage", "--help").stdout
+    for stage in {*STAGES, "ledger"} - {"report"}:
+        assert f"    {stage}" in usage
         assert built.run("reobserve", command, "--help").stdout.startswith("usage: reobserve")
     helped = built.run("make", "help").stdout
     for target in ("figures", "test", "check", "bench", "figdiff", "accept", "lock", "clean"):
