@@ -99,14 +99,15 @@ def as_run(command: Command) -> tuple[str, ...] | None:
     """The words to run in place of a printed command; None if there is nothing to run."""
     first, *rest = command.words
     if "…" in rest:  # any command that a step prints
-        return (first, rest[0], "--help")
+        return (first, *rest[: rest.index("…")], "--help")
     if first == "cp" or command.words == ("make", "help"):
         return command.words
     if first in ("make", "snakemake"):
         earnest = any(word in QUICK for word in rest) or "--dry-run" in rest
         return command.words if earnest else (*command.words, "--dry-run")
     if first == "reobserve":
-        return command.words if command.alone or len(rest) > 1 else (*command.words, "--help")
+        whole = command.alone or len(rest) > 1 + rest.count("stage")
+        return command.words if whole else (*command.words, "--help")
     if command.words[:3] == ("python", "-m", "tests.fuzz"):  # a single case of them all
         return (*command.words, "--class", "yaml", "--case", "1")
     assert command.words == ("source", ".venv/bin/activate"), f"no way to run {command.text}"

@@ -310,7 +310,7 @@ def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) 
     write_record(tmp_path / "plant.parquet", small_ledger())
     output = tmp_path / "found.search.json"
     files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
-    done = reobserve("search", *files, "calibrated", "--output", output)
+    done = reobserve("stage", "search", *files, "calibrated", "--output", output)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
     assert done.stderr.splitlines() == first()[1]
@@ -330,7 +330,7 @@ def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path
         ("calibrated", "reobserve: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),
         ("calibratd", "reobserve: imm.searches: there is no 'calibratd'; did you mean 'calibrated"),
     ):
-        done = reobserve("search", *files, name, "--output", output)
+        done = reobserve("stage", "search", *files, name, "--output", output)
         assert done.returncode == 1
         assert done.stderr.startswith(said)
         assert done.stderr.count("\n") == 1
