@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -10,12 +9,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.designs.design import Certificate, Design, pairs, told
-from reobserve.designs.ilo import BodySystem, body_estimates
-from reobserve.designs.signals import Signal
+from reobserve.designs.design import Certificate, pairs, told
+from reobserve.designs.rigid_body import BodyDesign, BodySystem
 from reobserve.errors import InputError
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.rigid_body_observer import State
 
 Array = NDArray[np.float64]
 
@@ -42,7 +39,7 @@ class AdaptiveGains:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AdaptiveDesign(Design):
+class AdaptiveDesign(BodyDesign):
     """An adaptive observer with a proportional-integral fault estimate."""
 
     system: BodySystem
@@ -59,16 +56,6 @@ class AdaptiveDesign(Design):
             self.system.body, self.system.sampling_period, gains.damping, gains.integral_gain,
             gains.proportional_gain,
         )  # fmt: skip
-
-    @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
-        """The rate and the fault torque."""
-        return body_estimates(self)
-
-    def start(self) -> State | None:
-        """The initial rate without a fault; None for the first measurement."""
-        stated = self.system.initial_state
-        return None if stated is None else self.observer.init(stated)
 
     def certify(self) -> Certificate:
         """Poles of the errors of rate and fault, linearised at rest.

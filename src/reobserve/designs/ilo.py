@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.designs.design import Certificate, Design
-from reobserve.designs.linear_system import Period
-from reobserve.designs.signals import Signal, Signals
-from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody
+from reobserve.designs.design import Certificate
+from reobserve.designs.rigid_body import BodyDesign, BodySystem
 from reobserve.numerics.matrices import as_vector
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
-from reobserve.observers.rigid_body_observer import State
 from reobserve.synthesis.ilo_accuracy import predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
@@ -43,15 +38,6 @@ gains:
 """
 
 
-def three(place: str, value: Mapping[str, str]) -> None:
-    """Three axes."""
-    if len(value) != 3:
-        raise InputError(place, f"names {len(value)} signals, must be 3, one an axis")
-
-
-Axes = Annotated[Signals, three]
-
-
 @dataclass(frozen=True)
 class Sine:
     """A part of a fault: ``amplitude`` [N m] of each axis, ``frequency`` [rad/s]."""
@@ -61,39 +47,6 @@ class Sine:
 
     def __post_init__(self) -> None:
         as_vector("amplitude", self.amplitude, 3)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BodySystem:
-    """J w' = -w x J w + B u + B_f u_f, with w measured."""
-
-    sampling_period: Period
-    states: Axes = field(default_factory=lambda: {f"rate_{a}": "rad/s" for a in "xyz"})
-    inputs: Axes = field(default_factory=lambda: {f"torque_{a}": "N m" for a in "xyz"})
-    inertia: Array
-    input_matrix: Array = field(default_factory=lambda: np.eye(3))
-    fault_matrix: Array = field(default_factory=lambda: np.eye(3))
-    initial_state: list[float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.initial_state is not None:
-            as_vector("initial_state", self.initial_state, 3)
-        for name, signals, unit in (
-            ("states", self.states, "rad/s"), ("inputs", self.inputs, "N m"),
-        ):  # fmt: skip
-            for signal, stated in signals.items():
-                if stated != unit:
-                    raise InputError(f"{name}.{signal}", f"{stated!r} must be {unit!r}")
-
-    @property
-    def measurements(self) -> dict[str, str]:
-        """The rates themselves."""
-        return self.states
-
-    @cached_property
-    def body(self) -> RigidBody:
-        """The body; `InputError` if it is none."""
-        return RigidBody(self.inertia, self.input_matrix, self.fault_matrix)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,7 +68,7 @@ class LearningGains:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IloDesign(Design):
+class IloDesign(BodyDesign):
     """An iterative learning observer."""
 
     system: LearningSystem
@@ -133,16 +86,6 @@ class IloDesign(Design):
             self.system.body, self.system.sampling_period, gains.K1, gains.K2, gains.damping,
             gains.update_interval,
         )  # fmt: skip
-
-    @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
-        """The rate and the fault torque."""
-        return body_estimates(self)
-
-    def start(self) -> State | None:
-        """The initial rate without a fault; None for the first measurement."""
-        stated = self.system.initial_state
-        return None if stated is None else self.observer.init(stated)
 
     def certify(self) -> Certificate:
         """Stability, and the predicted errors of the expected fault [N m]."""
@@ -191,9 +134,3 @@ def _continuous(law: LearningLaw) -> Certificate:
         "learning_radius": verdict.learning_radius,
         "worst_round_gain": verdict.worst_round_gain,
     }
-
-
-def body_estimates(design: Design) -> Mapping[str, tuple[Signal, ...]]:
-    """Names and units of what observers of a rigid body estimate."""
-    faults = tuple(Signal(f"{signal.name}_fault", "N m") for signal in design.inputs)
-    return {"rate": design.states, "fault": faults}
