@@ -38,6 +38,7 @@ from reobserve.export.statements import (
     When,
     estimate_name,
 )
+from reobserve.plain_data.latex import booktabs, latex
 
 Array = NDArray[np.float64]
 
@@ -128,7 +129,7 @@ def _one(program: Program, statement: Statement, depth: int) -> Iterator[str]:
         right = f"{tell(statement.factor)}^{{-1}} {tell(statement.right)}"
         yield f"&{space}{tell(statement.target)} \\leftarrow {right}"
     elif isinstance(statement, When):
-        yield f"&{space}\\text{{if }} {statement.said or _safe(statement.condition)}\\colon"
+        yield f"&{space}\\text{{if }} {statement.said or latex(statement.condition)}\\colon"
         yield from _all(program, statement.then, depth + 1)
     elif isinstance(statement, ForEach):
         index = _INDEX.get(statement.variable, statement.variable)
@@ -143,7 +144,7 @@ def _told_estimates(program: Program) -> Iterator[str]:
     told = {estimate_name(name): name for name in program.estimates}
     for statement in program.body:
         if isinstance(statement, Assign) and statement.target.name in told:
-            name = _safe(told[statement.target.name])
+            name = latex(told[statement.target.name])
             yield f"&\\text{{{name}}} = {_Told(program).of(statement.value)}"
 
 
@@ -254,12 +255,8 @@ def _symbol(program: Program, name: str) -> str:
     """A symbol, or a name made one: ``W_1`` with an index, words in one piece."""
     symbol = program.symbols.get(name, name)
     if re.fullmatch(r"[A-Za-z]_\w+", symbol):
-        return f"{symbol[0]}_{{{_safe(symbol[2:])}}}"
-    return f"\\mathit{{{_safe(symbol)}}}" if re.fullmatch(r"[A-Za-z]\w+", symbol) else symbol
-
-
-def _safe(text: str) -> str:
-    return text.replace("_", r"\_")
+        return f"{symbol[0]}_{{{latex(symbol[2:])}}}"
+    return f"\\mathit{{{latex(symbol)}}}" if re.fullmatch(r"[A-Za-z]\w+", symbol) else symbol
 
 
 def _matrix(values: Array) -> str:
@@ -282,17 +279,13 @@ def _tables(program: Program, name: str, part: Constant) -> Iterator[str]:
 
 def _table(symbol: str, values: Array) -> str:
     rows = np.atleast_2d(values) if values.ndim != 1 else values[:, None]
-    columns = rows.shape[1]
-    head = " & ".join(["", *map(str, range(1, columns + 1))])
-    body = "\n".join(
-        " & ".join([str(place), *(f"${number(float(one))}$" for one in row)]) + r" \\"
+    header = ["", *map(str, range(1, rows.shape[1] + 1))]
+    body = (
+        [str(place), *(f"${number(float(one))}$" for one in row)]
         for place, row in enumerate(rows, start=1)
     )
-    return (
-        f"\\begin{{table}}[ht]\\centering\n\\caption{{${symbol}$}}\n"
-        f"\\begin{{tabular}}{{r{'r' * columns}}}\n\\toprule\n{head} \\\\\n\\midrule\n{body}\n"
-        "\\bottomrule\n\\end{tabular}\n\\end{table}\n"
-    )
+    inner = booktabs(header, body, "r" * len(header))
+    return f"\\begin{{table}}[ht]\\centering\n\\caption{{${symbol}$}}\n{inner}\\end{{table}}\n"
 
 
 def _signals(program: Program, design: Design) -> str:
@@ -300,13 +293,13 @@ def _signals(program: Program, design: Design) -> str:
     if program.inputs:
         told.append(f"$u_k$: {_listed(design.inputs)}")
     told += [
-        f"\\emph{{{_safe(each)}}}: {_listed(design.estimates[each])}" for each in program.estimates
+        f"\\emph{{{latex(each)}}}: {_listed(design.estimates[each])}" for each in program.estimates
     ]
     return "; ".join(told) + f". Sampling period {design.system.sampling_period:g} s."
 
 
 def _listed(signals: Sequence[Signal]) -> str:
-    return ", ".join(f"{_safe(name)} [{_unit(unit)}]" for name, unit in signals)
+    return ", ".join(f"{latex(name)} [{_unit(unit)}]" for name, unit in signals)
 
 
 def _unit(unit: str) -> str:
