@@ -28,10 +28,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
+from reobserve import cli
 from reobserve.forking.client import CODE, LENGTH
 
 # What jobs import of the world outside: first what all need, then what those need that come later
-# in a build. Of the package nothing: some of its modules compile loops.
+# in a build. Of the package nothing but the command line: some of its modules compile loops.
 _FIRST = ("numpy", "scipy.linalg", "numba", "pandas", "pyarrow.parquet")
 _LATER = (
     "scipy.integrate", "matplotlib.figure", "matplotlib.backends.backend_agg",
@@ -169,9 +170,7 @@ def _run(request: dict[str, Any], streams: list[int]) -> NoReturn:
         os.environ.update(request["environment"])
         sys.argv = request["words"]
 
-        from reobserve.cli import main
-
-        code = main()
+        code = cli.main()
         for written in (sys.stdout, sys.stderr):
             written.flush()
         os._exit(code)
