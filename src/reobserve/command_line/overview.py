@@ -10,7 +10,7 @@ from reobserve.command_line.types import tree, whole
 
 
 def add_overview(commands: Any) -> None:
-    """`list`, `params`, `readme`, `latex` and `check`."""
+    """`list`, `params`, `equations`, `readme`, `latex` and `check`."""
     listing = add_command(
         commands, "list", "ledger.overview:show_list", "what there is, and what is built"
     )
@@ -30,6 +30,16 @@ def add_overview(commands: Any) -> None:
         "--built", action="store_true", help="of the last build, overrides included"
     )
     add_project(params)
+
+    equations = add_command(
+        commands, "equations", "evidence.equations.command:show_equations",
+        "where an equation of a paper is implemented, and which test shows it",
+    )  # fmt: skip
+    equations.add_argument("paper", nargs="?", default="", help="a paper of `reobserve list`")
+    equations.add_argument(
+        "number", nargs="*", help="of one equation, as 9, or a place, as Theorem 1 (default: all)"
+    )
+    add_project(equations)
 
     readme = add_command(
         commands, "readme", "evidence.meanings:write_lists",

@@ -1,0 +1,1 @@
+"""Where each equation of a paper is implemented, and which test shows it."""

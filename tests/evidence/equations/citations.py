@@ -1,0 +1,58 @@
+"""What texts cite of a paper: numbers in parentheses, theorems, remarks, tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+_KINDS = "Assumption|Definition|Lemma|Proposition|Remark|Table|Theorem"
+_MARK = r"(?:\d+(?:\.\d+)?|[IVX]+\b)"
+
+_NUMBERS = re.compile(r"(?<![^\s(])\((\d+)\)(?: to \((\d+)\))?")
+_ONE = re.compile(rf"\b({_KINDS}) ({_MARK})")
+_SEVERAL = re.compile(rf"\b({_KINDS})s ({_MARK}(?:(?:, | and | to ){_MARK})*)")
+
+# After the name of a paper: places and nothing else, as far as they go.
+_PLACE = (
+    rf"(?:(?:(?:after|before) )?\(\d+\)|(?:{_KINDS}) {_MARK}|Section \w+, [A-Za-z]+(?:\(z\))?)"
+)
+_PLACES = re.compile(rf"{_PLACE}(?:(?:, | and | to ){_PLACE})*")
+_RANGE = re.compile(r"\((\d+)\) to \((\d+)\)")
+
+
+def places_in(text: str) -> list[str]:
+    """All that a text cites without the name of a paper, as entries of a table are called."""
+    found: list[str] = []
+    text = " ".join(text.split())
+    for first, last in _NUMBERS.findall(text):
+        found += (f"({k})" for k in range(int(first), int(last or first) + 1))
+    found += (" ".join(one) for one in _ONE.findall(text))
+    for kind, marks in _SEVERAL.findall(text):
+        found += (f"{kind} {mark}" for mark in _marks(marks))
+    return list(dict.fromkeys(found))
+
+
+def cited(text: str, name: str) -> list[str]:
+    """What a text cites of the paper of this name, in the one form: the name, a comma, places."""
+    found: list[str] = []
+    text = " ".join(text.split())
+    for match in re.finditer(re.escape(f"{name}, "), text):
+        if places := _PLACES.match(text, match.end()):
+            found += _expanded(places[0])
+    return list(dict.fromkeys(found))
+
+
+def _expanded(places: str) -> Iterator[str]:
+    for first, last in _RANGE.findall(places):
+        yield from (f"({k})" for k in range(int(first), int(last) + 1))
+    yield from re.findall(_PLACE, _RANGE.sub("", places))
+
+
+def _marks(text: str) -> Iterator[str]:
+    """Of `1 to 4 and 7`: 1, 2, 3, 4 and 7."""
+    for part in re.split(" and |, ", text):
+        first, _, last = part.partition(" to ")
+        if last:
+            yield from map(str, range(int(first), int(last) + 1))
+        else:
+            yield first
