@@ -57,6 +57,8 @@ def room_tests(file: str) -> str:
         return "tests/ledger/test_ledger.py"
     if folder in ("config/claims", "config/errata"):
         return "tests/evidence/claims/test_registry.py"
+    if folder == "config/equations":
+        return "tests/evidence/equations"
     if file.startswith(("src/", "workflow/")):
         return room(file)
     return "tests/test_project.py"

@@ -19,6 +19,8 @@ from reobserve.power_series.maps import PolynomialMap
 class PolynomialSystem:
     """An autonomous system with the origin as an equilibrium at which the output is zero.
 
+    Thomas, Kwatny & Chang, (1) and after (7).
+
     Parameters
     ----------
     dynamics

@@ -72,7 +72,10 @@ def product(matrix: Matrix, x: float, y: float, z: float) -> Triple:
 
 @kernel
 def acceleration(inertia: Matrix, inverse: Matrix, rate: Triple, torque: Triple) -> Triple:
-    """Euler's equation J w' = -w x J w + torque, solved for w' [rad/s^2] (Chen & Saif (1))."""
+    """Euler's equation J w' = -w x J w + torque, solved for w' [rad/s^2].
+
+    Chen & Saif 2007, (1) and after (1).
+    """
     x, y, z = rate
     hx, hy, hz = product(inertia, x, y, z)
     return product(

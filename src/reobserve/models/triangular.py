@@ -1,4 +1,4 @@
-"""Models of the class (1) of Lechappe et al.: a chain of integrators with a delayed input."""
+"""Chains of integrators with a delayed input, as models (Lechappe et al. 2018, (1))."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class TriangularModel:
     """x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1, Lambda the shift upwards.
+
+    Lechappe et al. 2018, (1) and after (1).
 
     Parameters
     ----------

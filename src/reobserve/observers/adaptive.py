@@ -4,7 +4,7 @@
     f^ = z + Kp (w - w^),    z' = Gamma (w - w^)
 
 With Kp = 0 this is the classical adaptive observer, whose fault estimate is an integrator: the
-kind of law that Chen & Saif (2007) compare with in Fig. 4. They cite it and do not print it;
+kind of law that Chen & Saif 2007 compare with in Fig. 4. They cite it and do not print it;
 what stands here is a reconstruction. With Gamma = K2 / tau and Kp = K2 / 2 it is the limit of
 an iterative learning observer with K1 = I and a small tau.
 """

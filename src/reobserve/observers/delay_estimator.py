@@ -2,7 +2,7 @@
 
     x' = -a x + b u(t - tau(t)),    x known
 
-is the plant of the comparison in Lechappe et al. 2018 ((39) with a = b = 1). The paper cites the
+is the plant of a comparison, with a = b = 1 (Lechappe et al. 2018, (39)). The paper cites the
 estimators that it compares with and prints none of them, and we had none of the cited papers. The
 modules that build on this one are therefore reconstructions: each says what equations it has and
 how one comes to them, and what holds for it need not hold for the method that the paper ran.

@@ -63,7 +63,9 @@ class State:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ExtendedHighGainObserver(FixedStepObserver[State]):
-    """The observer (9) for a model (1) of any size and any Taylor order.
+    """The observer for a model of any size and any Taylor order.
+
+    Lechappe et al. 2018, (9) to (12), (34), (35) and Lemma 1.
 
     It measures y and knows u and its derivatives up to the order m: rows of m + 1 numbers, or of
     u alone, to which it finds the derivatives from the samples so far, as
@@ -158,6 +160,8 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
 
     def init(self, state: ArrayLike, delay: float) -> State:
         """The state at the first sample, from x^(0), shape (n,), and tau^(0) [s].
+
+        Lechappe et al. 2018, (13) and Assumption 6.
 
         Raises
         ------

@@ -57,7 +57,9 @@ class State:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExtendedStateObserver(FixedStepObserver[State]):
-    """The observer (8), sampled exactly for what its record says of y and u.
+    """The observer, sampled exactly for what its record says of y and u.
+
+    Indriawati, Agustinah & Jazidie, (3), (6), (8) and (37).
 
     Its estimates are ``state``, shape (k, n), ``actuator_fault``, (k, r), and ``sensor_fault``,
     (k, q). Between samples y goes in straight lines and u is held, or both are what ``before`` and

@@ -51,7 +51,9 @@ class State:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class HighGainObserver(FixedStepObserver[State]):
-    """The observer (36), integrated by the classical Runge-Kutta method.
+    """The standard observer, integrated by the classical Runge-Kutta method.
+
+    Lechappe et al. 2018, (36).
 
     It measures y and knows u as it reaches the plant: in row k, u(t_k - tau_m). Its estimate is
     ``state``, x^, shape (k, n). The method itself is stable only for rho times the sampling period

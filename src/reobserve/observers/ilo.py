@@ -121,7 +121,9 @@ class IloGains(RigidBodyObserver):
 
 @dataclass(frozen=True, repr=False)
 class ILO(IloGains):
-    """The law (3) with v learning at every instant: a delay system, by the method of steps.
+    """The law with v learning at every instant: a delay system, by the method of steps.
+
+    Chen & Saif 2007, (3).
 
     Parameters are those of `IloGains`. The integration is of order 4 in ``sampling_period``, at the
     jumps of v at multiples of tau, too: the values of v at the start, the middle and the end
@@ -182,7 +184,7 @@ class ILO(IloGains):
 
 @kernel
 def slope(c: Constants, estimate: Triple, rate: Triple, known: Triple) -> Triple:
-    """The right-hand side of (3); ``known`` is B u + B_f K1 v(t - tau)."""
+    """The right-hand side for w^; ``known`` is B u + B_f K1 v(t - tau) (Chen & Saif 2007, (3))."""
     x, y, z = product(
         c.injection, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2]
     )
@@ -199,7 +201,7 @@ def known_torque(c: Constants, control: Triple, learned: Triple) -> Triple:
 
 @kernel
 def learn(c: Constants, learned: Triple, rate: Triple, estimate: Triple) -> Triple:
-    """The second line of (3)."""
+    """The law by which v learns (Chen & Saif 2007, (3))."""
     x, y, z = product(c.K2, rate[0] - estimate[0], rate[1] - estimate[1], rate[2] - estimate[2])
     return (learned[0] + x, learned[1] + y, learned[2] + z)
 

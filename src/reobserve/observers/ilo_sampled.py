@@ -27,7 +27,7 @@ from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sample
 
 @dataclass(frozen=True, repr=False)
 class SampledILO(IloGains):
-    """The law (3) with v updated at multiples of tau and held.
+    """The law with v updated at multiples of tau and held (Chen & Saif 2007, (3)).
 
     Parameters are those of `IloGains`.
 

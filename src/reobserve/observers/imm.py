@@ -1,4 +1,4 @@
-"""Interacting multiple model (Blom & Bar-Shalom 1988; Gadsden et al. 2011, (7)-(10), (19)-(23)).
+"""Interacting multiple model (Blom & Bar-Shalom 1988; Gadsden et al. 2011, (7) to (23)).
 
 A bank of filters, one for each mode that the plant may be in, and a Markov chain that says how the
 plant moves between them. A step mixes the filters' beliefs (interaction), lets each take the sample
@@ -68,7 +68,7 @@ class State:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IMM(Observer[State]):
-    """A bank of filters and a Markov chain of modes.
+    """A bank of filters and a Markov chain of modes (Gadsden et al. 2011, after (23)).
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
     (23); ``probability``, (k, r), which is mu; ``innovation``, (k, r, m), what each filter did not

@@ -71,7 +71,9 @@ def new_bank_rows(rows: int, modes: int, states: int, outputs: int) -> BankRows:
 def mixing_probabilities(
     transition: Array, log_probabilities: Array, weights: Array, predicted: Array
 ) -> None:
-    """(7) and (8), the sum to r: ``weights`` mu(i|j) with j along columns, ``predicted`` log c_j.
+    """By sums to r: ``weights`` mu(i|j) with j along columns, ``predicted`` log c_j.
+
+    Gadsden et al. 2011, (7) and (8).
 
     A mode that cannot be reached keeps to itself.
     """
@@ -107,7 +109,10 @@ def mixing_probabilities(
 def interact(
     states: Size, weights: Array, means: Array, covariances: Array, mixed: Array, spread: Array
 ) -> None:
-    """(9) and (10): write mixed means (r, n) and covariances (r, n, n), by weights mu(i|j)."""
+    """Write mixed means (r, n) and covariances (r, n, n), by weights mu(i|j).
+
+    Gadsden et al. 2011, (9) and (10).
+    """
     n, r = len(states), len(means)
     for j in range(r):
         for a in range(n):
@@ -129,7 +134,10 @@ def interact(
 def update_probabilities(
     predicted: Array, log_likelihoods: Array, log_probabilities: Array
 ) -> float:
-    """(20) and (21): write log mu; return the log-likelihood of the measurement over all modes."""
+    """Write log mu; return the log-likelihood of the measurement over all modes.
+
+    Gadsden et al. 2011, (20) and (21).
+    """
     r = len(predicted)
     greatest = -math.inf
     for j in range(r):
@@ -153,7 +161,7 @@ def combine(
     mean: Array,
     covariance: Array,
 ) -> None:
-    """(22) and (23): write the mean and the covariance of the mixture."""
+    """Write the mean and the covariance of the mixture (Gadsden et al. 2011, (22) and (23))."""
     n, r = len(states), len(means)
     for a in range(n):
         total = 0.0
@@ -184,6 +192,8 @@ def run_bank(
     rows: BankRows,
 ) -> int:
     """Filter a record: fill the rows, move the beliefs, and return the number of good rows.
+
+    Gadsden et al. 2011, after (23).
 
     ``held`` are the inputs held up to each row. ``fresh`` beliefs are meant at the first row,
     which then corrects them as they stand; else they are meant a period before.

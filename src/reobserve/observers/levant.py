@@ -61,7 +61,9 @@ class State:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LevantDifferentiator(Observer[State]):
-    """The differentiator (37) for samples at a fixed period, in its homogeneous discretisation.
+    """For samples at a fixed period, in its homogeneous discretisation.
+
+    Lechappe et al. 2018, (37) and (38).
 
     It measures u, the signal to differentiate, and has no known input; what the signal does
     between samples it does not ask. Its estimate is ``derivatives``, shape (k, n+1), columns z0 to

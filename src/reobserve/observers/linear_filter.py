@@ -173,7 +173,9 @@ class LinearFilter(Observer[State]):
         return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
 
     def predict(self, belief: Belief, u: ArrayLike = ()) -> Belief:
-        """Time update, (11) and (12), with the input that is held over the step, shape (p,).
+        """Time update with the input that is held over the step, shape (p,).
+
+        Gadsden et al. 2011, (11) and (12).
 
         Raises
         ------
@@ -192,7 +194,7 @@ class LinearFilter(Observer[State]):
         return self._finite(Belief(mean, covariance, belief.error))
 
     def correct(self, belief: Belief, y: ArrayLike, u: ArrayLike = ()) -> Correction:
-        """Measurement update, (13) to (19), of a predicted belief.
+        """Measurement update of a predicted belief (Gadsden et al. 2011, (13) to (19)).
 
         Raises
         ------

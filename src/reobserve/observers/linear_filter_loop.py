@@ -70,7 +70,10 @@ def predict(
     next_covariance: Array,
     work: Work,
 ) -> None:
-    """Time update, (11) and (12); what is read and what is written may be the same arrays."""
+    """Time update; what is read and what is written may be the same arrays.
+
+    Gadsden et al. 2011, (1), (11) and (12).
+    """
     n = len(states)
     square, moved = work.square, work.moved
     for a in range(n):
@@ -100,7 +103,10 @@ def predict(
 def output_error(
     states: Size, model: ModelArrays, measurement: Array, control: Array, mean: Array, error: Array
 ) -> None:
-    """(14), and (18): write the measurement minus what ``mean`` foretells."""
+    """Write the measurement minus what ``mean`` foretells.
+
+    Gadsden et al. 2011, (2), (3), (6), (14) and (18).
+    """
     for o in range(len(measurement)):
         total = measurement[o]
         for p in range(len(control)):
@@ -128,7 +134,9 @@ def foretell(
     factor: Array,
     work: Work,
 ) -> float:
-    """(13) and (19): write P H' and the Cholesky factor of S; return the log-likelihood.
+    """Write P H' and the Cholesky factor of S; return the log-likelihood.
+
+    Gadsden et al. 2011, (13) and (19).
 
     It is nan if S is not positive definite. A missing output, of which the innovation is nan, has
     a one of its own in S, which tells nothing and leaves the others alone.
@@ -193,7 +201,9 @@ def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
 def correct_covariance(
     states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: Work
 ) -> None:
-    """(17), in Joseph's form for any gain: with M = I - K H, first T = M P, then T M' + K R K'.
+    """In Joseph's form for any gain: with M = I - K H, first T = M P, then T M' + K R K'.
+
+    Gadsden et al. 2011, (17).
 
     M itself is never formed, which saves two products of square matrices.
     """
@@ -238,7 +248,9 @@ def correct(
     factor: Array,
     work: Work,
 ) -> float:
-    """Measurement update in place, (13) to (18); return the log-likelihood, the log of (19).
+    """Measurement update in place; return the log-likelihood.
+
+    Gadsden et al. 2011, (5) and (16).
 
     No law means the Kalman gain, which is compiled into the loop.
 

@@ -38,7 +38,9 @@ def normal_form_observer(
     inputs: Sequence[Any] = (),
     higher: Sequence[Any] | None = None,
 ) -> NormalFormObserver:
-    """The observer (11), or (9) with (10), of a system given by expressions.
+    """The observer of a system given by expressions, in either form.
+
+    Thomas, Kwatny & Chang, (9) to (11).
 
     Known inputs may enter the dynamics wherever the errors stay linear for it: see
     `reobserve.synthesis.normal_form.known_inputs`, and ``degree``, up to which that is checked.

@@ -54,7 +54,9 @@ class Work(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class IdentityObserver(NormalFormObserver):
-    """The observer (11), integrated by the classical Runge-Kutta method.
+    """The identity form, integrated by the classical Runge-Kutta method.
+
+    Thomas, Kwatny & Chang, (11), (12) and Remark 3.12.
 
     ``gain`` is one of series, jacobian and composed; `InputError` if it is another.
     """

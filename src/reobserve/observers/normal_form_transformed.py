@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class TransformedObserver(NormalFormObserver):
-    """The observer (9), (10) with T up to the degree ``order + 1``.
+    """The transformed form with T up to the degree ``order + 1``.
+
+    Thomas, Kwatny & Chang, (6), (7), (9), (10), (12) and Remark 3.12.
 
     Its estimates are ``state``, x^, and ``coordinates``, z, both of shape (k, n).
     """

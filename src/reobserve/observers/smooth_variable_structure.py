@@ -42,6 +42,8 @@ INVERSES = ("pseudo", "weighted")
 class SmoothVariableStructureFilter(LinearFilter):
     """The SVSF: a gain that switches with the innovation, smoothed within a boundary layer.
 
+    Gadsden et al. 2011, (4) and (15).
+
     Parameters
     ----------
     model
@@ -101,7 +103,7 @@ class SmoothVariableStructureFilter(LinearFilter):
 
     @property
     def law(self) -> Any:
-        """The gain (15), with a right inverse of H."""
+        """The switching gain, with a right inverse of H (Gadsden et al. 2011, (15))."""
         return _switching_gain if self.inverse == "pseudo" else _weighted_gain
 
     @cached_property

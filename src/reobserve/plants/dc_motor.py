@@ -1,4 +1,4 @@
-"""DC motor under speed control, with faults (Indriawati, Agustinah & Jazidie, IV).
+"""DC motor under speed control, with faults (Indriawati, Agustinah & Jazidie, Section IV, motor).
 
     x' = A x + B (u + fa) + Dd d,    y = x + Dw w + Fs fs,    x = [speed, current]
     u = -Kc x + Ki v,    v' = y1 - r
@@ -34,6 +34,8 @@ VectorSignal = Callable[..., Array]
 @dataclass(frozen=True)
 class DCMotor:
     """The linear model of a motor, from its physical constants.
+
+    Indriawati, Agustinah & Jazidie, Section IV, motor.
 
     Parameters
     ----------
@@ -81,6 +83,8 @@ class DCMotor:
 @dataclass(frozen=True, eq=False)
 class SpeedControl:
     """The law u = -Kc x + Ki v, or -Kc y + Ki v, with v' = y1 - r.
+
+    Indriawati, Agustinah & Jazidie, Section IV, control.
 
     Parameters
     ----------

@@ -24,7 +24,10 @@ _MOST_STEPS = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class DelayedInputPlant:
-    """The plant x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1."""
+    """The plant x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1.
+
+    Lechappe et al. 2018, (1).
+    """
 
     model: TriangularModel
 

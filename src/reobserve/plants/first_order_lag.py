@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def first_order_lag(rate: float = 1.0, gain: float = 1.0) -> TriangularModel:
-    """The model x' = -a x + b u(t - tau).
+    """The model x' = -a x + b u(t - tau) (Lechappe et al. 2018, (39)).
 
     Parameters
     ----------

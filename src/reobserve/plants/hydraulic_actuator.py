@@ -1,6 +1,6 @@
 """Electrohydrostatic actuator: identified models, and a plant that changes from one to another.
 
-Gadsden, McCullough & Habibi (2011), (24) to (26), give the velocity of a cylinder over the input
+Gadsden et al. 2011, (24) to (26), give the velocity of a cylinder over the input
 of its servo motor, a voltage or the speed that it stands for (the paper has both), for three modes,
 as transfer functions of order 4 and relative degree 1. With the Markov parameters h1 to h4 each has
 the realisation
@@ -61,6 +61,8 @@ class Sampled:
 @dataclass(frozen=True, eq=False)
 class ActuatorModel:
     """One mode: the transfer function from the input to the velocity.
+
+    Gadsden et al. 2011, (24) to (26).
 
     Parameters
     ----------

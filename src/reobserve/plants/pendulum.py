@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 def pendulum(gravity: float, length: float, mass: float, friction: float) -> TriangularModel:
     """The model x1' = x2, x2' = -(g/l) sin x1 - (k/m) x2 + u(t - tau) / (m l^2).
 
+    Lechappe et al. 2018, (33).
+
     x1 is the angle [rad], zero where the bob hangs down, and is not wrapped: it counts turns. x2 is
     its rate [rad/s], u a torque [N m]. The friction is a force k l x2 on the bob against its
     velocity l x2; its torque k l^2 x2 over the moment of inertia m l^2 is (k/m) x2.

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPlant:
-    """The plant x' = f(x), y = h(x)."""
+    """The plant x' = f(x), y = h(x) (Thomas, Kwatny & Chang, (1))."""
 
     system: PolynomialSystem
 

@@ -17,7 +17,10 @@ from reobserve.timeseries.signals import Array, Signal
 
 @dataclass(frozen=True)
 class Satellite(RigidBody):
-    """A rigid body under a control torque u and a fault torque u_f, both signals in N m."""
+    """A rigid body under a control torque u and a fault torque u_f, both signals in N m.
+
+    Chen & Saif 2007, (2).
+    """
 
     def simulate(
         self, initial_rate: ArrayLike, control: Signal, fault: Signal, step: float, steps: int

@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 def lyapunov_matrix(size: int, rho: float) -> Array:
     """S of the algebraic equation: (-1)^(i+j) binom(i+j, i) / rho^(i+j+1), indices from 0.
 
+    Lechappe et al. 2018, (9), (22), before (9) and after (22).
+
     Parameters
     ----------
     size
@@ -72,6 +74,8 @@ def lyapunov_matrix(size: int, rho: float) -> Array:
 def high_gain(size: int, rho: float) -> Array:
     """S^-1 C^T of the algebraic equation: binom(N, i) rho^i for i = 1 to N.
 
+    Lechappe et al. 2018, (9).
+
     Parameters
     ----------
     size
@@ -99,6 +103,8 @@ def high_gain(size: int, rho: float) -> Array:
 
 def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayLike) -> Array:
     """S(t)^-1 C^T of the dynamic equation, at any times: exact, no integration.
+
+    Lechappe et al. 2018, (34).
 
     Parameters
     ----------

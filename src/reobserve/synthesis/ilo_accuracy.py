@@ -1,4 +1,4 @@
-r"""Steady-state accuracy of the iterative learning observer (Chen & Saif 2007), linearised at rest.
+r"""Steady-state accuracy of the learning observer, linearised (Chen & Saif 2007, (3) and (4)).
 
 How much of a fault torque ``u_f`` the estimate ``v`` of (3) misses: transfers from ``u_f`` to
 e = u_f - v, for ``v`` learning at every instant ("continuous") and for ``v`` updated every

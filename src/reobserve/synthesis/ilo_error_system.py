@@ -1,4 +1,4 @@
-r"""The linearised error equation of the iterative learning observer (Chen & Saif 2007), at rest.
+r"""The error equation of the learning observer, linearised at rest (Chen & Saif 2007, (4)).
 
 Without the gyroscopic torque, the estimation errors of (3) and (4) of the paper are
 
@@ -32,6 +32,8 @@ Complex = NDArray[np.complex128]
 @dataclass(frozen=True)
 class LearningLaw:
     """A body as the observer knows it and its learning law: all that the error equation has.
+
+    Chen & Saif 2007, (4).
 
     A number or a diagonal stands for a matrix (see `as_matrix`); all are n x n in the end.
 

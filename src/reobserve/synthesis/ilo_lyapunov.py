@@ -1,4 +1,4 @@
-"""A Lyapunov function for the iterative learning observer where (13) of Chen & Saif fails."""
+"""A Lyapunov function for the learning observer where that of Chen & Saif 2007, (13), fails."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from reobserve.numerics.matrices import (
 
 
 def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
-    """The one-sided constant (J_max - J_min) / 2 * max |w| [N m s] that Assumption 2 needs.
+    """The one-sided constant (J_max - J_min) / 2 * max |w| [N m s].
+
+    Chen & Saif 2007, Assumption 2.
 
     The torque difference of Assumption 2 is quadratic in w~, so no global eta exists for it. The
     proof only needs its component along w~. With w^ = w - w~, the error equation holds
@@ -46,6 +48,8 @@ def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
 
 class RepairedLyapunov:
     r"""A Lyapunov function for K1 up to the identity and any interval, which (13) is not.
+
+    Chen & Saif 2007, (6).
 
     Let P be symmetric positive definite with P K2 = B_f^T and K1^T P K1 <= P, and
 

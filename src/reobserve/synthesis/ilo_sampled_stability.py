@@ -1,4 +1,4 @@
-"""Stability of the iterative learning observer (Chen & Saif 2007), sampled and held.
+"""Stability of the learning observer, sampled and held (Chen & Saif 2007, (3) and (4)).
 
 Linearised at rest, see `ilo_error_system`: a linear map from one update to the next.
 """

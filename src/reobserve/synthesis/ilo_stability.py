@@ -1,4 +1,4 @@
-"""Stability of the iterative learning observer (Chen & Saif 2007) that learns continuously.
+"""Stability of the observer that learns continuously (Chen & Saif 2007, (3) and (4)).
 
 Linearised at rest, see `ilo_error_system`: a neutral-type delay system.
 """
@@ -45,7 +45,7 @@ class ContinuousStability:
 def continuous_stability(
     law: LearningLaw,
 ) -> ContinuousStability:
-    r"""Decide whether the error of (3)-(4) of the paper decays, linearised at rest.
+    r"""Decide whether the error of (3) and (4) decays, linearised at rest.
 
     The roots are those of :math:`\det[Js+\Lambda+B_f(I-K_1e^{-s\tau})^{-1}K_2]`. In this order:
 

@@ -1,4 +1,4 @@
-r"""What Lemma 1 and Theorem 1 of Chen & Saif (2007) certify.
+r"""What the theory certifies (Chen & Saif 2007, Lemma 1 and Theorem 1).
 
 The theorem sees the gains through k1 = ||K1||, ||K2|| and b = ||B_f^T B_f||_inf only, so that -K2
 is certified with K2. Its conditions have a solution gamma_1..4, rho_1 > 0 if and only if k1 < 1 and
@@ -49,7 +49,9 @@ def lemma1_sides(
     gamma2: float,
     gamma3: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Left and right side of (5) [N2 m2], shape (cases,).
+    """Left and right side of the inequality [N2 m2], shape (cases,).
+
+    Chen & Saif 2007, (5), (6), (11), (12), Lemma 1 and after (11).
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ def lemma1_sides(
     K1, K2
         Learning gains: a number, a diagonal or n x n.
     gamma1, gamma2, gamma3
-        The weights of (8)-(10), above zero.
+        The weights of (8) to (10), above zero.
 
     Raises
     ------
@@ -78,7 +80,9 @@ def lemma1_sides(
 
 @dataclass(frozen=True)
 class Theorem1:
-    """Constants of Theorem 1 for one choice of weights, and whether its conditions hold.
+    """The constants for one choice of weights, and whether the conditions hold.
+
+    Chen & Saif 2007, (16), (17) and Theorem 1.
 
     ``epsilon1`` [N m s] must be above zero and ``learning_norm`` = ||epsilon2 K1^T K1|| [-] at most
     one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1 |e|^2 + epsilon3 |d|^2 (17); the last
@@ -114,7 +118,9 @@ def theorem1(
     rho1: float,
     size: int = 3,
 ) -> Theorem1:
-    """Evaluate Theorem 1 for given weights gamma_1..4 and rho_1, all above zero.
+    """Evaluate the theorem for given weights gamma_1..4 and rho_1, all above zero.
+
+    Chen & Saif 2007, after (11), Theorem 1 and after (16).
 
     ``damping`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
     number, a diagonal or ``size`` x ``size``; ``eta`` [N m s] is the constant of Assumption 2, at
@@ -230,7 +236,9 @@ def certify(
     *,
     size: int = 3,
 ) -> Certificate:
-    """Search the weights of Theorem 1 for a design; exact about whether there are any.
+    """Search the weights for a design; exact about whether there are any.
+
+    Chen & Saif 2007, Theorem 1.
 
     The existence of weights is the closed form of the module's docstring; the weights returned
     minimise sqrt(epsilon3 / rho1), the error that (18) promises per unit of k_d, numerically.
@@ -320,7 +328,10 @@ def _tightest(design: _Design) -> tuple[float, float, float, float, float] | Non
 
 @dataclass(frozen=True)
 class Bound18:
-    """Both sides of (18), and ``ratio`` = right / left."""
+    """Both sides of the bound of the mean, and ``ratio`` = right / left.
+
+    Chen & Saif 2007, (18).
+    """
 
     left: float
     right: float
@@ -336,7 +347,9 @@ def bound18(
     duration: float = float("inf"),
     initial_value: float = 0.0,
 ) -> Bound18:
-    """Both sides of (18): mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
+    """Both sides: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
+
+    Chen & Saif 2007, (18).
 
     The mean is the trapezoidal rule over uniform samples. For a record of finite ``duration`` [s],
     V(0) / duration belongs on the right, with ``initial_value`` V(0) of (13).

@@ -8,14 +8,12 @@ from collections.abc import Iterator
 _KINDS = "Assumption|Definition|Lemma|Proposition|Remark|Table|Theorem"
 _MARK = r"(?:\d+(?:\.\d+)?|[IVX]+\b)"
 
-_NUMBERS = re.compile(r"(?<![^\s(])\((\d+)\)(?: to \((\d+)\))?")
+_NUMBERS = re.compile(r"(?<![^\s(])\((\d\d?)\)(?: to \((\d+)\))?")
 _ONE = re.compile(rf"\b({_KINDS}) ({_MARK})")
 _SEVERAL = re.compile(rf"\b({_KINDS})s ({_MARK}(?:(?:, | and | to ){_MARK})*)")
 
 # After the name of a paper: places and nothing else, as far as they go.
-_PLACE = (
-    rf"(?:(?:(?:after|before) )?\(\d+\)|(?:{_KINDS}) {_MARK}|Section \w+, [A-Za-z]+(?:\(z\))?)"
-)
+_PLACE = rf"(?:(?:(?:after|before) )?\(\d+\)|(?:{_KINDS}) {_MARK}|Section \w+, [A-Za-z]+(?:\(z\))?)"
 _PLACES = re.compile(rf"{_PLACE}(?:(?:, | and | to ){_PLACE})*")
 _RANGE = re.compile(r"\((\d+)\) to \((\d+)\)")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -42,12 +41,13 @@ def find_source(name: str) -> Source:
         path /= f"{parts.pop(0)}.py"
     if not parts or path.is_dir() or any(part.startswith("_") for part in parts):
         raise InputError(shown(name), "is no public class or function")
-    body: Iterable[ast.stmt] = _module(path).body
+    found: ast.Module | Definition = _module(path)
     for part in parts:
-        found = next((one for one in body if isinstance(one, Definition) and one.name == part), None)
-        if found is None:
-            raise InputError(shown(name), f"there is no public {shown(part)} in {path.name}")
-        body = found.body
+        inside = [one for one in found.body if isinstance(one, Definition) and one.name == part]
+        if not inside:
+            raise InputError(shown(name), f"there is no {shown(part)} in {path.name}")
+        found = inside[0]
+    assert isinstance(found, Definition)  # as there are parts
     return Source(path, found.lineno, ast.get_docstring(found) or "")
 
 

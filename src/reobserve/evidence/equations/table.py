@@ -1,8 +1,8 @@
 """The table of a paper's equations: what each says, what implements it and what shows that.
 
-``config/equations/PAPER.yaml`` has every equation that the paper numbers, and what else it numbers or
-leaves without a number and the code follows: theorems, definitions, remarks, tables. Docstrings
-cite in one form, the name that ``cited_as`` gives and the places after a comma:
+``config/equations/NAME.yaml`` has all that a paper numbers, equations, theorems, remarks, tables,
+and what it leaves without a number though the code follows it. Docstrings cite in one form, the
+name that ``cited_as`` gives and the places after a comma:
 
     Chen & Saif 2007, (1) and (2)
     Lechappe et al. 2018, (9) to (11), Lemma 1
@@ -42,7 +42,8 @@ def _name(place: str, text: str) -> None:
 
 def _test(place: str, text: str) -> None:
     if not _TEST.fullmatch(text):
-        raise InputError(place, f"{shown(text)} must be a test, as tests/room/test_x.py::test_it")
+        problem = "must be a test, as tests/observers/test_imm.py::test_it"
+        raise InputError(place, f"{shown(text)} {problem}")
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Lechappe et al. (2018): joint observation of state and input delay, Figs 1 to 3."""
+"""Lechappe et al. 2018: joint observation of state and input delay, Figs 1 to 3."""

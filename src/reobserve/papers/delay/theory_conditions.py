@@ -27,7 +27,10 @@ DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central
 
 @part
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
-    """Numbers on Theorem 1, on Assumptions 1 to 4 and on the expansion (6) with its bound (7)."""
+    """Numbers on the conditions, and on the expansion with its bound.
+
+    Lechappe et al. 2018, (3), (4), (6), (7), Assumption 3, Assumption 4, Theorem 1 and after (4).
+    """
     yield from _pendulum(job)
     yield from _delay(job, sine)
     for name, plant in (("ramp", ramp), ("sine", sine)):

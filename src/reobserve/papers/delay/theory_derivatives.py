@@ -85,7 +85,9 @@ def _errors(body: keys.Levant, truth: Array, noise: Array) -> Array:
 
 
 def taylor_delay(signals: list[Signal], time: Array, delay: Array, order: int) -> Array:
-    """The delay with which the expansion (6) up to an order, 1 or 2, gives u(t - tau) [s].
+    """The delay with which the expansion up to an order, 1 or 2, gives u(t - tau) [s].
+
+    Lechappe et al. 2018, (6).
 
     Of two such delays the one that is nearer to the true one; nan where there is none.
     """

@@ -50,6 +50,8 @@ def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
 def error_matrix(rho: float, stiffness: float, friction: float) -> Array:
     """Of the errors of x1, x2 and xi tau, shape (3, 3), for a constant xi.
 
+    Lechappe et al. 2018, (14).
+
     ``stiffness`` is g/l cos x1 [1/s^2], ``friction`` k/m [1/s].
     """
     matrix = np.eye(3, k=1)
@@ -75,7 +77,9 @@ def noise_gain(rho: float, stiffness: float, friction: float, xi: float, period:
 
 
 def least_proved_rho(stiffness: float, friction: float) -> float:
-    """The rho from which on c3 of (31) is above zero, with a constant xi, so that nu = 0.
+    """The rho from which on c3 is above zero, with a constant xi, so that nu = 0.
+
+    Lechappe et al. 2018, (24) and (31).
 
     rho delta_1 = 2 c1 ||S_1|| with c1 the norm of (24) at the hanging pendulum, taken for the rho
     itself: less than the constant of (25), which holds for all rho from 1 on.

@@ -58,7 +58,10 @@ def controlled_motor(plant: keys.Plant) -> ControlledMotor:
 
 
 def augmented(plant: keys.Plant, filter_rate: float) -> AugmentedSystem:
-    """The system (7) that observers of the motor are designed for, with both states measured."""
+    """What observers of the motor are designed for, with both states measured.
+
+    Indriawati, Agustinah & Jazidie, (7).
+    """
     driven = controlled_motor(plant)
     B, rate = driven.motor.B, np.array(float(filter_rate))
     try:
@@ -93,7 +96,7 @@ class Experiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
-    """What a scenario states.
+    """What a scenario states (Indriawati, Agustinah & Jazidie, Section IV, faults).
 
     Raises
     ------

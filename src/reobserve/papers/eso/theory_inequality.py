@@ -20,6 +20,8 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 def agreement(system: AugmentedSystem, cases: Any) -> Iterator[Metric]:
     """How far (19) is from (18), and recovered gains from those that P and Y were made of.
 
+    Indriawati, Agustinah & Jazidie, (18) and (22) to (24).
+
     For ``cases`` random P and gains, relative to the largest entry; the worst case counts.
 
     Raises
@@ -73,6 +75,8 @@ def _difference(found: Any, expected: Any) -> float:
 
 def margin_above_norm(system: AugmentedSystem, gains: Gains, norm: float, excess: float) -> float:
     """How far below zero (19) is for given gains, at a gamma just above their norm; 0 if nowhere.
+
+    Indriawati, Agustinah & Jazidie, Lemma 1.
 
     Lemma 1 promises a P for every gamma above the norm. With S = Eo^T, M = Ao^T and
 

@@ -29,7 +29,10 @@ _AXES = 3
 
 @part
 def measure(job: Job) -> Iterator[Metric]:
-    """Operations per sampling period of each reading, and of the integral law."""
+    """Operations per sampling period of each reading, and of the integral law.
+
+    Chen & Saif 2007, Remark 1.
+    """
     theory = job.theory
     for name in READINGS:
         observer = job.observers[name]

@@ -25,6 +25,8 @@ _HARDLY_ANY = 1e-9  # a damping [N m s/rad] that is certified for no gains here
 def measure(bench: Bench) -> Iterator[Metric]:
     """The numbers of `reobserve.papers.ilo.theory` that need runs under the stuck fault.
 
+    Chen & Saif 2007, (13).
+
     Raises
     ------
     InputError

@@ -30,6 +30,8 @@ from reobserve.timeseries.series import Series
 def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:
     """For each pair of coefficients: the share of initial states that it betters, and the median.
 
+    Thomas, Kwatny & Chang, Remark 3.13.
+
     ``share_better`` counts those with an integral of the squared error below that of the constant
     gain, and ``median_ise_ratio`` is over all of them, nan where most runs diverge. The same for
     the observers of the study. Order and reading of the gain are those of ``cubic4``.

@@ -26,6 +26,8 @@ KINDS = {
 def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One row a term of T and of its inverse S, up to the degree that the paper prints.
 
+    Thomas, Kwatny & Chang, Section 5, T(z).
+
     ``exact`` is the rational coefficient, ``decimal`` its value to nine digits, ``computed`` the
     floating-point one that the observers use. ``agrees`` says whether the exact value rounds to
     the printed digits; it is empty for what the paper does not print.

@@ -39,7 +39,10 @@ def measure(theory: keys.Theory) -> Iterator[Metric]:
 
 
 def scalar(theory: keys.Theory) -> NormalFormProblem:
-    """The system of one state, y = x, that has no series; `InputError` for terms that are none."""
+    """The system of one state, y = x, that has no series; `InputError` for terms that are none.
+
+    Thomas, Kwatny & Chang, Remark 3.7.
+    """
     dynamics, injection = (
         PolynomialMap.from_terms(name, terms, 1, 1, exact=True)
         for name, terms in (
@@ -52,7 +55,10 @@ def scalar(theory: keys.Theory) -> NormalFormProblem:
 
 
 def siegel(theory: keys.Theory) -> NormalFormProblem:
-    """The system of two states, y = x1, of the Siegel domain; `InputError` for terms of none."""
+    """The system of two states, y = x1, of the Siegel domain; `InputError` for terms of none.
+
+    Thomas, Kwatny & Chang, Proposition 3.9.
+    """
     dynamics = PolynomialMap.from_terms("siegel_dynamics", theory.siegel_dynamics, 2, 2)
     injection = PolynomialMap.from_terms("siegel_injection", theory.siegel_injection, 2, 1)
     system = PolynomialSystem(dynamics, PolynomialMap.linear([[1.0, 0.0]]))

@@ -40,6 +40,8 @@ class Case(NamedTuple):
 def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
     """By how much z - S(x) departs from e^(A t) times its first value, relative to that.
 
+    Thomas, Kwatny & Chang, Remark 2.3.
+
     z is that of the transformed form, S of the full degree; nan if the run diverges.
     """
     from scipy.linalg import expm
@@ -78,7 +80,9 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
 
 
 def decay_rate(problem: NormalFormProblem) -> float:
-    """The mean slope [1/s] of log |xi| near the origin for xi' = gamma(xi, 0) of Definition 2.1.
+    """The mean slope [1/s] of log |xi| near the origin for xi' = gamma(xi, 0).
+
+    Thomas, Kwatny & Chang, Definition 2.1.
 
     gamma(xi, y) = f(xi) + l(h(xi)) - l(y), which satisfies its conditions if A is stable.
     """

@@ -85,7 +85,10 @@ def solvable(problem: NormalFormProblem) -> bool:
 
 
 def ad_matrix(A: Array, degree: int) -> Array:
-    """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component after component."""
+    """ad_Ax U = U' A x - A U on the homogeneous maps of a degree, component after component.
+
+    Thomas, Kwatny & Chang, Lemma 4.17.
+    """
     n = len(A)
     basis = monomials(n, degree)
     part, size = basis.part(degree), len(basis.exponents)
@@ -102,7 +105,10 @@ def ad_matrix(A: Array, degree: int) -> Array:
 
 
 def sums_of_eigenvalues(A: Array, degree: int) -> NDArray[np.complex128]:
-    """m.lambda - lambda_j with |m| = ``degree``: by Lemma 4.17 the eigenvalues of ad_Ax."""
+    """m.lambda - lambda_j with |m| = ``degree``, the eigenvalues of ad_Ax.
+
+    Thomas, Kwatny & Chang, Definition 3.5 and Lemma 4.17.
+    """
     values = np.linalg.eigvals(A)
     basis = monomials(len(A), degree)
     found: NDArray[np.complex128] = np.subtract.outer(
@@ -112,7 +118,10 @@ def sums_of_eigenvalues(A: Array, degree: int) -> NDArray[np.complex128]:
 
 
 def spectrum_difference(A: Array, degree: int) -> float:
-    """The largest distance from an eigenvalue of ad_Ax to the nearest of those of the lemma."""
+    """The largest distance from an eigenvalue of ad_Ax to the nearest of those of the lemma.
+
+    Thomas, Kwatny & Chang, Lemma 4.17.
+    """
     found, known = np.linalg.eigvals(ad_matrix(A, degree)), sums_of_eigenvalues(A, degree)
     distances = np.abs(found[:, None] - known)
     return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
@@ -121,7 +130,9 @@ def spectrum_difference(A: Array, degree: int) -> float:
 def transformation_by_triangle(
     problem: NormalFormProblem, U: Coefficients, *, literal: bool = False
 ) -> Coefficients:
-    """T by the triangle (22) from a generator U as `lie_transform` gives it.
+    """T by the triangle from a generator U as `lie_transform` gives it.
+
+    Thomas, Kwatny & Chang, (22), Proposition 4.20 and Remark 4.21.
 
     In the sum L_p U stands for the derivative of p along U, p' U; ``literal`` reads it as the Lie
     derivative of U along p, U' p. As there, p_i^(m) / i! is kept, part i + m + 2 of one series.

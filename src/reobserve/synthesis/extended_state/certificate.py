@@ -74,7 +74,9 @@ class Certificate:
 
 
 def error_system(system: AugmentedSystem, gains: Gains) -> tuple[Matrix, Matrix]:
-    """Ao = A~ - L C~ (11) and Eo = I + Ld C~ (15).
+    """Ao = A~ - L C~ and Eo = I + Ld C~.
+
+    Indriawati, Agustinah & Jazidie, (9) to (11), (15) and (20).
 
     Raises
     ------

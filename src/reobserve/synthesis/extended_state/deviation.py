@@ -1,4 +1,6 @@
-"""Standard deviations of the errors of (10) under held random disturbances and noise.
+"""Standard deviations of the errors under held random disturbances and noise.
+
+The errors are those of Indriawati, Agustinah & Jazidie, (10).
 
     Eo e' = Ao e + Da~ v,    v held over a period, independent from one to the next
 

@@ -26,7 +26,9 @@ def pd_pi_sides(
     bound: float = inf,
     derivative: bool = True,
 ) -> list[Side]:
-    """(19), and the bound of the poles if there is one; gamma is unknown if it is none.
+    """The inequality, and the bound of the poles if there is one; gamma is unknown if it is none.
+
+    Indriawati, Agustinah & Jazidie, (19).
 
     ``decay`` and ``bound`` [1/s] are alpha and beta. Without ``derivative`` there is no Y2.
     """

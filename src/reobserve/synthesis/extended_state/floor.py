@@ -1,7 +1,8 @@
 """The attenuation gamma that no gains of the observer can get below, from constant disturbances.
 
-At s = 0 the error (10) is G d with Ao G = -Bo; Ld plays no part. Take the columns of G that belong
-to da = [d, w], and let K = C~ G be what the observer sees of them. With L = [Lx; Lf]
+At s = 0 the error (Indriawati, Agustinah & Jazidie, (10)) is G d with Ao G = -Bo; Ld plays no part.
+Take the columns of G that belong to da = [d, w], and let K = C~ G be what the observer sees of
+them. With L = [Lx; Lf]
 
     [Aa F] G - Lx K = -Da,    Lf K = 0.
 

@@ -1,6 +1,6 @@
 """The matrix inequality (19) of the PD/PI observer, and that of the PI observer.
 
-The paper's page with (25)-(37) is derived anew. The error (10) with output e has the transfer
+The paper's page with (25) to (37) is derived anew. The error (10) with output e has the transfer
 matrix G(s) = (s Eo - Ao)^-1 Bo. Its dual Eo^T z' = Ao^T z + v, yz = Bo^T z has G^T, thus the same
 norm; its input v has N entries, not those of dD as (22) and (24) print. With za = z' as a second
 half of the state, and S = Eo^T = I + C~^T Ld^T and M = Ao^T = A~^T - C~^T L^T, it is
@@ -56,7 +56,9 @@ _BITS = 256  # of the gains, before they are rounded
 
 @dataclass(frozen=True, eq=False)
 class PdPiVariables:
-    """What (19) is solved for: P1, P2, P3, shape (N, N), and Y1, Y2, shape (p, N).
+    """What is solved for: P1, P2, P3, shape (N, N), and Y1, Y2, shape (p, N).
+
+    Indriawati, Agustinah & Jazidie, (17).
 
     They may be arrays of floats, arrays of balls (of dtype object) or expressions of cvxpy: the
     blocks are formed from any of them.
@@ -69,7 +71,7 @@ class PdPiVariables:
     Y2: Any
 
     def gains(self) -> Gains:
-        """(Y P^-1)^T, of floats."""
+        """(Y P^-1)^T, of floats (Indriawati, Agustinah & Jazidie, (31) to (33))."""
         P = np.block([[self.P1, np.zeros(self.P1.shape)], [self.P2, self.P3]])
         both = _solved(P.T, np.hstack([self.Y1, self.Y2]).T)
         return Gains(*np.split(both, 2))
@@ -87,7 +89,10 @@ class PdPiVariables:
         return [*found, self.bound_blocks(system, bound)] if isfinite(bound) else found
 
     def blocks(self, system: AugmentedSystem, gamma: Any, decay: float = 0.0) -> Rows:
-        """The left side of (19), 4 x 4 blocks; ``decay`` [1/s] is alpha."""
+        """The left side of the inequality, 4 x 4 blocks; ``decay`` [1/s] is alpha.
+
+        Indriawati, Agustinah & Jazidie, (19).
+        """
         top = self.P2 + self.P2.T + 2.0 * decay * self.P1
         side, below = self._side(system), self._below(system)
         entry, output = np.eye(system.size), self.P1 @ system.Bo

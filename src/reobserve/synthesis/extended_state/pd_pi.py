@@ -43,7 +43,9 @@ def design(
     solver: str = "CLARABEL",
     derivative: bool = True,
 ) -> Design:
-    """The smallest P1, P2, P3, Y1, Y2, as to the sum of all squares, that solve (19).
+    """The smallest P1, P2, P3, Y1, Y2, as to the sum of all squares, that solve the inequality.
+
+    Indriawati, Agustinah & Jazidie, (19).
 
     Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and to 1e-5 of the sum: none is below the
     design's ``lower``.
@@ -83,7 +85,9 @@ def design_least_gamma(
     gap: float = 1e-6,
     derivative: bool = True,
 ) -> Design:
-    """Theorem 1: min gamma subject to (19), and to -``bound`` < Re s < -``decay`` of all poles.
+    """The least gamma by the inequality, with -``bound`` < Re s < -``decay`` of all poles.
+
+    Indriawati, Agustinah & Jazidie, (19) and Theorem 1.
 
     Subject to P1 >= 0.01 I and P3 + P3^T >= 0.02 I, and a sum of the squares of P1, P2, P3, Y1, Y2
     within that of the ``radius``. The design's ``lower`` is the ``gap`` below its gamma, which has

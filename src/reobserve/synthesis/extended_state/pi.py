@@ -27,12 +27,17 @@ def design(
     gamma: float | None = None,
     solver: str = "CLARABEL",
 ) -> Design:
-    """By optimisation as in `pd_pi.design`, with Ld = 0: what the paper's remark is about."""
+    """By optimisation as in `pd_pi.design`, with Ld = 0.
+
+    Indriawati, Agustinah & Jazidie, (6) and Section IV, Remark.
+    """
     return pd_pi.design(system, factor, gamma, solver, derivative=False)
 
 
 def design_feasible(system: AugmentedSystem, decay: float, solver: str = "CLARABEL") -> Design:
     """The smallest P1 and Y, as to the sum of all squares, with poles left of -``decay`` [1/s].
+
+    Indriawati, Agustinah & Jazidie, (6).
 
     To 1e-5 of the sum: none is below the design's ``lower``.
 

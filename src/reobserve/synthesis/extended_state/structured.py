@@ -1,4 +1,6 @@
-"""Gains of the PI observer (6) from a Riccati equation, for plants that (19) is too large for.
+"""Gains of the PI observer from a Riccati equation, for plants of many states.
+
+The observer is that of Indriawati, Agustinah & Jazidie, (6), for plants that (19) is too large for.
 
 (19) has about 2.5 N^2 unknowns, but it is not they that cost: it is a cone of M rows, with
 M = 3 N + kd + kw + r + q, and an interior-point method couples all its M (M + 1) / 2 entries with

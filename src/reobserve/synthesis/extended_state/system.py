@@ -1,4 +1,6 @@
-"""The plant with faults, augmented by filtered outputs and the faults, (1)-(16).
+"""The plant with faults, augmented by filtered outputs and the faults.
+
+Indriawati, Agustinah & Jazidie, (1) to (16):
 
     x' = A x + B u + Dd d + Fa fa,    y = C x + Dw w + Fs fs                        (1), (2)
     xz' = Az (y - xz)                                                               (3)
@@ -9,7 +11,7 @@ The filter makes a sensor fault enter like an actuator fault. With X = [x, xz] a
 
 A constant fault is a state: with [X, f] the error e of the observer (8) obeys
 
-    Eo e' = Ao e + Bo dD,    Ao = A~ - L C~,    Eo = I + Ld C~,    dD = [d, w, f'].    (10)-(16)
+    Eo e' = Ao e + Bo dD,    Ao = A~ - L C~,    Eo = I + Ld C~,    dD = [d, w, f'].     (10) to (16)
 
 The lower block of F is +Az Fs; (3) and (7) print a minus, which turns the sign of the estimated
 sensor fault. (7) has Az = I.
@@ -38,7 +40,9 @@ _SCALINGS = 20  # each takes the square root of how far the units are apart
 
 @dataclass(frozen=True, eq=False)
 class AugmentedSystem:
-    """A plant (1)-(2) with the filter (3), whose constant faults can be told from its output.
+    """A plant with the filter, whose constant faults can be told from its output.
+
+    Indriawati, Agustinah & Jazidie, (1) to (5) and (7).
 
     Parameters
     ----------
@@ -138,25 +142,27 @@ class AugmentedSystem:
 
     @cached_property
     def A_tilde(self) -> Matrix:
-        """[Aa F; 0 0] (12), shape (N, N)."""
+        """[Aa F; 0 0], shape (N, N) (Indriawati, Agustinah & Jazidie, (12))."""
         faults = self.faults
         below = np.zeros((faults, self.size))
         return np.vstack([np.hstack([self.Aa, self.F]), below])
 
     @cached_property
     def C_tilde(self) -> Matrix:
-        """[Ca 0] (13), shape (p, N)."""
+        """[Ca 0], shape (p, N) (Indriawati, Agustinah & Jazidie, (13))."""
         return np.eye(self.outputs, self.size, self.states)
 
     @cached_property
     def Bo(self) -> Matrix:
-        """blkdiag(Da, I) (10), shape (N, kd + kw + r + q)."""
+        """blkdiag(Da, I), shape (N, kd + kw + r + q) (Indriawati, Agustinah & Jazidie, (10))."""
         return _diagonal(self.Da, np.eye(self.faults))
 
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Gains of an observer (8); rows belong to x, xz, fa and fs, in this order.
+    """Gains of an observer; rows belong to x, xz, fa and fs, in this order.
+
+    Indriawati, Agustinah & Jazidie, (8), (14) and (16).
 
     Parameters
     ----------

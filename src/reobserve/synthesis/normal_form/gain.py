@@ -23,7 +23,10 @@ GAINS = ("series", "jacobian", "composed")
 
 
 def gain_series(S: PolynomialMap) -> PolynomialMap:
-    """L up to one degree less than S: component n c + i is its entry (c, i)."""
+    """L up to one degree less than S: component n c + i is its entry (c, i).
+
+    Thomas, Kwatny & Chang, after (7), Remark 4.22 and Remark 4.23.
+    """
     jacobian = S.jacobian()
     basis, n = jacobian.basis, S.variables
     gain = zeros(jacobian.coefficients.shape, jacobian.coefficients)
@@ -48,6 +51,8 @@ def gain_at(
     x: Coefficients,
 ) -> Coefficients:
     """The gain L of an order, read in one of the three ways, at points of shape (k, n).
+
+    Thomas, Kwatny & Chang, Remark 4.23.
 
     ``series`` is `gain_series` of S; the result has shape (k, n, n).
 

@@ -44,6 +44,8 @@ class SchurForms(NamedTuple):
 class SchurSolver:
     """Solves the equation of any degree for one pair of F and A.
 
+    Thomas, Kwatny & Chang, Remark 4.18.
+
     ``alpha`` and ``lambdas`` are the eigenvalues of F and A in the order of their Schur forms;
     ``imaginary`` is the largest imaginary part that was left of a real solution so far, relative
     to its size: what the complex arithmetic has cost.

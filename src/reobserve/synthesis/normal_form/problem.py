@@ -34,6 +34,8 @@ from reobserve.power_series.monomials import Monomials, monomials
 class NormalFormProblem:
     """A system, the output injection chosen for it, and the degree of the series.
 
+    Thomas, Kwatny & Chang, (12) and (13).
+
     Parameters
     ----------
     system
@@ -84,7 +86,7 @@ class NormalFormProblem:
 
     @cached_property
     def A(self) -> Coefficients:
-        """F + L0 H, the matrix of the error dynamics."""
+        """F + L0 H, the matrix of the error dynamics (Thomas, Kwatny & Chang, after (8))."""
         found: Coefficients = self.F + self.injection.matrix @ self.system.H
         return found
 
@@ -120,6 +122,8 @@ def check_stable(system: PolynomialSystem, A: NDArray[np.float64]) -> None:
 
 def refuse_undetectable(system: PolynomialSystem) -> None:
     """Refuse a system with a mode that does not decay and that the output does not show.
+
+    Thomas, Kwatny & Chang, Remark 3.11.
 
     Raises
     ------

@@ -38,7 +38,10 @@ class Resonance:
 
 
 def resonance(F: NDArray[np.float64], A: NDArray[np.float64], basis: Monomials) -> Resonance:
-    """The smallest divisor for eigenvalues of F and A up to the degree of the basis (2 or more)."""
+    """The smallest divisor for eigenvalues of F and A up to the degree of the basis (2 or more).
+
+    Thomas, Kwatny & Chang, Proposition 3.10.
+    """
     alpha, lambdas = np.linalg.eigvals(F), np.linalg.eigvals(A)
     powers = basis.exponents[basis.first[2] :]
     sums = powers @ alpha
@@ -55,6 +58,8 @@ def resonance(F: NDArray[np.float64], A: NDArray[np.float64], basis: Monomials) 
 
 def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
     """`resonance` of a problem; None for degree 1, which has no divisors.
+
+    Thomas, Kwatny & Chang, Proposition 3.10.
 
     Raises
     ------
@@ -78,7 +83,10 @@ def check_nonresonant(problem: NormalFormProblem) -> Resonance | None:
 
 
 def in_poincare_domain(eigenvalues: NDArray[Any]) -> bool:
-    """Whether zero lies outside the convex hull of the eigenvalues (Definition 3.4)."""
+    """Whether zero lies outside the convex hull of the eigenvalues.
+
+    Thomas, Kwatny & Chang, Definition 3.4.
+    """
     if np.any(np.abs(eigenvalues) <= 1e-12 * np.max(np.abs(eigenvalues))):
         return False
     angles = np.sort(np.angle(eigenvalues))
