@@ -145,3 +145,12 @@ def test_notes_name_errata_and_claims_that_are_there(paper: str) -> None:
             assert name in _all_docstrings(), one.place
         misprints = {key for key, body in errata.items() if one.place in places_in(body["place"])}
         assert misprints <= named, f"{one.place} has errata that its note does not name"
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_docstrings_name_the_paper_in_one_form(paper: str) -> None:
+    name = table(paper).cited_as
+    first = re.split(r"[ ,]", name)[0]
+    for where, text in _all_docstrings().items():
+        line = " ".join(text.split())
+        assert len(re.findall(rf"\b{first}\b", line)) == line.count(name), where

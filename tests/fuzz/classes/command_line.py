@@ -87,6 +87,7 @@ def _lines() -> list[list[str]]:
         ["list", *root],
         ["list", "ilo", "eso", *root],
         ["params", "ilo", "sampled", "--why", *root],
+        ["equations", "ilo", "9", *root],
         ["stage", "ledger", "imm", "--seed", "3", "--output", "out.json", *root],
         ["stage", "ledger", "eso", "--overrides", '{"plant": {"inertia": 0.02}}',
          "--output", "o.json", *root],

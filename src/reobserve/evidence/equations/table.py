@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +25,7 @@ from reobserve.ledger.config import read_yaml
 from reobserve.plain_data.files import reason
 from reobserve.plain_data.typed_tree import parse
 
+_NUMBER = re.compile(r"[1-9][0-9]{0,3}")
 _NAME = re.compile(r"reobserve(\.[A-Za-z]\w*)+")
 _TEST = re.compile(r"tests/[\w/]+\.py::test_\w+")
 
@@ -69,7 +70,12 @@ class Equation:
     @property
     def place(self) -> str:
         """As a text cites it: numbers in parentheses."""
-        return f"({self.number})" if self.number.isdecimal() else self.number
+        return f"({self.number})" if self.numbered else self.number
+
+    @property
+    def numbered(self) -> bool:
+        """Whether it is an equation with a number, and not some other place."""
+        return bool(_NUMBER.fullmatch(self.number))
 
 
 @dataclass(frozen=True)
@@ -85,13 +91,13 @@ class EquationTable:
         for one in self.equations:
             if counted[_plain(one.number)] > 1:
                 raise InputError("equations", f"{one.place} stands there twice")
-        numbers = [int(one.number) for one in self.equations if one.number.isdecimal()]
+        numbers = [int(one.number) for one in self.equations if one.numbered]
         for expected, found in zip(range(1, self.last + 1), numbers, strict=False):
             if found != expected:
                 problem = f"({found}) stands where ({expected}) must: all, in their order"
                 raise InputError("equations", problem)
         if len(numbers) != self.last:
-            problem = f"numbers end with ({len(numbers)}), must with ({self.last}), as `last` says"
+            problem = f"has {len(numbers)} numbers, must have (1) to ({self.last}), as `last` says"
             raise InputError("equations", problem)
 
     def find(self, number: str) -> Equation:
@@ -107,10 +113,6 @@ class EquationTable:
                 return one
         known = [one.number for one in self.equations]
         raise InputError("number", f"there is no {shown(number)}{nearest(number, known)}")
-
-    def implementing(self, name: str) -> Iterator[Equation]:
-        """Those that a class or function implements, by its dotted name."""
-        return (one for one in self.equations if name in one.implemented)
 
 
 def equations_file(project: Path, paper: str) -> Path:
@@ -148,4 +150,4 @@ def _plain(number: str) -> str:
     """A number as it is compared."""
     words = " ".join(number.split()).casefold()
     inner = words.removeprefix("(").removesuffix(")")
-    return inner if inner.isdecimal() else words
+    return inner if _NUMBER.fullmatch(inner) else words
