@@ -49,6 +49,8 @@ class Constants(NamedTuple):
 class AdaptiveObserver(RigidBodyObserver):
     """Fault estimation by an integrator, with or without a proportional part.
 
+    Chen & Saif 2007, Section 4, adaptive.
+
     Parameters
     ----------
     damping

@@ -48,6 +48,8 @@ Array = NDArray[np.float64]
 class AdaptiveDelayEstimator(DelayEstimator):
     """Adaptive identification of a delay; a reconstruction, see the module.
 
+    Lechappe et al. 2018, after (39).
+
     Its values are theta, x_f, g_f, phi_f, P and Q. It is integrated by the classical Runge-Kutta
     method.
 

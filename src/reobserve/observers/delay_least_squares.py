@@ -53,6 +53,8 @@ Array = NDArray[np.float64]
 class LeastSquaresDelayEstimator(DelayEstimator):
     """Output-error recursive least squares for a delay; a reconstruction, see the module.
 
+    Lechappe et al. 2018, after (39).
+
     Its values are theta, x_m, phi and R. It is integrated by the classical Runge-Kutta method.
 
     Parameters

@@ -59,6 +59,8 @@ RELAYS = ("delay", "inverse")
 class VariableStructureDelayEstimator(DelayEstimator):
     """A relay that moves a delay; a reconstruction, see the module.
 
+    Lechappe et al. 2018, after (39).
+
     It measures x and x' [1/s], or x alone. Its only value is theta. The relay reads measurement
     and input at the start of each period and holds over it.
 

@@ -65,7 +65,7 @@ class State:
 class ExtendedHighGainObserver(FixedStepObserver[State]):
     """The observer for a model of any size and any Taylor order.
 
-    Lechappe et al. 2018, (9) to (12), (34), (35) and Lemma 1.
+    Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1.
 
     It measures y and knows u and its derivatives up to the order m: rows of m + 1 numbers, or of
     u alone, to which it finds the derivatives from the samples so far, as

@@ -235,7 +235,7 @@ def run(
 ) -> int:
     """Fill ``states`` from its first row; return the number of finite rows.
 
-    Lechappe et al. 2018, (9) to (11), after (8) and before (9).
+    Lechappe et al. 2018, (9) to (11), after (8), before (9) and after (36).
 
     ``bounds`` holds the least and the greatest delay and the threshold of |xi^|; ``switched`` is 1
     if only the gain of the delay is switched off below it, 2 if all are. ``right`` and ``left``

@@ -7,15 +7,16 @@ from collections.abc import Iterator
 
 _KINDS = "Assumption|Definition|Lemma|Proposition|Remark|Table|Theorem"
 _MARK = r"(?:\d+(?:\.\d+)?|[IVX]+\b)"
+_AND = "(?:, | and | to )"
 
 _NUMBERS = re.compile(r"(?<![^\s(])\((\d\d?)\)(?: to \((\d+)\))?")
 _ONE = re.compile(rf"\b({_KINDS}) ({_MARK})")
-_SEVERAL = re.compile(rf"\b({_KINDS})s ({_MARK}(?:(?:, | and | to ){_MARK})*)")
+_SEVERAL = re.compile(rf"\b({_KINDS})s ({_MARK}(?:{_AND}{_MARK})*)")
 
 # After the name of a paper: places and nothing else, as far as they go.
-_PLACE = rf"(?:(?:(?:after|before) )?\(\d+\)|(?:{_KINDS}) {_MARK}|Section \w+, [A-Za-z]+(?:\(z\))?)"
-_PLACES = re.compile(rf"{_PLACE}(?:(?:, | and | to ){_PLACE})*")
-_RANGE = re.compile(r"\((\d+)\) to \((\d+)\)")
+_BESIDE = re.compile(r"(?:after|before) \(\d+\)|Section \w+, [A-Za-z]+(?:\(z\))?")
+_PLACE = rf"(?:{_BESIDE.pattern}|\(\d+\)|{_SEVERAL.pattern}|{_ONE.pattern})"
+_PLACES = re.compile(rf"{_PLACE}(?:{_AND}{_PLACE})*")
 
 
 def places_in(text: str) -> list[str]:
@@ -36,14 +37,9 @@ def cited(text: str, name: str) -> list[str]:
     text = " ".join(text.split())
     for match in re.finditer(re.escape(f"{name}, "), text):
         if places := _PLACES.match(text, match.end()):
-            found += _expanded(places[0])
+            found += _BESIDE.findall(places[0])
+            found += places_in(_BESIDE.sub("", places[0]))
     return list(dict.fromkeys(found))
-
-
-def _expanded(places: str) -> Iterator[str]:
-    for first, last in _RANGE.findall(places):
-        yield from (f"({k})" for k in range(int(first), int(last) + 1))
-    yield from re.findall(_PLACE, _RANGE.sub("", places))
 
 
 def _marks(text: str) -> Iterator[str]:

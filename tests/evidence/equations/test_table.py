@@ -188,5 +188,8 @@ def test_what_texts_cite() -> None:
     ]  # fmt: skip
     assert places_in("Definition 2.1, 3, and Table VII") == ["Definition 2.1", "Table VII"]
     text = "It is so (A & B 2001, (9) to (11),\n  after (2) and Remark 3.1), as A & B 2001 say (4)."
-    assert cited(text, "A & B 2001") == ["(9)", "(10)", "(11)", "after (2)", "Remark 3.1"]
+    assert cited(text, "A & B 2001") == ["after (2)", "(9)", "(10)", "(11)", "Remark 3.1"]
+    assert cited("A & B 2001, Remarks 3.1 and 3.2, Table I, (4)", "A & B 2001") == [
+        "(4)", "Table I", "Remark 3.1", "Remark 3.2",
+    ]  # fmt: skip
     assert cited("A & B 2001 compare, (3).", "A & B 2001") == []

@@ -29,7 +29,7 @@ DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Numbers on the conditions, and on the expansion with its bound.
 
-    Lechappe et al. 2018, (3), (4), (6), (7), Assumption 3, Assumption 4, Theorem 1 and after (4).
+    Lechappe et al. 2018, (3), (4), (6), (7), after (4), Theorem 1, Assumptions 1 to 4.
     """
     yield from _pendulum(job)
     yield from _delay(job, sine)

@@ -33,7 +33,10 @@ ORDERS = {1: "order1_noise", 2: "order2_noise"}  # the observers of Fig. 2, by m
 
 
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
-    """Numbers from runs on the record of the ramp and on that of the sine, both without noise."""
+    """Numbers from runs on the record of the ramp and on that of the sine, both without noise.
+
+    Lechappe et al. 2018, (32).
+    """
     yield from _radius_on_the_ramp(job, ramp)
     yield from _wrong_derivatives(job, ramp)
     yield from _decay(job, ramp)

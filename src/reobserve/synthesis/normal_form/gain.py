@@ -25,7 +25,7 @@ GAINS = ("series", "jacobian", "composed")
 def gain_series(S: PolynomialMap) -> PolynomialMap:
     """L up to one degree less than S: component n c + i is its entry (c, i).
 
-    Thomas, Kwatny & Chang, after (7), Remark 4.22 and Remark 4.23.
+    Thomas, Kwatny & Chang, after (7), Remarks 4.22 and 4.23.
     """
     jacobian = S.jacobian()
     basis, n = jacobian.basis, S.variables

@@ -58,8 +58,8 @@ class LieTransform(NamedTuple):
 def lie_transform(problem: NormalFormProblem, solver: Solver) -> LieTransform:
     """The generator, the transformation, its inverse and the gain of the Lie transform.
 
-    Thomas, Kwatny & Chang, (8), (18), (20) to (22), after (8), after (14), Proposition 4.16,
-    Proposition 4.20 and Remark 4.22.
+    Thomas, Kwatny & Chang, (8), (18), (20) to (22), after (8), after (14), Propositions 4.16 and
+    4.20, Remark 4.22.
     """
     basis, n = problem.basis, problem.system.states
     w = problem.injected
