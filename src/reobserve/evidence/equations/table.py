@@ -7,7 +7,8 @@ name that ``cited_as`` gives and the places after a comma:
     Chen & Saif 2007, (1) and (2)
     Lechappe et al. 2018, (9) to (11), Lemma 1
 
-A class or function that does so is the one that the table names, and the other way round.
+A class or function that does so is one that the table names, and the other way round. Formulas
+stand in the table as they are implemented; a note names the errata of how they are printed.
 """
 
 from __future__ import annotations
