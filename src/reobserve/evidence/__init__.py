@@ -1,1 +1,1 @@
-"""What the results say: claims, golden numbers, differences of figures, the report."""
+"""What the results say: claims, equations, golden numbers, differences of figures, the report."""
