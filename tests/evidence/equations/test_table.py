@@ -162,6 +162,17 @@ def test_what_cannot_be_shown_is_one_sentence(
     assert (shown.out, shown.err) == ("", f"reobserve: {said}\n")
 
 
+def test_a_folder_without_tables_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for asked in ([], ["ilo", "3"]):
+        assert main(["equations", *asked, "--project", str(tmp_path)]) == 1
+        assert capsys.readouterr().err == (
+            f"reobserve: {tmp_path}/config/equations: has no table of equations; "
+            "--project names another project\n"
+        )
+
+
 @pytest.mark.parametrize(
     "name",
     ["reobserve", "reobserve.observers", "reobserve.observers.imm", "reobserve.nothing.here",

@@ -127,13 +127,16 @@ def papers_with_equations(project: Path) -> Sequence[str]:
     Raises
     ------
     InputError
-        If the folder cannot be read.
+        If the folder cannot be read, or none has.
     """
     folder = equations_file(project, "x").parent
     try:
-        return sorted(path.stem for path in folder.glob("*.yaml"))
+        papers = sorted(path.stem for path in folder.glob("*.yaml"))
     except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
         raise InputError(str(folder), f"cannot be read ({reason(error)})") from None
+    if not papers:
+        raise InputError(str(folder), "has no table of equations; --project names another project")
+    return papers
 
 
 def read_equations(project: Path, paper: str) -> EquationTable:
