@@ -16,7 +16,9 @@ from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import wrap
 
+_WIDTH = 88  # letters of a line, as in a narrow terminal
 _ESCAPE = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\r")
 
 
@@ -40,7 +42,7 @@ class Console:
             found, printed = self._typed(command)
             if found != status:
                 raise RuntimeError(f"{command} ended with {found}, not {status}: {printed}")
-            lines.append(f"$ {command}\n{printed}".rstrip())
+            lines.append("\n".join(_wrapped(f"$ {command}\n{printed}".rstrip())))
         return "```console\n" + "\n".join(lines) + "\n```\n"
 
     def show(self, name: str, language: str, lines: int | None = None) -> str:
@@ -78,3 +80,8 @@ class Console:
             yield
         finally:
             os.chdir(before)
+
+
+def _wrapped(text: str) -> Iterator[str]:
+    for line in text.splitlines():
+        yield from wrap(line, _WIDTH, subsequent_indent="    ", break_on_hyphens=False) or [""]

@@ -61,16 +61,19 @@ def panels(rows: int = 1, *, height: float = 2.2, share: bool = True) -> tuple[F
     return figure, list(axes)
 
 
-def show(figure: Figure, *, alt: str, caption: str, legend: str = "best") -> str:
-    """The figure as HTML: what a screen reader says of it is ``alt``; the caption stands below.
-
-    ``legend`` is its place in each panel with labelled lines, in matplotlib's words.
-    """
+def show(figure: Figure, *, alt: str, caption: str) -> str:
+    """The figure as HTML: what a screen reader says of it is ``alt``; the caption stands below."""
     stream = StringIO()
     with matplotlib.rc_context({**_LOOK, "svg.hashsalt": caption}):
         for axes in figure.axes:
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend(loc=legend)
+            labels = axes.get_legend_handles_labels()[1]
+            if labels:  # above the panel, where it covers no line
+                axes.legend(
+                    loc="lower left",
+                    bbox_to_anchor=(0.0, 1.0),
+                    ncols=len(labels),
+                    borderaxespad=0.2,
+                )
         figure.savefig(stream, format="svg", metadata={"Date": None}, transparent=True)
     drawing = stream.getvalue()
     drawing = drawing[drawing.index("<svg") :].replace(_INK, "currentColor")
@@ -78,11 +81,15 @@ def show(figure: Figure, *, alt: str, caption: str, legend: str = "best") -> str
     drawing = re.sub(r"<!--.*?-->\s*", "", drawing, flags=re.DOTALL)
     drawing = _without_unused_names(drawing)
     drawing = drawing.replace("<svg ", f'<svg role="img" aria-label="{escape(alt)}" ', 1)
-    drawing = re.sub(r' width="[^"]*pt"', ' width="100%"', drawing, count=1)
-    drawing = re.sub(r' height="[^"]*pt"', "", drawing, count=1)
+    drawing = re.sub(r' width="[^"]*pt"', "", drawing, count=1)
+    drawing = re.sub(
+        r' height="[^"]*pt"', ' style="width: 100%; min-width: 30em"', drawing, count=1
+    )
+    # On a phone the drawing is moved sideways, since its text would be too small otherwise.
     return (
-        '<figure class="picture" style="max-width: 46rem; width: 100%; margin: 1em auto">\n'
-        f"{drawing}\n<figcaption>{caption}</figcaption>\n</figure>\n"
+        '<figure class="picture" style="width: 100%; margin: 1em 0">\n'
+        f'<div style="overflow-x: auto">{drawing}</div>\n'
+        f"<figcaption>{caption}</figcaption>\n</figure>\n"
     )
 
 

@@ -82,5 +82,5 @@ def run(page: Path) -> str:
         if block.language == "python" and block.executed:
             # Its lines are those of the page, so that a traceback names them.
             source = "\n" * (block.line - 1) + block.text
-            exec(compile(source, str(page), "exec"), space)  # noqa: S102
+            exec(compile(source, str(page), "exec"), space)
     return "".join(printed)
