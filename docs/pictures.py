@@ -24,7 +24,7 @@ SECOND: dict[str, Any] = {"color": _ORANGE, "linewidth": 1.3, "linestyle": (0, (
 THIRD: dict[str, Any] = {"color": _GREEN, "linewidth": 1.6, "linestyle": (0, (1, 1.5))}
 LIMIT: dict[str, Any] = {"color": _INK, "linewidth": 0.9, "linestyle": (0, (6, 3, 1, 3))}
 
-_LOOK = {
+_LOOK: dict[Any, Any] = {
     "figure.facecolor": "none",
     "axes.facecolor": "none",
     "axes.edgecolor": _INK,
@@ -83,7 +83,7 @@ def show(figure: Figure, *, alt: str, caption: str) -> str:
     drawing = drawing.replace("<svg ", f'<svg role="img" aria-label="{escape(alt)}" ', 1)
     drawing = re.sub(r' width="[^"]*pt"', "", drawing, count=1)
     drawing = re.sub(
-        r' height="[^"]*pt"', ' style="width: 100%; min-width: 30em"', drawing, count=1
+        r' height="[^"]*pt"', ' style="width: 100%; min-width: 520px"', drawing, count=1
     )
     # On a phone the drawing is moved sideways, since its text would be too small otherwise.
     return (

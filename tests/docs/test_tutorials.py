@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from .pages import blocks, hand_written, name, run
+from .hand_written import blocks, hand_written, name, run
 
 RUN = [page for page in hand_written() if any(block.executed for block in blocks(page))]
 

@@ -1,4 +1,4 @@
-"""The hand-written pages of the documentation, read as a reader's browser never sees them."""
+"""The hand-written pages of the documentation, as text: their blocks, references and links."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ GENERATED = (
     re.compile(r"reference/ledgers/(delay|eso|ilo|imm|lie)\.md"),
     re.compile(r"reference/(commands|index|configuration)\.md"),
     re.compile(r"(gallery|equations|index)\.md"),
+    re.compile(r"(gallery|start|project)/\w+\.md"),
 )
 
 _FENCE = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
