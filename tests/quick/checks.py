@@ -48,17 +48,25 @@ def changed_files(root: Path, since: str) -> list[str]:
     return sorted(file for file in found if (root / file).is_file())
 
 
+_OF_FOLDERS = {
+    "config/papers": "tests/ledger/test_ledger.py",
+    "config/claims": "tests/evidence/claims/test_registry.py",
+    "config/errata": "tests/evidence/claims/test_registry.py",
+    "config/equations": "tests/evidence/equations",
+}
+_PAGES = ("docs/pages/tutorials", "docs/pages/how-to", "docs/pages/explanation")
+
+
 def room_tests(file: str) -> str:
     """The tests that a file is tried by, as arguments of pytest; empty if there are none."""
     folder, _, name = file.rpartition("/")
     if file.startswith("tests/"):
         return file if name.startswith("test_") and name.endswith(".py") else ""
-    if folder == "config/papers":
-        return "tests/ledger/test_ledger.py"
-    if folder in ("config/claims", "config/errata"):
-        return "tests/evidence/claims/test_registry.py"
-    if folder == "config/equations":
-        return "tests/evidence/equations"
+    if folder in _OF_FOLDERS:
+        return _OF_FOLDERS[folder]
+    if folder in _PAGES:
+        tests = "tests/docs/test_hand_written.py tests/docs/test_tutorials.py"
+        return f'{tests} -k "{folder.rpartition("/")[2]}/{name}"'
     if file.startswith(("src/", "workflow/")):
         return room(file)
     return "tests/test_project.py"
