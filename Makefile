@@ -3,6 +3,7 @@
 VENV    := .venv
 BIN     := $(VENV)/bin
 STAMP   := $(VENV)/.installed
+DOCS    := $(VENV)/.docs
 CORES   ?= 2
 LOCKS   := requirements-build.lock requirements.lock
 
@@ -14,8 +15,8 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations lock env cluster clean \
-	distclean help
+.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations docs lock env cluster \
+	clean distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
@@ -55,10 +56,19 @@ draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/dr
 mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
 	python -m tests.mutations --jobs $(CORES)
 
+docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
+	python -m docs.generate
+	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
+	@echo "build/site/index.html: the documentation"
+
 env: $(STAMP)  ## set up .venv and nothing else
 
 cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Slurm
 	python -m pip install --quiet --no-deps --require-hashes -r requirements-cluster.lock
+
+$(DOCS): $(STAMP) requirements-docs.lock
+	python -m pip install --quiet --require-hashes -r requirements-docs.lock
+	@touch $@
 
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 on the PATH; install one or say make PYTHON=/path/to/python" >&2; exit 1; }
@@ -77,11 +87,12 @@ lock:  ## renew the locks from pyproject.toml
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:dev pyproject.toml -o requirements.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:docs -c requirements.lock -o requirements-docs.lock
 	rm -rf .venv-lock
 
 clean:  ## remove what was built
 	find results -mindepth 1 -not -name README.md -delete
-	rm -rf logs .snakemake
+	rm -rf logs .snakemake build
 
 distclean: clean  ## remove the environment and every cache, too
 	rm -rf figdiff benchmarks/results $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache

@@ -78,6 +78,8 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
 def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     """Real parts [1/s] of the Floquet exponents of e' = J(x(t)) e along a limit cycle.
 
+    The largest exponent comes first; an error shrinks by e^(exponent * period) in each turn.
+
     Parameters
     ----------
     cycle
@@ -85,8 +87,6 @@ def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     jacobians
         J at an even number of `LimitCycle.points`, shape (2 m, n, n). The fundamental matrix is
         integrated by the classical Runge-Kutta method in m steps.
-
-    The largest exponent comes first; an error shrinks by e^(exponent * period) in each turn.
 
     Raises
     ------

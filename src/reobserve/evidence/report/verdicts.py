@@ -63,6 +63,11 @@ def _claim(project: Project, row: Mapping[str, str], draws: Drawn) -> Claim:
     if row["verdict"] == BROKEN:
         sentence = row["problem"] or f"{row['paper']}.{row['claim']}: cannot be decided"
         problem = project.gaps.add(f"{row['paper']}-claim-{row['claim']}", sentence)
+    return claim_of_row(row, draws, problem)
+
+
+def claim_of_row(row: Mapping[str, str], draws: Drawn, problem: Gap | None = None) -> Claim:
+    """A claim from its row of the table, all cells as text, and from its draws."""
     return Claim(
         name=row["claim"],
         headline=row["headline"] == "yes",

@@ -1,0 +1,48 @@
+"""Where is equation (9)? For each paper its equations, what implements them and what shows that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from docs.generate.api import is_shown
+from docs.generate.evidence import Paper
+from docs.generate.markdown import code, plain, prose, table
+from reobserve.evidence.equations.table import Equation, equations_file, read_equations
+
+
+def equations(papers: Sequence[Paper]) -> str:
+    """The tables of those papers that have one."""
+    parts = []
+    for paper in papers:
+        if not equations_file(paper.root, paper.name).is_file():
+            continue
+        found = read_equations(paper.root, paper.name)
+        rows = [_row(paper.name, one) for one in found.equations]
+        listed = table(("place", "what it says", "where it is"), rows)
+        title = f"[*{plain(paper.about['title'])}*](../findings/{paper.name}.md)"
+        cited = f"{title}, cited in docstrings as {code(found.cited_as)}."
+        parts.append(f"## {code(paper.name)} {{ #{paper.name} }}\n\n{cited}\n\n{listed}")
+    return "\n".join(parts)
+
+
+def anchor(paper: str, one: Equation) -> str:
+    """Where an equation stands on the page."""
+    return f"{paper}-{''.join(c if c.isalnum() else '-' for c in one.number.lower())}"
+
+
+def _row(paper: str, one: Equation) -> tuple[str, ...]:
+    place = f'<span id="{anchor(paper, one)}">{plain(one.place)}</span>'
+    note = f"<br>*{prose(one.note).strip()}*" if one.note else ""
+    places = [_implemented(name) for name in one.implemented]
+    tests = [f"*shown by* {_long(test.removeprefix('tests/'))}" for test in one.tests]
+    return place, prose(one.says) + note, "<br>".join([*places, *tests])
+
+
+def _implemented(name: str) -> str:
+    short = _long(name.removeprefix("reobserve."))
+    return f"[{short}][{name}]" if is_shown(name) else short
+
+
+def _long(name: str) -> str:
+    """A name as code that may be broken between its words."""
+    return code(name).replace(plain("_"), f"{plain('_')}<wbr>")

@@ -1,0 +1,196 @@
+"""The evidence that git holds of a paper: its ledger, claims, errata, golden numbers and figures.
+
+A claim's numbers are the golden ones, its draws those of `config/draws`, its verdict is the
+accepted one; that the first two give the third is checked here, so that no page says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from reobserve.drawing.captions import render
+from reobserve.errors import InputError
+from reobserve.evidence.claims.checks import THEORY
+from reobserve.evidence.claims.kept_draws import KeptDraws, read_kept
+from reobserve.evidence.claims.outcomes import outcome
+from reobserve.evidence.claims.registry import Claim as Registered
+from reobserve.evidence.claims.registry import Registry, read_registry
+from reobserve.evidence.claims.robustness import Robustness
+from reobserve.evidence.claims.table import HEADER, row
+from reobserve.evidence.golden.files import read_metrics, read_undetermined
+from reobserve.evidence.report.assumptions import entries
+from reobserve.evidence.report.errata import read_errata
+from reobserve.evidence.report.markup import to_html, without_title
+from reobserve.evidence.report.model import Claim, Entry, Erratum
+from reobserve.evidence.report.reading import Project
+from reobserve.evidence.report.verdicts import claim_of_row
+from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.stages import kept_file
+from reobserve.pipeline.jobs import Graph
+from reobserve.plain_data.files import read_table
+from reobserve.scoring.metrics import Metric, lookup
+
+GOLDEN = "tests/golden"
+REFERENCES = "tests/reference"
+
+# In a caption in place of a number that rounding moves, so that none is kept.
+_NOT_KEPT = "a number that rounding decides"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a paper: what it is called, its caption in HTML, and its command."""
+
+    paper: str
+    name: str
+    title: str
+    source: str
+    caption: str
+    picture: Path
+    claims: tuple[Claim, ...]
+
+    @property
+    def command(self) -> str:
+        """What builds it."""
+        return f"snakemake --cores 2 results/{self.paper}/{self.name}.pdf"
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What git holds of a paper."""
+
+    root: Path
+    name: str
+    accepted: Mapping[str, Mapping[str, str]]
+    seed: int = 0
+
+    @cached_property
+    def ledger(self) -> Ledger:
+        """Its ledger."""
+        return Ledger.load(self.root, self.name, seed=self.seed)
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        """Title, authors, and year and DOI if there are any."""
+        found: Mapping[str, Any] = self.ledger.tree["about"]
+        return found
+
+    @cached_property
+    def registry(self) -> Registry:
+        """Its claims as they are registered."""
+        return read_registry(self.root, self.ledger)
+
+    @cached_property
+    def numbers(self) -> dict[str, list[Metric]]:
+        """The golden numbers by figure, and of the theory."""
+        folder = self.root / GOLDEN / self.name
+        names = [*self.ledger.tree["figures"], *([THEORY] if "theory" in self.ledger.tree else [])]
+        return {name: _metrics(folder, name) for name in names}
+
+    @cached_property
+    def claims(self) -> tuple[Claim, ...]:
+        """The claims with all that is known of each.
+
+        Raises
+        ------
+        InputError
+            If a claim was not accepted, or numbers and draws give another verdict.
+        """
+        kept = read_kept(self.root / kept_file(self.name), self.name)
+        return tuple(self._claim(one, kept.get(one.name)) for one in self.registry.claims)
+
+    def _claim(self, claim: Registered, kept: KeptDraws | None) -> Claim:
+        place = f"claims.{self.name}.{claim.name}"
+        if claim.name not in self.accepted:
+            raise InputError(place, "has no accepted verdict: make accept keeps it")
+        accepted = self.accepted[claim.name]["verdict"]
+        numbers = {name: lookup(found) for name, found in self.numbers.items()}
+        drawn = _robustness(claim, kept, numbers)
+        told = {key: str(value) for key, value in row(claim, self.ledger, numbers, drawn).items()}
+        if told["verdict"] != accepted:
+            problem = f"{told['verdict']} by golden numbers and kept draws, accepted as {accepted}"
+            raise InputError(place, f"{problem}: make accept keeps what is so")
+        return claim_of_row({**dict.fromkeys(HEADER, ""), **told}, drawn or Robustness())
+
+    @cached_property
+    def errata(self) -> tuple[Erratum, ...]:
+        """Its errata."""
+        found = read_errata(Project(self.root, self.root), self.name)
+        if not isinstance(found, tuple):
+            raise InputError(f"config/errata/{self.name}.yaml", found.sentence)
+        return found
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """The entries of its ledger, those that say the same together."""
+        return entries(self.ledger, self.claims)
+
+    @cached_property
+    def figures(self) -> tuple[Figure, ...]:
+        """Its figures, as accepted."""
+        graph = Graph({self.name: self.ledger}, [self.name], ["pdf"], project=self.root)
+        return tuple(
+            self._figure(name, body, graph) for name, body in self.ledger.tree["figures"].items()
+        )
+
+    def _figure(self, name: str, body: Mapping[str, Any], graph: Graph) -> Figure:
+        template = graph.caption(self.name, name, "figure")
+        settings = self.ledger.settings("plot", name)
+        lost = read_undetermined(self.root / GOLDEN / self.name).get(name, {})
+        unknown = [_metric(one, math.nan, "1") for one in lost]
+        text = render(self.root / template, settings, [*self.numbers[name], *unknown])
+        text = re.sub(r"\bnan\b", _NOT_KEPT, text) if lost else text
+        told, source = without_title(to_html(template, text), body["title"])
+        return Figure(
+            paper=self.name,
+            name=name,
+            title=body["title"],
+            source=source or body["source"],
+            caption=told,
+            picture=self.root / REFERENCES / self.name / f"{name}.png",
+            claims=tuple(claim for claim in self.claims if name in claim.figures),
+        )
+
+
+def papers(root: Path) -> list[Paper]:
+    """All papers of the project, in alphabetic order."""
+    rows = read_table(root / GOLDEN / "claims.csv", ("paper", "claim", "verdict", "holds"))
+    seed = read_yaml(root / "config/config.yaml")["seed"]
+    return [
+        Paper(root, name, {row["claim"]: row for row in rows if row["paper"] == name}, seed)
+        for name in known_papers(root)
+    ]
+
+
+def _robustness(
+    claim: Registered,
+    kept: KeptDraws | None,
+    numbers: Mapping[str, Mapping[tuple[str, str], float]],
+) -> Robustness | None:
+    """What the kept draws say of a claim; None where nothing was drawn."""
+    if kept is None:
+        return None
+    stated = outcome(claim, numbers)
+    found = Robustness(stated, claim.knob_names, looked=kept.looked, basis=kept.basis)
+    found.flip = kept.flip
+    for number in range(len(kept.draws)):
+        found.add(claim, (), kept.numbers(number), kept=True)
+    return found
+
+
+def _metrics(folder: Path, name: str) -> list[Metric]:
+    """The golden numbers of a figure or a theory."""
+    found = read_metrics(folder, name).items()
+    return [_metric(key, float(one.text[0]), one.unit) for key, one in found]
+
+
+def _metric(key: str, value: float, unit: str) -> Metric:
+    observer, _, metric = key.partition(":")
+    return Metric(observer, metric, value, unit)

@@ -1,0 +1,258 @@
+"""Findings: a page for each paper, from the evidence that git holds of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from docs.generate.evidence import Paper
+from docs.generate.gallery import grid
+from docs.generate.markdown import Page, code, plain, table, ticks
+from reobserve.evidence.claims.gallery import table as verdict_table
+from reobserve.evidence.claims.verdicts import VERDICTS, replicated, title_margin
+from reobserve.evidence.report.model import Claim, Erratum
+from reobserve.ledger.config import read_yaml
+
+_THRESHOLDS = {
+    "stated": "The bound is the paper's.",
+    "before": "The bound was set before its numbers were known.",
+    "after": "The bound was set after its numbers were known.",
+}
+_CERTAINTIES = {
+    "certain": "certain",
+    "likely": "likely",
+    "copy": "possibly lost in the copy at hand",
+}
+
+
+def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
+    """How many claims of each paper got which verdict, with links into the ``folder``."""
+    counted = verdict_table(_rows(papers))
+    return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", counted, flags=re.MULTILINE)
+
+
+def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
+    """The papers, with links into the ``folder``."""
+    listed = [
+        (f"[`{paper.name}`]({folder}{paper.name}.md)", _cited(paper), plain(paper.about["title"]))
+        for paper in papers
+    ]
+    return table(("paper", "by", "title"), listed)
+
+
+def pages(papers: Sequence[Paper], introductions: Mapping[str, str]) -> Iterator[Page]:
+    """The page of each paper, which begins with what is written of it by hand."""
+    for paper in papers:
+        text = introductions.get(paper.name, f"# {paper.about['title']}\n")
+        heading, _, rest = text.partition("\n")
+        parts = (
+            heading,
+            _about(paper),
+            rest.strip(),
+            _claims(paper),
+            _errata(paper),
+            _figures(paper),
+            _cite(paper),
+        )
+        title = heading.removeprefix("# ")
+        yield Page(f"findings/{paper.name}.md", title, "\n\n".join(parts) + "\n")
+
+
+def anchor(claim: Claim) -> str:
+    """Where a claim stands on the page of its paper."""
+    return f"claim-{claim.name}"
+
+
+def chip(verdict: str) -> str:
+    """A verdict with a mark that tells it from others without colour."""
+    return f'<span class="verdict {verdict.replace(" ", "-")}">{plain(verdict)}</span>'
+
+
+def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
+    return [
+        {
+            "paper": paper.name,
+            "verdict": claim.verdict,
+            "headline": "yes" if claim.headline else "",
+        }
+        for paper in papers
+        for claim in paper.claims
+    ]
+
+
+def _cited(paper: Paper) -> str:
+    names = [author.split()[-1] for author in paper.about["authors"]]
+    if len(names) > 3:
+        cited = f"{names[0]} et al."
+    else:
+        cited = " & ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+    year = paper.about.get("year")
+    return plain(f"{cited} ({year})" if year else cited)
+
+
+def _about(paper: Paper) -> str:
+    about = paper.about
+    doi = about.get("doi")
+    lines = [f"{plain(', '.join(about['authors']))}: *{plain(about['title'])}*"]
+    lines += [str(about["year"])] if "year" in about else []
+    lines += [f"[doi:{plain(doi)}](https://doi.org/{doi})"] if doi else []
+    rows = _rows([paper])
+    counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
+    told = " ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
+    title = "[Re]" if replicated(rows) else "[¬Re]"
+    return (
+        f"{', '.join(lines)}.\n\n"
+        f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
+        f"{told}\n\n"
+        f"**What stood in the way.** {ticks(paper.registry.in_the_way)}"
+    )
+
+
+def _claims(paper: Paper) -> str:
+    rows = [
+        (
+            f"[{plain(_words(claim.name))}](#{anchor(claim)})"
+            + (" **headline**" if claim.headline else ""),
+            chip(claim.verdict),
+            _share(claim),
+        )
+        for claim in paper.claims
+    ]
+    glance = table(("claim", "verdict", "held in draws"), rows)
+    told = "\n".join(_claim(paper, claim) for claim in paper.claims)
+    return (
+        "## Claims\n\n"
+        "What the paper says, in other words than its own. A check is true if the paper is right; "
+        "the share is that of draws of the unstated choices in which the claim holds, and what it "
+        "may be: each end is right with 95 % confidence at any number of draws.\n\n"
+        f"{glance}\n{told}"
+    )
+
+
+def _claim(paper: Paper, claim: Claim) -> str:
+    headline = " **headline claim**" if claim.headline else ""
+    parts = [
+        f"### {plain(_words(claim.name))} {{ #{anchor(claim)} .claim }}",
+        f"{chip(claim.verdict)}{headline} {plain(claim.place)}",
+        f"> {ticks(claim.says)}",
+    ]
+    if claim.measured:
+        parts.append("\n".join(f"- {_measured(paper, one)}" for one in claim.measured))
+    room = f" With the same verdict, {plain(claim.room)}." if claim.room else ""
+    if claim.why:
+        parts.append(ticks(claim.why))
+    if claim.threshold:
+        parts.append(f"{_THRESHOLDS[claim.threshold]}{room}")
+    found = claim.robustness
+    if found:
+        held = f"Held in {found.held} of {found.draws} draws: {_share(claim)}."
+        held += f" {found.diverged} diverged." if found.diverged else ""
+        held += f" {found.refused} could not be run." if found.refused else ""
+        if found.flip_key:
+            key = _key(paper, found.flip_key)
+            held += f" The smallest change of one number that flips it: {key} {plain(found.flip)}."
+        else:
+            held += " No change of one number was found that flips it." if found.looked else ""
+        parts.append(held)
+    if claim.depends_on:
+        keys = ", ".join(_key(paper, key) for key in claim.depends_on)
+        parts.append(f"Depends on {keys}.")
+    elif claim.verdict != "not testable":
+        parts.append("Depends on nothing that the paper leaves open.")
+    return "\n\n".join(parts) + "\n"
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _share(claim: Claim) -> str:
+    if not claim.robustness:
+        return ""
+    found = claim.robustness
+    share, low, high = (f"{100 * part:.0f}" for part in (found.share, found.low, found.high))
+    return f"{share} % ({low} to {high} %)"
+
+
+def _measured(paper: Paper, told: str) -> str:
+    """A check, its figure with a link to the gallery."""
+    figure, _, rest = told.partition(" ")
+    if figure in paper.ledger.tree["figures"]:
+        return f"[{code(figure)}](../gallery/{paper.name}.md#{figure}) {plain(rest)}"
+    return f"{code(figure)} {plain(rest)}"
+
+
+def _key(paper: Paper, key: str) -> str:
+    """A key of the ledger with a link to its entry, or to the entry that it is a number of."""
+    known = {name for entry in paper.entries for name in entry.keys}
+    found = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)
+    while found and found not in known:
+        found = found.rpartition(".")[0]
+    if not found:
+        return code(key)
+    return f"[{code(key)}](../reference/ledgers/{paper.name}.md#{found})"
+
+
+def _errata(paper: Paper) -> str:
+    if not paper.errata:
+        return "## Errata\n\nNone were found."
+    certain = sum(one.certainty == "certain" for one in paper.errata)
+    told = "\n".join(map(_erratum, paper.errata))
+    return (
+        "## Errata\n\n"
+        "Errors of print and places that contradict each other. The test named shows the printed "
+        f"form failing. {certain} of {len(paper.errata)} are certain: they contradict the paper "
+        "itself or a computation. The others are likely, or may be losses of the copy at hand, a "
+        "text taken from pages, in which signs, primes, indices and fraction bars get lost.\n\n"
+        f"{told}"
+    )
+
+
+def _erratum(erratum: Erratum) -> str:
+    rows = [("printed", plain(erratum.printed)), ("corrected", plain(erratum.corrected))]
+    return (
+        f"### {plain(_words(erratum.name))} {{ #erratum-{erratum.name} .erratum }}\n\n"
+        f"{plain(erratum.place)}; **{_CERTAINTIES.get(erratum.certainty, erratum.certainty)}**\n\n"
+        + "".join(f"{told}\n:   {text}\n\n" for told, text in rows)
+        + f"{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
+    )
+
+
+def _figures(paper: Paper) -> str:
+    return (
+        "## Figures\n\nEach with its caption, its command and the claims that it decides is in "
+        f"[the gallery](../gallery/{paper.name}.md).\n\n{grid(paper.figures, '../gallery/')}"
+    )
+
+
+def _cite(paper: Paper) -> str:
+    reference = _reference(paper.root, paper.about["title"])
+    return (
+        "## How to cite it\n\n"
+        f"Cite the paper whose observer or claims you use: {reference}\n\n"
+        f"And this replication, as {code('CITATION.cff')} says; the assumptions that its numbers "
+        f"rest on are in [the ledger](../reference/ledgers/{paper.name}.md)."
+    )
+
+
+def _reference(root: Path, title: str) -> str:
+    """The reference to a paper, as `CITATION.cff` has it."""
+    known: dict[str, Any] = {
+        one["title"]: one for one in read_yaml(root / "CITATION.cff")["references"]
+    }
+    if title not in known:
+        return f"*{plain(title)}*."
+    one = known[title]
+    authors = [f"{who['given-names']} {who['family-names']}" for who in one["authors"]]
+    parts = [plain(", ".join(authors)), f"*{plain(title)}*"]
+    conference = one.get("conference", {})
+    parts += [plain(one.get("journal") or conference.get("name") or "")]
+    volume, issue = one.get("volume"), one.get("issue")
+    parts += [f"{volume}({issue})" if issue else f"{volume}"] if volume else []
+    pages = [str(one[key]) for key in ("start", "end") if key in one]
+    parts += [f"pp. {'–'.join(pages)}"] if pages else []
+    parts += [str(one["year"])] if "year" in one else []
+    parts += [f"[doi:{plain(one['doi'])}](https://doi.org/{one['doi']})"] if "doi" in one else []
+    return ", ".join(part for part in parts if part) + "."

@@ -1,0 +1,62 @@
+"""Ledgers: every number of a paper with its unit, its source or its range, and the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+from docs.generate.evidence import Paper
+from docs.generate.markdown import Page, code, plain, table, ticks
+from reobserve.evidence.report.model import Entry
+
+_NO_UNIT = ("1", "word", "file")
+
+
+def counts(papers: Sequence[Paper]) -> str:
+    """How many values each paper's ledger has, and how many of them are assumed."""
+    rows = []
+    for paper in papers:
+        keys = [entry for entry in paper.entries for _ in entry.keys]
+        assumed = sum(entry.status == "assumed" for entry in keys)
+        name = f"[`{paper.name}`]({paper.name}.md)"
+        rows.append((name, plain(paper.about["title"]), f"{len(keys)}", f"{assumed}"))
+    return table(("paper", "title", "values", "assumed"), rows, "llrr")
+
+
+def pages(papers: Sequence[Paper]) -> Iterator[Page]:
+    """The ledger of each paper."""
+    return map(_page, papers)
+
+
+def _page(paper: Paper) -> Page:
+    parts = [
+        f"# Ledger of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
+        f"[What was found](../../findings/{paper.name}.md)\n",
+        "What the paper gives stands with its place there. What it does not give is assumed, with "
+        "the reason and the range in which another reader could have chosen. Keys that say the "
+        f"same stand together. {code(f'reobserve params {paper.name} --why')} prints this in a "
+        "terminal.\n",
+    ]
+    for section, found in groupby(paper.entries, lambda entry: entry.section):
+        rows = [_row(paper, entry) for entry in found]
+        head = ("key", "value", "range", "source or reason")
+        parts.append(f"## {code(section)} {{ #section-{section} }}\n\n{table(head, rows)}")
+    return Page(f"reference/ledgers/{paper.name}.md", f"Ledger of {paper.name}", "\n".join(parts))
+
+
+def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
+    keys = "<br>".join(f'<span id="{key}">{code(key)}</span>' for key in entry.keys)
+    unit = "" if entry.unit in _NO_UNIT else f" {plain(entry.unit)}"
+    value = "<br>".join(map(plain, entry.value)) + unit
+    told = ticks(entry.why or entry.source)
+    if entry.numerical:
+        told += " *Numerical: a resolution, no physics.*"
+    if entry.chosen_for:
+        told += f" **Chosen so that a claim comes out.** {ticks(entry.chosen_for)}"
+    if entry.claims:
+        links = ", ".join(
+            f"[{plain(name.replace('_', ' '))}](../../findings/{paper.name}.md#claim-{name})"
+            for name in entry.claims
+        )
+        told += f" *Claims that depend on it:* {links}."
+    return keys, value, "<br>".join(map(plain, entry.range)), told

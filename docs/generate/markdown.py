@@ -1,0 +1,67 @@
+"""Markdown: text that is shown as it stands, code, tables, pages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+# All that may be markup within a line; as entities they are none, in tables as well.
+_MARKUP = re.compile(r"[\\*_\[\]{}<>|$`#!~^&]")
+
+_BREAKS = re.compile(r"(?:[./]|::)(?=[a-zA-Z])")  # where code that is too long for a line goes on
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: where it is in the folder of all, its entry in the navigation, and what it says."""
+
+    path: str
+    title: str
+    text: str
+
+
+def plain(text: object) -> str:
+    """Text on one line that is shown as it is, whatever it would mean as markup."""
+    line = re.sub(r"\s+", " ", str(text))
+    return _MARKUP.sub(lambda found: f"&#{ord(found[0])};", line)
+
+
+def code(text: object) -> str:
+    """The same as code, which may be broken at dots and slashes."""
+    shown = _BREAKS.sub(r"\g<0><wbr>", plain(text))
+    return f"<code>{shown}</code>"
+
+
+def ticks(text: object) -> str:
+    """Text in which what stands between backticks is code."""
+    pieces = re.split(r"`+([^`]+)`+", str(text))
+    return "".join(code(piece) if k % 2 else plain(piece) for k, piece in enumerate(pieces))
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], aligned: str = "") -> str:
+    """A table of cells that are Markdown; ``aligned`` has an `r` for each column of numbers."""
+    marks = [("---:" if mark == "r" else "---") for mark in aligned.ljust(len(header), "l")]
+    lines = [header, marks, *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def block(text: str, language: str = "", title: str = "") -> str:
+    """A block of code."""
+    named = f' title="{title}"' if title else ""
+    fence = "`" * max(3, *(len(run) + 1 for run in re.findall("`+", text)), 3)
+    return f"{fence}{language}{named}\n{text.rstrip()}\n{fence}\n"
+
+
+def indented(text: str, by: int = 4) -> str:
+    """A part of a list, a note or a tab."""
+    return "".join(f"{' ' * by}{line}" if line.strip() else line for line in text.splitlines(True))
+
+
+def prose(text: object) -> str:
+    """Text in which `$...$` is mathematics and what stands between backticks is code."""
+    pieces = re.split(r"(\$[^$]+\$)", " ".join(str(text).split()))
+    # A bar would end the cell of a table.
+    return "".join(
+        piece.replace("|", r"\vert ") if k % 2 else ticks(piece) for k, piece in enumerate(pieces)
+    )
