@@ -1,4 +1,4 @@
-"""A real browser for tests of pages: the system's Chromium, driven by Playwright."""
+"""A real browser for tests of pages, the system's Chromium, and what a page is held to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -34,6 +34,69 @@ def find_browser() -> str | None:
         if told.returncode == 0 and "Chrom" in told.stdout:
             return path
     return None
+
+
+# All text that is shown, where many elements are styled alike the first of them.
+TEXT = """
+  const seen = new Set();
+  const sort = (element) => element ? `${element.tagName}.${element.getAttribute("class")}` : "";
+  const text = [...document.body.querySelectorAll("*")].filter((element) => {
+    const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    if (!own) return false;
+    const up = element.parentElement;
+    const alike = [element, up, up.parentElement, up.parentElement?.parentElement].map(sort).join();
+    if (seen.has(alike) || !element.checkVisibility()) return false;
+    seen.add(alike);
+    return true;
+  });
+"""
+
+# WCAG: the least contrast of text to what is behind it. All colours here are solid.
+CONTRAST = f"""() => {{ {TEXT}
+  const channels = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = (text) => {{
+    const [r, g, b] = channels(text).slice(0, 3).map((c) => c / 255)
+      .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  }};
+  const ground = (e) => getComputedStyle(e).backgroundColor;
+  const solid = (e) => (channels(ground(e))[3] ?? 1) === 1;
+  let worst = [Infinity, ""];
+  for (const element of text) {{
+    let behind = element;
+    while (behind && !solid(behind)) behind = behind.parentElement;
+    const one = light(getComputedStyle(element).color);
+    const other = light(ground(behind ?? document.documentElement));
+    const ratio = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
+    if (ratio < worst[0]) worst = [ratio, element.outerHTML.slice(0, 200)];
+  }}
+  return worst;
+}}"""
+
+SMALLEST_TEXT = f"""() => {{ {TEXT}
+  let smallest = [Infinity, ""];
+  for (const element of text) {{
+    const size = parseFloat(getComputedStyle(element).fontSize);
+    if (size < smallest[0]) smallest = [size, element.outerHTML.slice(0, 200)];
+  }}
+  return smallest;
+}}"""
+
+PHONE = {"width": 360, "height": 740}
+
+
+class Watched:
+    """A page, and what it complained of or asked for while it was open."""
+
+    def __init__(self, browser: Browser, address: str, **options: object) -> None:
+        self.context = browser.new_context(**options)
+        self.page: Page = self.context.new_page()
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(address)
 
 
 @cache

@@ -17,7 +17,8 @@ pin_code_paths()
 
 
 def group(test: str) -> str:
-    """The tests of a file, of a paper's golden numbers or of the built project, kept together."""
+    """The tests of a file, of a paper's golden numbers or of the built project, or of the
+    built site, kept together."""
     file, _, name = test.partition("::")
     if file == "tests/evidence/golden/test_golden.py":
         return f"{file} {name.partition('[')[2].partition('-')[0]}"
@@ -26,6 +27,8 @@ def group(test: str) -> str:
         f"tests/pipeline/test_{name}.py" for name in ("pipeline", "staleness", "bad_input")
     }:
         return "tests/pipeline"
+    if file in {"tests/docs/test_site.py", "tests/docs/test_browser.py"}:  # build it once
+        return "tests/docs"
     return file
 
 

@@ -17,7 +17,7 @@ from reobserve.ledger.config import known_papers
 from reobserve.pipeline.provenance import import_closure
 
 from . import FIVE
-from .test_readme import golden_metrics
+from .found import golden_metrics
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "reobserve"
@@ -106,7 +106,9 @@ def test_files_can_be_held_in_the_head() -> None:
     assert long == {}
 
 
-@pytest.mark.parametrize("name", ["requirements.lock", "requirements-build.lock"])
+@pytest.mark.parametrize(
+    "name", ["requirements.lock", "requirements-build.lock", "requirements-docs.lock"]
+)
 def test_the_locks_pin_by_hash_and_name_no_host(name: str) -> None:
     text = (ROOT / name).read_text()
     assert "://" not in text

@@ -65,8 +65,9 @@ def room_tests(file: str) -> str:
     if folder in _OF_FOLDERS:
         return _OF_FOLDERS[folder]
     if folder in _PAGES:
-        tests = "tests/docs/test_hand_written.py tests/docs/test_tutorials.py"
-        return f'{tests} -k "{folder.rpartition("/")[2]}/{name}"'
+        return f'tests/docs/test_hand_written.py -k "{folder.rpartition("/")[2]}/{name}"'
+    if file == "mkdocs.yml" or file.startswith("docs/"):
+        return "tests/docs/test_pages.py"
     if file.startswith(("src/", "workflow/")):
         return room(file)
     return "tests/test_project.py"

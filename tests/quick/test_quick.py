@@ -42,6 +42,7 @@ def test_a_change_is_tried_by_the_room_tests_its_room() -> None:
     assert room_tests("src/reobserve/drawing/captions.py") == "tests/drawing/test_captions.py"
     assert room_tests("tests/drawing/test_captions.py") == "tests/drawing/test_captions.py"
     assert room_tests("tests/pipeline/conftest.py") == ""
+    assert room_tests("docs/pages/index.md") == "tests/docs/test_pages.py"
     assert room_tests("config/papers/ilo.yaml") == "tests/ledger/test_ledger.py"
     assert room_tests("docs/pages/tutorials/ilo.md").endswith(' -k "tutorials/ilo.md"')
     files = [

@@ -11,54 +11,9 @@ import pytest
 from playwright.sync_api import Browser, Page
 from playwright.sync_api import TimeoutError as TooLate
 
+from tests.browser import CONTRAST, PHONE, SMALLEST_TEXT, Watched
+
 PAGES = ("whole_page", "page_with_gaps")
-PHONE = {"width": 360, "height": 740}
-
-# All text that is shown, where many elements are styled alike the first of them.
-TEXT = """
-  const seen = new Set();
-  const sort = (element) => element ? `${element.tagName}.${element.getAttribute("class")}` : "";
-  const text = [...document.body.querySelectorAll("*")].filter((element) => {
-    const own = [...element.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
-    if (!own) return false;
-    const up = element.parentElement;
-    const alike = [element, up, up.parentElement, up.parentElement?.parentElement].map(sort).join();
-    if (seen.has(alike) || !element.checkVisibility()) return false;
-    seen.add(alike);
-    return true;
-  });
-"""
-
-# WCAG: the least contrast of text to what is behind it. All colours here are solid.
-CONTRAST = f"""() => {{ {TEXT}
-  const channels = (text) => text.match(/[\\d.]+/g).map(Number);
-  const light = (text) => {{
-    const [r, g, b] = channels(text).slice(0, 3).map((c) => c / 255)
-      .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-  }};
-  const ground = (e) => getComputedStyle(e).backgroundColor;
-  const solid = (e) => (channels(ground(e))[3] ?? 1) === 1;
-  let worst = [Infinity, ""];
-  for (const element of text) {{
-    let behind = element;
-    while (behind && !solid(behind)) behind = behind.parentElement;
-    const one = light(getComputedStyle(element).color);
-    const other = light(ground(behind ?? document.documentElement));
-    const ratio = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
-    if (ratio < worst[0]) worst = [ratio, element.outerHTML.slice(0, 200)];
-  }}
-  return worst;
-}}"""
-
-SMALLEST_TEXT = f"""() => {{ {TEXT}
-  let smallest = [Infinity, ""];
-  for (const element of text) {{
-    const size = parseFloat(getComputedStyle(element).fontSize);
-    if (size < smallest[0]) smallest = [size, element.outerHTML.slice(0, 200)];
-  }}
-  return smallest;
-}}"""
 
 # Of each image: seen in the window once scrolled to, natural width, width, length of its text.
 FIGURES = """async () => {
@@ -76,20 +31,6 @@ FIGURES = """async () => {
 OPEN_ALL = "document.querySelectorAll('details').forEach((box) => (box.open = true))"
 
 
-class Watched:
-    """A page, and what it complained of or asked for while it was open."""
-
-    def __init__(self, browser: Browser, file: Path, **options: object) -> None:
-        self.context = browser.new_context(**options)
-        self.page: Page = self.context.new_page()
-        self.complaints: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(file.as_uri())
-
-
 @pytest.fixture(scope="module", params=PAGES)
 def file(request: pytest.FixtureRequest) -> Path:
     """Each of the two pages."""
@@ -100,7 +41,7 @@ def file(request: pytest.FixtureRequest) -> Path:
 @pytest.fixture(scope="module")
 def watched(browser: Browser, file: Path) -> Iterator[Watched]:
     """A page on a wide screen; it must neither complain nor ask the network for anything."""
-    opened = Watched(browser, file, viewport={"width": 1400, "height": 900})
+    opened = Watched(browser, file.as_uri(), viewport={"width": 1400, "height": 900})
     yield opened
     outside = [url for url in opened.requests if not url.startswith(("data:", file.as_uri()))]
     opened.context.close()
@@ -164,7 +105,12 @@ def test_text_stands_out_in_both_schemes(watched: Watched) -> None:
 
 def test_a_phone_shows_it_without_scrolling_sideways(browser: Browser, file: Path) -> None:
     opened = Watched(
-        browser, file, viewport=PHONE, is_mobile=True, has_touch=True, device_scale_factor=2
+        browser,
+        file.as_uri(),
+        viewport=PHONE,
+        is_mobile=True,
+        has_touch=True,
+        device_scale_factor=2,
     )
     page = opened.page
     for _ in range(2):
@@ -182,7 +128,7 @@ def scale(page: Page) -> float:
 
 
 def test_a_figure_is_enlarged_by_keyboard_and_wheel(browser: Browser, small_page: Path) -> None:
-    opened = Watched(browser, small_page, viewport={"width": 1400, "height": 900})
+    opened = Watched(browser, small_page.as_uri(), viewport={"width": 1400, "height": 900})
     page = opened.page
     dialog, image = page.locator("dialog"), page.locator("dialog img")
     first = page.locator("a.zoom").first
@@ -212,7 +158,7 @@ def test_a_figure_is_enlarged_by_keyboard_and_wheel(browser: Browser, small_page
 
 
 def test_two_fingers_enlarge_a_figure(browser: Browser, small_page: Path) -> None:
-    opened = Watched(browser, small_page, viewport=PHONE, is_mobile=True, has_touch=True)
+    opened = Watched(browser, small_page.as_uri(), viewport=PHONE, is_mobile=True, has_touch=True)
     page = opened.page
     page.locator("a.zoom").first.tap()
     start = scale(page)
@@ -237,7 +183,10 @@ def test_two_fingers_enlarge_a_figure(browser: Browser, small_page: Path) -> Non
 
 def test_without_a_script_a_figure_still_opens(browser: Browser, small_page: Path) -> None:
     opened = Watched(
-        browser, small_page, java_script_enabled=False, viewport={"width": 1000, "height": 700}
+        browser,
+        small_page.as_uri(),
+        java_script_enabled=False,
+        viewport={"width": 1000, "height": 700},
     )
     page = opened.page
     figure = page.locator("article.drawn").first
@@ -264,7 +213,7 @@ def test_print_has_no_contents_and_cuts_no_figure(watched: Watched) -> None:
 
 
 def test_print_to_pdf_opens_what_is_closed(browser: Browser, small_page: Path) -> None:
-    opened = Watched(browser, small_page)
+    opened = Watched(browser, small_page.as_uri())
     page = opened.page
     closed = "document.querySelectorAll('details:not([open])').length"
     before = page.evaluate(closed)

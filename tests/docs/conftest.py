@@ -1,0 +1,50 @@
+"""The site, built once for all tests of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from docs.generate.sources import write
+from tests.browser import browser
+
+__all__ = ["browser"]
+
+ROOT = Path(__file__).parents[2]
+
+MISSING = "no mkdocs to build the site with: make docs installs it"
+
+
+@dataclass(frozen=True)
+class Site:
+    """The folder of its pages, and what the build printed."""
+
+    folder: Path
+    printed: str
+
+    def page(self, path: str) -> str:
+        """The HTML of a page, by its folder."""
+        return (self.folder / path / "index.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """As `make docs` builds it. Without mkdocs tests are skipped; in CI they fail."""
+    if importlib.util.find_spec("mkdocs") is None:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)
+    folder = tmp_path_factory.mktemp("documentation")
+    write(ROOT, folder / "build")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file"]
+    done = subprocess.run(
+        [*command, str(folder / "build/mkdocs.yml")],
+        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return Site(folder / "build/site", done.stdout + done.stderr)

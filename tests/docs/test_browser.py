@@ -1,0 +1,121 @@
+"""Pages of each kind in a real browser: light, dark and on a phone; the search."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+from playwright.sync_api import Browser
+
+from tests.browser import CONTRAST, PHONE, Watched
+
+from .conftest import Site
+
+# One of each kind.
+KINDS = (
+    "", "start/library/", "findings/lie/", "gallery/lie/", "project/modules/",
+    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/ledgers/lie/",
+    "reference/configuration/", "reference/equations/",
+)  # fmt: skip
+
+WIDE = {"width": 1280, "height": 900}
+
+# What stands out of the page on the right, but for what scrolls in something that does not.
+OUTSIDE = """() => {
+  const scrolls = (e) => e && e !== document.body
+    && (["auto", "scroll", "hidden"].includes(getComputedStyle(e).overflowX)
+      || scrolls(e.parentElement));
+  return [...document.querySelectorAll("article *")]
+    .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
+    .filter((e) => e.checkVisibility() && !scrolls(e.parentElement))
+    .map((e) => e.outerHTML.slice(0, 120));
+}"""
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, *_: object) -> None:
+        """Say nothing of what a page that is left no longer wants."""
+
+
+@pytest.fixture(scope="module")
+def address(site: Site) -> Iterator[str]:
+    """Where the site is served, as any static host serves it."""
+    server = _Server(("127.0.0.1", 0), partial(_Quiet, directory=str(site.folder)))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def finish(opened: Watched, address: str) -> None:
+    """Close it; it must neither have complained nor asked another host for anything."""
+    opened.context.close()
+    assert opened.complaints == []
+    assert [url for url in opened.requests if not url.startswith((address, "data:"))] == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out(browser: Browser, address: str, scheme: str) -> None:
+    opened = Watched(browser, address, viewport=WIDE, color_scheme=scheme)
+    for kind in KINDS:
+        opened.page.goto(address + kind)
+        ground = opened.page.evaluate("getComputedStyle(document.body).backgroundColor")
+        channels = [int(part) for part in ground[4:-1].split(",")]
+        assert max(channels) < 60 if scheme == "dark" else min(channels) > 200
+        ratio, where = opened.page.evaluate(CONTRAST)
+        assert ratio >= 4.5, (kind, where)
+    finish(opened, address)
+
+
+def test_a_phone_shows_it_without_scrolling_sideways(browser: Browser, address: str) -> None:
+    opened = Watched(browser, address, viewport=PHONE, is_mobile=True, has_touch=True)
+    for kind in KINDS:
+        opened.page.goto(address + kind)
+        assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        assert opened.page.evaluate(OUTSIDE) == [], kind
+    finish(opened, address)
+
+
+def test_figures_are_seen_and_lead_to_themselves(browser: Browser, address: str) -> None:
+    opened = Watched(browser, f"{address}gallery/", viewport=WIDE)
+    page = opened.page
+    first = page.locator(".gallery img").first
+    first.scroll_into_view_if_needed()
+    first.evaluate("image => image.decode()")
+    assert first.evaluate("image => image.naturalWidth") > 500
+    assert len(first.get_attribute("alt") or "") > 20
+    first.click()
+    assert page.url.endswith("/gallery/delay/#fig1")
+    assert page.locator("#fig1").is_visible()
+    finish(opened, address)
+
+
+def test_the_search_finds_an_observer(browser: Browser, address: str) -> None:
+    opened = Watched(browser, address, viewport=WIDE)
+    page = opened.page
+    page.locator("input[name=query]").click()
+    page.keyboard.type("SampledILO")
+    found = page.locator(".md-search-result__link", has_text="SampledILO").first
+    found.wait_for()
+    found.click()
+    page.wait_for_url("**/reference/library/**")
+    finish(opened, address)
+
+
+def test_a_reader_chooses_the_scheme(browser: Browser, address: str) -> None:
+    opened = Watched(browser, address, viewport=WIDE, color_scheme="light")
+    page = opened.page
+    page.locator("label[for=__palette_1]").first.click()
+    page.goto(f"{address}findings/")
+    assert page.locator("body").get_attribute("data-md-color-scheme") == "slate"
+    finish(opened, address)

@@ -1,0 +1,68 @@
+"""Pages by hand: their numbers are those of the build, their code runs, all have a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from docs.generate.markdown import Page
+from docs.generate.navigation import hand_written, navigation
+from docs.generate.sources import write
+from reobserve.errors import InputError
+from tests import FIVE, found
+from tests.test_project import ROOMS
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs/pages"
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
+    text = (PAGES / f"findings/{paper}.md").read_text(encoding="utf-8")
+    told = list(getattr(found, f"of_{paper}")())
+    assert [one for one in told if one not in found.squeezed(text)] == []
+    assert found.numbers_left(text, told) == []
+
+
+def test_the_floor_plan_has_every_room() -> None:
+    text = (PAGES / "project/index.md").read_text(encoding="utf-8")
+    plan = [line.split("  ")[0] for line in text.splitlines() if "   " in line]
+    rooms = {room for line in plan for room in line.split(", ")}
+    assert {room for room in ROOMS if not room.startswith("__")} <= rooms
+
+
+def test_pages_stand_in_their_order_and_an_index_first() -> None:
+    files = ("start/b.md", "index.md", "start/index.md", "start/a.md", "start/more/index.md")
+    pages = [Page(name, name, "") for name in files]
+    assert navigation(pages) == [
+        "index.md",
+        {
+            "Start": [
+                "start/index.md",
+                {"start/b.md": "start/b.md"},
+                {"start/a.md": "start/a.md"},
+                {"start/more/index.md": ["start/more/index.md"]},
+            ]
+        },
+    ]
+
+
+def test_titles_and_order_are_read() -> None:
+    text = "---\ntitle: One\norder: 2\n---\n\n# Another\n"
+    assert hand_written("start/a.md", text) == (Page("start/a.md", "One", text), 2.0)
+    assert hand_written("start/a.md", "# `two` of them\n")[0].title == "two of them"
+    with pytest.raises(InputError, match=r"start/a\.md: must have a title"):
+        hand_written("start/a.md", "no heading\n")
+    with pytest.raises(InputError, match="odd: is no folder of the site"):
+        navigation([Page("odd/a.md", "A", "")])
+
+
+def test_a_part_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    for name in ("config", "src", "tests", "workflow", "Makefile", "CITATION.cff", "mkdocs.yml"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    (tmp_path / "docs/pages").mkdir(parents=True)
+    (tmp_path / "docs/pages/index.md").write_text("# A page\n\n<!-- generated: verdict -->\n")
+    with pytest.raises(InputError, match=r"asks for 'verdict'.*verdicts"):
+        write(tmp_path, tmp_path / "build")
+    assert not (tmp_path / "build").exists()

@@ -1,0 +1,172 @@
+"""The built site: whole, without a dead link, and without anything that a network would give."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import struct
+from functools import cache
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+import yaml
+
+import reobserve
+from docs.generate.api import is_shown
+from docs.generate.equations import anchor
+from docs.generate.evidence import papers
+from reobserve.cli import _parser
+from reobserve.errors import InputError
+from reobserve.evidence.equations.table import read_equations
+from reobserve.ledger.ledger import Ledger
+from tests import FIVE
+
+from .conftest import ROOT, Site
+
+# Where a browser asks for something without being asked to.
+_ASKED = re.compile(
+    r"<(?:link|script|img|source|iframe|object|use|image)\b[^>]*?\s(?:href|src|srcset|data)=\"([^\"]+)"
+)
+
+
+def pages(site: Site) -> list[Path]:
+    return sorted(site.folder.rglob("*.html"))
+
+
+@cache
+def anchors(page: Path) -> set[str]:
+    text = page.read_text(encoding="utf-8")
+    return {html.unescape(one) for one in re.findall(r'\s(?:id|name)="([^"]+)"', text)}
+
+
+def test_the_build_has_nothing_to_say(site: Site) -> None:
+    assert [line for line in site.printed.splitlines() if "WARN" in line or "ERROR" in line] == []
+
+
+def test_every_link_leads_somewhere(site: Site) -> None:
+    dead = set()
+    for page in pages(site):
+        if page.name == "404.html":  # its links are the server's
+            continue
+        links = set(re.findall(r'\s(?:href|src)="([^"]*)"', page.read_text(encoding="utf-8")))
+        for link in links:
+            parts = urlsplit(html.unescape(link))
+            if parts.scheme or parts.netloc:
+                continue
+            target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            target = target / "index.html" if target.is_dir() else target
+            known = target.is_file() and (
+                not parts.fragment
+                or target.suffix != ".html"
+                or unquote(parts.fragment) in anchors(target)
+            )
+            if not known:
+                dead.add((page.relative_to(site.folder).as_posix(), link))
+    assert dead == set()
+
+
+def test_no_page_asks_a_network_for_anything(site: Site) -> None:
+    outside = {
+        (page.name, asked)
+        for page in pages(site)
+        for asked in _ASKED.findall(page.read_text(encoding="utf-8"))
+        if urlsplit(asked).netloc
+    }
+    assert outside == set()
+    for sheet in site.folder.rglob("*.css"):
+        text = sheet.read_text(encoding="utf-8")
+        assert not re.search(r"@import|url\(\s*[\"']?(?:https?:)?//", text), sheet
+
+
+def test_every_public_name_has_a_place(site: Site) -> None:
+    listed = site.page("reference/library")
+    for name in reobserve.__all__:
+        home = f"reobserve.{reobserve._HOME[name]}"
+        path = "/".join(home.split(".")[1:])
+        page = site.folder / "reference/library" / path / "index.html"
+        assert f"{home}.{name}" in anchors(page)
+        assert f'{path}/#{home}.{name}"' in listed
+
+
+def test_a_method_that_is_inherited_is_shown_where_it_is_used(site: Site) -> None:
+    name = "reobserve.observers.ilo_sampled.SampledILO"
+    shown = anchors(site.folder / "reference/library/observers/ilo_sampled/index.html")
+    assert {f"{name}.run", f"{name}.step", f"{name}.init"} <= shown
+
+
+def test_every_command_has_its_help(site: Site) -> None:
+    text = html.unescape(re.sub(r"<[^>]+>", "", site.page("reference/commands")))
+    squeezed = " ".join(text.split())
+    told = [" ".join(line.split()) for line in _parser().format_help().split("\n\n")]
+    assert told[1] in squeezed
+    for command in ("reobserve estimate", "reobserve design eso", "reobserve stage observe"):
+        assert f"usage: {command}" in squeezed
+        assert command.replace(" ", "-") in anchors(site.folder / "reference/commands/index.html")
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_every_equation_has_a_row_that_leads_to_code(site: Site, paper: str) -> None:
+    text = site.page("reference/equations")
+    found = read_equations(ROOT, paper).equations
+    assert {anchor(paper, one) for one in found} <= anchors(
+        site.folder / "reference/equations/index.html"
+    )
+    for one in found:
+        row = text.partition(f'id="{anchor(paper, one)}"')[2].partition("</tr>")[0]
+        for name in filter(is_shown, one.implemented):
+            assert f'#{name}"' in row
+
+
+@pytest.mark.parametrize("paper", FIVE)
+def test_what_git_holds_of_a_paper_is_told(site: Site, paper: str) -> None:
+    """Each claim and erratum, each figure as it was accepted, each key of the ledger."""
+    found = anchors(site.folder / f"findings/{paper}/index.html")
+    claims = yaml.safe_load((ROOT / f"config/claims/{paper}.yaml").read_text())["claims"]
+    errata = yaml.safe_load((ROOT / f"config/errata/{paper}.yaml").read_text())["errata"]
+    assert {f"claim-{name}" for name in claims} <= found
+    assert {f"erratum-{name}" for name in errata} <= found
+    ledger = Ledger.load(ROOT, paper)
+    shown = anchors(site.folder / f"gallery/{paper}/index.html")
+    gallery = site.page(f"gallery/{paper}")
+    for figure in ledger.tree["figures"]:
+        assert figure in shown
+        picture = site.folder / f"figures/{paper}/{figure}.png"
+        accepted = ROOT / f"tests/reference/{paper}/{figure}.png"
+        assert picture.read_bytes() == accepted.read_bytes()
+        assert f"snakemake --cores 2 results/{paper}/{figure}.pdf" in gallery
+        width, height = struct.unpack(">II", accepted.read_bytes()[16:24])
+        assert f'height="{round(height / 1.6)}"' in gallery
+        assert f'width="{round(width / 1.6)}"' in gallery
+    keys = {key for key, _ in ledger.entries()}
+    assert keys <= anchors(site.folder / f"reference/ledgers/{paper}/index.html")
+
+
+def test_a_claim_is_told_with_its_numbers(site: Site) -> None:
+    """By hand, from the golden number, the registry and the kept draws."""
+    text = site.page("findings/lie")
+    part = text.partition('id="claim-eigenvalues"')[2].partition("<h3")[0]
+    told = " ".join(html.unescape(re.sub(r"<[^>]+>", "", part)).split())
+    kept = json.loads((ROOT / "config/draws/lie.json").read_text())["claims"]["eigenvalues"]
+    drawn = [float(draw) for draw in kept["draws"] if draw is not None]
+    held = sum(error < 5e-6 for error in drawn)
+    assert "reproduced only by calibration" in told
+    assert "must be below 5e-06" in told
+    assert f"Held in {held} of {len(drawn)} draws: {100 * held / len(drawn):.0f} %" in told
+    assert "Depends on plant.output" in told
+
+
+def test_evidence_that_does_not_fit_together_is_refused() -> None:
+    (paper,) = (one for one in papers(ROOT) if one.name == "lie")
+    row = paper.accepted["eigenvalues"]
+    accepted = {**paper.accepted, "eigenvalues": {**row, "verdict": "contradicted"}}
+    with pytest.raises(InputError, match=r"claims\.lie\.eigenvalues: .*accepted as contradicted"):
+        type(paper)(ROOT, "lie", accepted, paper.seed).claims  # noqa: B018  # it is a property
+
+
+def test_what_is_said_is_found(site: Site) -> None:
+    index = json.loads((site.folder / "search/search_index.json").read_text(encoding="utf-8"))
+    places = {entry["location"]: entry["text"] for entry in index["docs"]}
+    assert any("SampledILO" in where for where in places)
+    assert "satellite" in places["findings/ilo/"].lower()
