@@ -110,9 +110,15 @@ def _lessons(folder: Path) -> str:
             for file in sorted((folder / name).glob("*.md"))
         ]
         pages = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
-        listed = "".join(f"- [{page.title}]({page.path})\n" for page in pages)
+        listed = "".join(f"- [{_heading(page)}]({page.path})\n" for page in pages)
         told += [f"**{FOLDERS[name]}**\n\n{listed}"] if pages else []
     return "\n".join(told)
+
+
+def _heading(page: Page) -> str:
+    """What stands over a page, in full: the navigation may call it something shorter."""
+    found = re.search(r"^# (.+)$", page.text, re.MULTILINE)
+    return found[1] if found else page.title
 
 
 def _filled(folder: Path, parts: Mapping[str, Callable[[], str]]) -> Iterator[tuple[str, str]]:
