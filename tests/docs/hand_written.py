@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "pages"
@@ -69,19 +68,3 @@ def everything(page: Path) -> str:
     """Prose, and what blocks that are run may print: links and references may stand in both."""
     run = [block.text for block in blocks(page) if block.executed]
     return "\n".join([prose(page), *run])
-
-
-def run(page: Path) -> str:
-    """What the Python blocks of a page print, run in order in one namespace."""
-    printed: list[str] = []
-
-    def into_page(*values: Any, sep: str = " ", end: str = "\n") -> None:
-        printed.append(sep.join(map(str, values)) + end)
-
-    space: dict[str, Any] = {"print": into_page, "__name__": f"tutorial_{page.stem}"}
-    for block in blocks(page):
-        if block.language == "python" and block.executed:
-            # Its lines are those of the page, so that a traceback names them.
-            source = "\n" * (block.line - 1) + block.text
-            exec(compile(source, str(page), "exec"), space)
-    return "".join(printed)
