@@ -66,13 +66,17 @@ def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
     assert drawn.outputs == [f"results/ilo/fig1.{kind}" for kind in ("svg", "pdf", "caption.rst")]
     assert "workflow/report/ilo/_settings.rst" in drawn.inputs["partials"]
     assert GRAPH.job("robustness", paper="ilo").command.endswith(
-        "--draws 3 --no-flips --kept config/draws/ilo.json --output results/ilo/robustness.json"
+        "--draws 3 --no-flips --kept config/draws/ilo.json "
+        "--study-files results/ilo/matching.study.csv "
+        "--theory-file results/ilo/theory.metrics.csv --output results/ilo/robustness.json"
     )
     gathering = IN_CHUNKS.job("robustness", paper="ilo").inputs
     names = ("0-2", "3-5", "6-8", "9-11")
     assert gathering["chunks"] == [f"results/ilo/draws/{name}.json" for name in names]
     anew = replace(GRAPH, kept=False).job("robustness", paper="ilo")
-    assert anew.command.endswith("--no-flips --output results/ilo/robustness.json")
+    assert anew.command.startswith(
+        "stage robustness results/ilo/ledger.json --draws 3 --no-flips --study-files "
+    )
 
 
 def test_names_are_quoted_for_the_shell() -> None:

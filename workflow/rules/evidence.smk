@@ -64,7 +64,6 @@ rule robustness:
         log_of("robustness"),
     benchmark:
         log_of("robustness", ".tsv")
-    # It waits for nothing and takes longest.
     priority: 2
     conda:
         "../envs/reobserve.yaml"

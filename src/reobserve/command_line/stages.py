@@ -130,7 +130,7 @@ def _add_evidence(commands: Any) -> None:
         "--no-flips", dest="flips", action="store_false",
         help="do not look for the smallest change that turns a claim over, which takes longest",
     )  # fmt: skip
-    _known_draws(robustness)
+    _what_is_known(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
     add_project(robustness)
 
@@ -139,7 +139,7 @@ def _add_evidence(commands: Any) -> None:
     )
     _ledger_file(draw)
     draw.add_argument("chunk", help="the first and the last number of a draw, as 50-99")
-    _known_draws(draw)
+    _what_is_known(draw)
     add_output(draw, "the draws, JSON")
     add_project(draw)
 
@@ -178,12 +178,19 @@ def _design_file(command: argparse.ArgumentParser, *, required: bool = False) ->
     command.add_argument("--design-file", type=Path, required=required, metavar="FILE", help=text)
 
 
-def _known_draws(command: argparse.ArgumentParser) -> None:
+def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument("--kept", type=Path, help="draws that need not all be made again")
     command.add_argument(
         "--chunk-files", type=Path, nargs="+", default=[], metavar="FILE",
         help="by `reobserve stage draw`; draws that they lack are made here",
     )  # fmt: skip
+    command.add_argument(
+        "--study-files", type=Path, nargs="+", default=[], metavar="FILE",
+        help="by `reobserve stage study`, in the order of the ledger; without them they are run",
+    )  # fmt: skip
+    command.add_argument(
+        "--theory-file", type=Path, metavar="FILE", help="by `reobserve stage theory`, likewise"
+    )
 
 
 def _figure_inputs(command: argparse.ArgumentParser) -> None:

@@ -131,14 +131,16 @@ STAGES = {
         "logs/{paper}/{figure}.plot.log",
     ),
     "draw": Stage(
-        ("chunk",), (), ("ledger", "registry", "kept", "chunks"),
-        "stage draw {ledger} {chunk} [--kept {kept}] [--chunk-files {chunks}] --output {output}",
+        ("chunk",), (), ("ledger", "registry", "kept", "chunks", "studies", "theory"),
+        "stage draw {ledger} {chunk} [--kept {kept}] [--chunk-files {chunks}]"
+        " [--study-files {studies}] [--theory-file {theory}] --output {output}",
         ("results/{paper}/draws/{chunk}.json",), "logs/{paper}/draws/{chunk}.log",
     ),
     "robustness": Stage(
-        (), (), ("ledger", "registry", "kept", "chunks"),
+        (), (), ("ledger", "registry", "kept", "chunks", "studies", "theory"),
         "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}]"
-        " [--chunk-files {chunks}] --output {output}",
+        " [--chunk-files {chunks}] [--study-files {studies}] [--theory-file {theory}]"
+        " --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(

@@ -118,6 +118,10 @@ class Evaluator:
         """For another ledger of the paper; what either computes, both have."""
         return Evaluator(ledger, self._done)
 
+    def take(self, stage: str, made: Any, **names: str) -> None:
+        """Take what a job has made elsewhere: the rows of a study, the metrics of a theory."""
+        self._done[self._key(self._job(stage, **names))] = made
+
     def apart(self) -> Evaluator:
         """The same, which starts from what is computed here and keeps for itself what it adds."""
         return Evaluator(self.ledger, dict(self._done))

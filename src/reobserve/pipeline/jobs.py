@@ -19,6 +19,9 @@ from reobserve.ledger.stages import AGELESS, DEFAULT_STYLE, SECTIONS, STAGES, ke
 from reobserve.pipeline.chunks import chunks_of, earlier
 from reobserve.timeseries.signals import sample_files
 
+# Roles in which a job reads what all jobs of a stage make.
+_ALL_OF = {"designs": "design", "studies": "study"}
+
 
 @dataclass(frozen=True, eq=False)
 class Job:
@@ -235,18 +238,18 @@ class Graph:
             for one in job.body["observers"]:
                 names = {"scenario": job.body["scenario"], "observer": one}
                 yield self.job("observe", paper=paper, **names)
-        elif role == "designs":
-            yield from self.all_of("design", paper)
+        elif role in _ALL_OF:
+            yield from self.all_of(_ALL_OF[role], paper)
         elif role in ("design", "study"):
             if role in job.body:
                 yield self.job(role, paper=paper, **{role: job.body[role]})
         elif role == "metrics":
             yield self.job("metrics", paper=paper, figure=job.names["figure"])
-        elif role == "robustness":
+        elif role == "robustness" or (role == "theory" and role in self.ledgers[paper].tree):
             yield self.job(role, paper=paper)
         elif role == "chunks":
-            for one in self._chunks_for(job):
-                yield self.job("draw", paper=paper, chunk=one)
+            chunks = self._chunks_for(job)
+            yield from (self.job("draw", paper=paper, chunk=one) for one in chunks)
         else:
             yield from self._read_of_project(job, role, paper)
 

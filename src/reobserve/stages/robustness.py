@@ -12,18 +12,20 @@ from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import assess
 from reobserve.evidence.claims.robustness_file import to_data
 from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.built import evaluator_after
 from reobserve.plain_data.files import write_text
 
 
 def run(
     ledger_file: Path, draws: int, flips: bool, kept: Path | None, chunk_files: Sequence[Path],
-    output: Path, project: Path,
+    study_files: Sequence[Path], theory_file: Path | None, output: Path, project: Path,
 ) -> None:  # fmt: skip
     """Draw, move and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
     past = {} if kept is None else read_kept(kept, ledger.paper)
     made = read_chunks(chunk_files, ledger.paper)
-    found = assess(ledger, read_registry(project, ledger).claims, draws, flips, past, made)
+    evaluator = evaluator_after(ledger, study_files, theory_file)
+    found = assess(evaluator, read_registry(project, ledger).claims, draws, flips, past, made)
     stored = {
         "paper": ledger.paper,
         "seed": ledger.seed,

@@ -28,7 +28,7 @@ def test_a_theory_in_parts_gives_what_it_gives_whole(paper: str) -> None:
         for claim in read_registry(ROOT, ledger).claims
         if claim.figures == [THEORY] and claim.choices
     ]
-    outcomes = Outcomes(ledger, claims)
+    outcomes = Outcomes(Evaluator(ledger), claims)
     for claim in claims[::4]:
         drawn, _ = draw(ledger, claim.choices, 1)
         whole = outcome(claim, {THEORY: lookup(Evaluator(drawn).theory())})

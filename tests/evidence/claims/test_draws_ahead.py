@@ -75,14 +75,14 @@ def gathered(
     chunks: Sequence[Path] = (), kept: dict[str, KeptDraws] | None = None, draws: int = DRAWS
 ) -> str:
     """What the robustness writes."""
-    found = assess(ILO, CLAIMS, draws, kept=kept, made=read_chunks(chunks, "ilo"))
+    found = assess(Evaluator(ILO), CLAIMS, draws, kept=kept, made=read_chunks(chunks, "ilo"))
     return json.dumps({name: to_data(one) for name, one in found.items()})
 
 
 def make(folder: Path, chunk: str, kept: dict[str, KeptDraws] | None = None) -> Path:
     """The file of a chunk, made from those that it waits for."""
     waited = [folder / f"{one}.json" for one in earlier(chunk)]
-    inquiry = Inquiry.begin(ILO, CLAIMS, kept, read_chunks(waited, "ilo"))
+    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, kept, read_chunks(waited, "ilo"))
     bases = {name: one.basis for name, one in inquiry.found.items()}
     path = folder / f"{chunk}.json"
     write_chunk(path, "ilo", bases, make_ahead(inquiry, numbers_of(chunk)))
@@ -109,11 +109,11 @@ def test_who_gathers_draws_only_what_takes_the_place_of_refused_draws(
     code: Code, tmp_path: Path
 ) -> None:
     paths = make_all(tmp_path, 5)
-    found = assess(ILO, CLAIMS, DRAWS, flips=False)
+    found = assess(Evaluator(ILO), CLAIMS, DRAWS, flips=False)
     more = {number for one in found.values() for number in _numbers(one) if number >= DRAWS}
     assert more
     code.asked.clear()
-    assess(ILO, CLAIMS, DRAWS, flips=False, made=read_chunks(paths, "ilo"))
+    assess(Evaluator(ILO), CLAIMS, DRAWS, flips=False, made=read_chunks(paths, "ilo"))
     assert len(code.asked) == 1 + len(more)
 
 
@@ -123,7 +123,7 @@ def _numbers(one: object) -> range:
 
 def test_claims_stop_by_themselves(code: Code, tmp_path: Path) -> None:
     """Each in its chunk, where that follows those it waits for; else at the end of the wave."""
-    ends = {name: _numbers(one).stop for name, one in assess(ILO, CLAIMS, DRAWS).items()}
+    ends = {name: _numbers(one).stop for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
     assert ends["soon decided"] < ends["later decided"] < DRAWS < ends["near the line"]
     make_all(tmp_path, 9)
     for name, end in ends.items():
@@ -157,7 +157,7 @@ def test_chunks_serve_more_draws(code: Code, tmp_path: Path) -> None:
 def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
     code: Code, tmp_path: Path, factor: float
 ) -> None:
-    kept = {name: one.to_keep for name, one in assess(ILO, CLAIMS, 40).items()}
+    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, 40).items()}
     code.factor = factor
     paths = make_all(tmp_path, 5, kept)
     assert gathered(paths, kept) == gathered(kept=kept)
@@ -168,10 +168,10 @@ def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
 def test_chunks_of_other_ledgers_and_claims_are_not_taken(code: Code, tmp_path: Path) -> None:
     paths = make_all(tmp_path, 2)
     other = replace(CLAIMS[0], checks=(Check.parse({"value": "fig1 a gain", "above": 621}),))
-    alone = assess(ILO, [other], 20)
+    alone = assess(Evaluator(ILO), [other], 20)
     code.factor = 2.0  # so that draws of before would show
-    fresh = assess(ILO, [other], 20, made=read_chunks(paths, "ilo"))
-    assert fresh == assess(ILO, [other], 20) != alone
+    fresh = assess(Evaluator(ILO), [other], 20, made=read_chunks(paths, "ilo"))
+    assert fresh == assess(Evaluator(ILO), [other], 20) != alone
 
 
 @pytest.mark.parametrize(

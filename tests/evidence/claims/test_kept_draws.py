@@ -61,7 +61,7 @@ def claim(above: float = 1000) -> Claim:
 def found(
     one: Claim, kept: dict[str, KeptDraws] | None = None, draws: int = 40, ledger: Ledger = ILO
 ) -> Robustness:
-    return assess(ledger, [one], draws, kept=kept)["it"]
+    return assess(Evaluator(ledger), [one], draws, kept=kept)["it"]
 
 
 def as_made(one: Robustness) -> Robustness:
@@ -132,7 +132,7 @@ def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -
 
 
 def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None:
-    silent = assess(ILO, [claim()], 20, flips=False)
+    silent = assess(Evaluator(ILO), [claim()], 20, flips=False)
     keep(tmp_path, "ilo", silent)
     assert read_kept(tmp_path / kept_file("ilo"), "ilo") == {}
     looked = found(claim(), {"it": silent["it"].to_keep}, 20)

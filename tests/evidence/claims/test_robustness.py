@@ -53,7 +53,7 @@ def claim(value: str, *keys: str, **relation: Any) -> Claim:
 
 
 def found(one: Claim, draws: int = 400) -> Robustness:
-    return assess(ILO, [one], draws)["it"]
+    return assess(Evaluator(ILO), [one], draws)["it"]
 
 
 def test_the_share_is_that_of_the_range() -> None:
@@ -81,7 +81,7 @@ def test_the_same_readers_are_asked_about_all_claims() -> None:
     """What they set for one claim they set for another, and each ends when it is decided."""
     quick = claim("fig1 a gain", GAIN, above=1900)
     slow = replace(claim("fig1 a gain", DAMPING, GAIN, above=400), name="slow")
-    both = assess(ILO, [quick, slow], 400)
+    both = assess(Evaluator(ILO), [quick, slow], 400)
     assert (both["it"].draws, both["slow"].draws) == (20, 36)
     gains = [[trial.outcome.numbers for trial in one.trials] for one in both.values()]
     assert gains[0] == gains[1][:20]
@@ -102,8 +102,8 @@ def test_draws_that_cannot_differ_are_told() -> None:
 
 def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
     one, other = claim("fig1 a gain", GAIN, above=1000), claim("fig1 a share", DAMPING, above=0.7)
-    alone = assess(ILO, [one], 50)["it"]
-    both = assess(ILO, [replace(other, name="other"), one], 50)["it"]
+    alone = assess(Evaluator(ILO), [one], 50)["it"]
+    both = assess(Evaluator(ILO), [replace(other, name="other"), one], 50)["it"]
     assert alone == both
 
 
@@ -165,7 +165,7 @@ def test_an_expensive_claim_is_looked_at_the_ends_only(shown: list[str]) -> None
 
 def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -> None:
     one = claim("fig1 a gain", GAIN, above=100)
-    silent = assess(ILO, [one], 4, flips=False)["it"]
+    silent = assess(Evaluator(ILO), [one], 4, flips=False)["it"]
     assert (silent.draws, silent.flip, silent.looked) == (4, None, False)
     assert len(shown) == 1 + 4
     stored = {"paper": "ilo", "seed": 1, "draws": 4, "claims": {"it": to_data(silent)}}
@@ -177,4 +177,4 @@ def test_what_depends_on_nothing_or_is_broken_is_left_out() -> None:
     free = claim("fig1 a gain", above=0)
     unknown = claim("fig1 a gains", GAIN, above=0)
     problem = Claim("ilo", "broken", problem="it is broken")
-    assert assess(ILO, [free, unknown, problem], 4) == {}
+    assert assess(Evaluator(ILO), [free, unknown, problem], 4) == {}

@@ -185,7 +185,7 @@ def test_few_levels_give_the_golden_numbers_of_theirs(paper: str, figure: str) -
 def without_and_with_study(ledger: Ledger) -> list[str]:
     """Figures in the order in which they are made: those with studies last."""
     figures = ledger.tree["figures"]
-    return sorted(figures, key=lambda one: (figures[one].get("study") is not None))
+    return sorted(figures, key=lambda one: figures[one].get("study") is not None)
 
 
 def noticed(paper: str, key: str, path: Path_, factors: tuple[float, ...] = (1.01, 0.99)) -> str:

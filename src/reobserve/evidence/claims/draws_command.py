@@ -12,6 +12,7 @@ from reobserve.evidence.claims.robustness import Robustness, assess
 from reobserve.ledger.config import known_papers, named_papers
 from reobserve.ledger.ledger import Ledger, default_ledger
 from reobserve.ledger.stages import kept_file
+from reobserve.pipeline.evaluation import Evaluator
 
 _FIRST = 40  # draws; from here on the most is doubled, and what is there is kept each time
 
@@ -49,7 +50,7 @@ def _draw_on(project: Path, ledger: Ledger, claims: list[Claim], most: int) -> N
     """In steps, so that little is lost where it is ended before."""
     step = min(_FIRST, most)
     while True:
-        found = assess(ledger, claims, step, kept=_kept(project, ledger.paper))
+        found = assess(Evaluator(ledger), claims, step, kept=_kept(project, ledger.paper))
         keep(project, ledger.paper, found)
         left = [one for one in found.values() if one.firm is None]
         drawn = f"{sum(one.draws for one in found.values())} draws"
@@ -64,7 +65,7 @@ def _differences(
 ) -> list[str]:
     """The claims whose draws come out otherwise, a sentence each."""
     said = []
-    for name, one in assess(ledger, claims, most, flips=False).items():
+    for name, one in assess(Evaluator(ledger), claims, most, flips=False).items():
         place, past = f"claims.{ledger.paper}.{name}", kept.get(name)
         if past is None or past.basis != one.basis:
             said.append(f"{place}: no draws are kept of it as it is")

@@ -28,9 +28,9 @@ class Outcome:
 class Outcomes:
     """Outcomes of claims with other ledgers; what a change does not touch is not run again."""
 
-    def __init__(self, ledger: Ledger, claims: Iterable[Claim]) -> None:
+    def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
-        self._base = Evaluator(ledger)
+        self._base = base
         figures = dict.fromkeys(figure for claim in claims for figure in claim.figures)
         self._stated = {figure: lookup(metrics_of(self._base, figure)) for figure in figures}
 

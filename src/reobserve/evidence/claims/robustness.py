@@ -16,6 +16,7 @@ from reobserve.evidence.claims.known_draws import KnownDraws, MadeDraws
 from reobserve.evidence.claims.outcomes import Outcome, Outcomes, decided
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.evaluation import Evaluator
 
 # Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
 # leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.
@@ -146,14 +147,16 @@ class Inquiry:
 
     @staticmethod
     def begin(
-        ledger: Ledger,
+        evaluator: Evaluator,
         claims: Sequence[Claim],
         kept: Mapping[str, KeptDraws] | None = None,
         made: MadeDraws | None = None,
         looked: bool = True,
     ) -> Inquiry:
         """With no draws yet; left out are claims that are broken or depend on nothing."""
-        outcomes = Outcomes(ledger, [claim for claim in claims if claim.checks and claim.choices])
+        outcomes = Outcomes(
+            evaluator, [claim for claim in claims if claim.checks and claim.choices]
+        )
         asked, found, known = [], {}, {}
         for claim in claims:
             if not (claim.checks and claim.choices) or (stated := outcomes.stated(claim)) is None:
@@ -162,7 +165,7 @@ class Inquiry:
             asked.append(claim)
             found[claim.name] = Robustness(stated, claim.knob_names, looked=looked, basis=basis)
             known[claim.name] = KnownDraws.of(claim.name, basis, kept or {}, made or {})
-        return Inquiry(ledger, outcomes, asked, found, known)
+        return Inquiry(evaluator.ledger, outcomes, asked, found, known)
 
     def ask(self, number: int, claims: Iterable[Claim]) -> None:
         """Make a draw of some claims; what comes out is known from then on."""
@@ -187,7 +190,7 @@ class Inquiry:
 
 
 def assess(
-    ledger: Ledger,
+    evaluator: Evaluator,
     claims: Sequence[Claim],
     draws: int,
     flips: bool = True,
@@ -198,8 +201,8 @@ def assess(
 
     Parameters
     ----------
-    ledger
-        Draws and moves start from it.
+    evaluator
+        Draws and moves start from its ledger, and from what it has made of that.
     claims
         Of the same paper; left out are those that are broken or depend on nothing.
     draws
@@ -218,13 +221,14 @@ def assess(
     DivergenceError
         If something diverges with the ledger as it is.
     """
-    inquiry = Inquiry.begin(ledger, claims, kept, made, looked=flips)
+    inquiry = Inquiry.begin(evaluator, claims, kept, made, looked=flips)
     _draw_all(inquiry, draws)
     found, known = inquiry.found, inquiry.known
     if flips:
         told = {name: one.kept.flip for name, one in known.items() if one.kept and one.kept.looked}
         sought = [claim for claim in inquiry.claims if claim.name not in told]
-        for name, flip in (told | smallest_flips(ledger, inquiry.outcomes, sought)).items():
+        told |= smallest_flips(inquiry.ledger, inquiry.outcomes, sought)
+        for name, flip in told.items():
             found[name].flip = flip
     return found
 

@@ -1,0 +1,44 @@
+"""What a build has made and an evaluation need not make again: its studies and its theory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reobserve.errors import InputError
+from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import read_study
+from reobserve.pipeline.evaluation import Evaluator
+from reobserve.scoring.metrics import read_metrics
+
+
+def evaluator_after(
+    ledger: Ledger, study_files: Sequence[Path] = (), theory_file: Path | None = None
+) -> Evaluator:
+    """An evaluator of the ledger that takes from files what stages have made of it.
+
+    Parameters
+    ----------
+    ledger
+        What the files were made of.
+    study_files
+        Of all its studies, in the order of the ledger, or none.
+    theory_file
+        Of its theory, if it has one that need not be computed.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or there are not as many as there are studies.
+    """
+    evaluator = Evaluator(ledger)
+    studies = ledger.tree.get("studies", {})
+    if study_files and len(study_files) != len(studies):
+        raise InputError(
+            "--study-files", f"{len(study_files)} must be one for each of {list(studies)}"
+        )
+    for name, path in zip(studies, study_files, strict=False):
+        evaluator.take("study", read_study(ledger.paper, path), study=name)
+    if theory_file is not None:
+        evaluator.take("theory", read_metrics(theory_file))
+    return evaluator
