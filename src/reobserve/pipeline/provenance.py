@@ -58,8 +58,12 @@ def import_closure(modules: Iterable[str]) -> list[str]:
     return sorted(found)
 
 
+@cache
 def code_digest(stage: str, paper: str) -> str:
-    """A short hash of the source of everything that a stage of a paper imports from here."""
+    """A short hash of the source of everything that a stage of a paper imports from here.
+
+    As it was when this process first asked, so that all jobs of a build are told the same.
+    """
     return closure_digest(stage_modules(stage, paper))
 
 
