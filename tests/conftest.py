@@ -17,11 +17,13 @@ pin_code_paths()
 
 
 def group(test: str) -> str:
-    """The tests of a file, of a paper's golden numbers or of the built project, or of the
-    built site, kept together."""
+    """The tests of a file, of a paper's numbers, of the built project or of the built site, kept
+    together.
+    """
     file, _, name = test.partition("::")
-    if file == "tests/evidence/golden/test_golden.py":
-        return f"{file} {name.partition('[')[2].partition('-')[0]}"
+    # Those that evaluate all of a paper.
+    if file in {"tests/evidence/golden/test_golden.py", "tests/pipeline/test_same_values.py"}:
+        return f"golden {name.partition('[')[2].partition('-')[0]}"
     # Those that edit the built project, and put it back; others only read its results.
     if file in {
         f"tests/pipeline/test_{name}.py" for name in ("pipeline", "staleness", "bad_input")

@@ -16,13 +16,16 @@ import pytest
 from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.evaluation import Evaluator
 
 ROOT = Path(__file__).parents[2]
 
-# What a plain build makes: all papers, their figures and tables.
+# What a plain build makes: all papers, their figures and tables. An evaluation is made once for
+# all tests of a process that ask for it.
 CONFIG = read_yaml(ROOT / "config" / "config.yaml")
 PAPERS = known_papers(ROOT)
 LEDGERS = {paper: Ledger.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
+EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree["figures"]]
 TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]
 
@@ -43,11 +46,13 @@ class Project:
         """The variables under which commands run in the copy."""
         return project_copy.copy_environment(self.folder)
 
-    def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-        """Run a command in the copy and keep what it prints."""
+    def run(
+        self, *command: str, check: bool = True, given: str | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a command in the copy, on this input, and keep what it prints."""
         done = subprocess.run(
             command, cwd=self.folder, env=self.environment, capture_output=True, text=True,
-            check=False,
+            check=False, input=given,
         )  # fmt: skip
         assert done.returncode == 0 or not check, done.stdout + done.stderr
         return done

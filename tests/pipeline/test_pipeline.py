@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
 from html import escape
 from pathlib import Path
@@ -16,54 +15,12 @@ from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.stages import STAGES
-from reobserve.pipeline.common import paper_module
-from reobserve.pipeline.evaluation import Evaluator
-from reobserve.plain_data.files import read_table, write_table
+from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series
 from tests import FIVE
 
 from .conftest import FIGURES, LEDGERS, ROOT, TABLES, Project
-
-
-@pytest.fixture(scope="module")
-def evaluators() -> dict[str, Evaluator]:
-    return {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
-
-
-@pytest.mark.parametrize(("paper", "figure"), FIGURES)
-def test_the_pipeline_computes_what_the_library_does(
-    built: Project, evaluators: dict[str, Evaluator], paper: str, figure: str
-) -> None:
-    """One call in this process and a chain of jobs and files: the same to the last bit."""
-    evaluator = evaluators[paper]
-    evaluation = evaluator.figure(figure)
-    folder = built.folder / "results" / paper
-    for mine, theirs in zip(
-        evaluation.metrics, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
-    ):
-        assert (mine.observer, mine.metric, mine.unit) == (
-            theirs.observer, theirs.metric, theirs.unit,
-        )  # fmt: skip
-        assert mine.value == theirs.value or (math.isnan(mine.value) and math.isnan(theirs.value))
-    scenario = evaluator.ledger.tree["figures"][figure]["scenario"]
-    series = {"plant": evaluation.plant, **evaluation.estimates}
-    for name, expected in series.items():
-        found = Series.read(folder / scenario / f"{name}.parquet")
-        assert list(found.channels) == list(expected.channels)
-        for channel in found.channels:
-            assert np.array_equal(found[channel], expected[channel])
-            assert found.channels[channel].unit == expected.channels[channel].unit
-
-
-def test_the_pipeline_fills_tables_as_the_library_does(
-    built: Project, evaluators: dict[str, Evaluator], tmp_path: Path
-) -> None:
-    for paper, table in TABLES:
-        rows = evaluators[paper].table(table)
-        write_table(tmp_path / "table.csv", rows, paper_module(paper, "table").HEADER)
-        found = built.folder / "results" / paper / f"{table}.csv"
-        assert found.read_bytes() == (tmp_path / "table.csv").read_bytes(), (paper, table)
 
 
 def test_provenance_says_what_made_a_series(built: Project) -> None:

@@ -28,12 +28,11 @@ from reobserve.evidence.golden.kept import (
 )
 from reobserve.ledger.ledger import Ledger, leaves, matches
 from reobserve.pipeline.evaluation import Evaluator
-from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, copy_project
+from tests.pipeline.conftest import EVALUATORS, LEDGERS, PAPERS, ROOT, Project, copy_project
 
 # Words in a key or a place in its value that have names in the form of numbers behind them.
 NAMES = {"axis", "component", "powers"}
 PARTS = [(paper, part) for paper in PAPERS for part in part_names(LEDGERS[paper].tree)]
-EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 
 
 def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> Iterator[str]:

@@ -1,0 +1,64 @@
+"""The pipeline computes what the library does: one call in this process, and jobs and files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reobserve.pipeline.common import paper_module
+from reobserve.plain_data.files import write_table
+from reobserve.scoring.metrics import read_metrics
+from reobserve.timeseries.series import Series
+
+from .conftest import EVALUATORS, FIGURES, LEDGERS, PAPERS, TABLES, Project
+
+
+@pytest.mark.parametrize(("paper", "figure"), FIGURES)
+def test_a_figure_has_the_same_numbers_to_the_last_bit(
+    as_built: Project, paper: str, figure: str
+) -> None:
+    evaluator = EVALUATORS[paper]
+    evaluation = evaluator.figure(figure)
+    folder = as_built.folder / "results" / paper
+    for mine, theirs in zip(
+        evaluation.metrics, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
+    ):
+        assert (mine.observer, mine.metric, mine.unit) == (
+            theirs.observer, theirs.metric, theirs.unit,
+        )  # fmt: skip
+        assert mine.value == theirs.value or (math.isnan(mine.value) and math.isnan(theirs.value))
+    scenario = evaluator.ledger.tree["figures"][figure]["scenario"]
+    series = {"plant": evaluation.plant, **evaluation.estimates}
+    for name, expected in series.items():
+        found = Series.read(folder / scenario / f"{name}.parquet")
+        assert list(found.channels) == list(expected.channels)
+        for channel in found.channels:
+            assert np.array_equal(found[channel], expected[channel])
+            assert found.channels[channel].unit == expected.channels[channel].unit
+
+
+@pytest.mark.parametrize(
+    ("paper", "study"),
+    [(paper, study) for paper in PAPERS for study in LEDGERS[paper].tree.get("studies", {})],
+)
+def test_a_study_has_the_same_bytes(
+    as_built: Project, tmp_path: Path, paper: str, study: str
+) -> None:
+    evaluator = EVALUATORS[paper]
+    rows = evaluator._once(evaluator._job("study", study=study))
+    write_table(tmp_path / "study.csv", rows, paper_module(paper, "study").HEADER)
+    found = as_built.folder / "results" / paper / f"{study}.study.csv"
+    assert found.read_bytes() == (tmp_path / "study.csv").read_bytes()
+
+
+@pytest.mark.parametrize(("paper", "table"), TABLES)
+def test_a_table_has_the_same_bytes(
+    as_built: Project, tmp_path: Path, paper: str, table: str
+) -> None:
+    rows = EVALUATORS[paper].table(table)
+    write_table(tmp_path / "table.csv", rows, paper_module(paper, "table").HEADER)
+    found = as_built.folder / "results" / paper / f"{table}.csv"
+    assert found.read_bytes() == (tmp_path / "table.csv").read_bytes()
