@@ -15,7 +15,7 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations docs lock env cluster \
+.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations docs lock package env cluster \
 	clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -61,6 +61,9 @@ docs: $(DOCS)  ## the documentation as a site that any static host serves, build
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
 	@echo "build/site/index.html: the documentation"
 
+package: $(STAMP)  ## wheel and source archive in dist, checked, each extra installed and used; minutes
+	python -m tests.package
+
 env: $(STAMP)  ## set up .venv and nothing else
 
 cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Slurm
@@ -84,8 +87,9 @@ LOCK := uv pip compile --quiet --universal --python-version 3.11 --generate-hash
 lock:  ## renew the locks from pyproject.toml
 	$(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet uv
-	.venv-lock/bin/$(LOCK) --group pyproject.toml:dev pyproject.toml -o requirements.lock
+	.venv-lock/bin/$(LOCK) --all-extras --group pyproject.toml:dev pyproject.toml -o requirements.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:package -c requirements.lock -o requirements-package.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:docs -c requirements.lock -o requirements-docs.lock
 	rm -rf .venv-lock
@@ -95,7 +99,7 @@ clean:  ## remove what was built
 	rm -rf logs .snakemake build
 
 distclean: clean  ## remove the environment and every cache, too
-	rm -rf figdiff benchmarks/results $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache
+	rm -rf dist figdiff benchmarks/results $(VENV) .venv-lock .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help:  ## this list

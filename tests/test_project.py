@@ -45,9 +45,10 @@ def inside(modules: set[str], *packages: str) -> set[str]:
 # The floor plan, from the ground up: a room may import those that stand before it. What a paper is
 # made of, and each of the evidence's own rooms, has its own order inside.
 ROOMS = (
-    "errors", "numerics", "power_series", "plain_data", "timeseries", "models", "synthesis",
-    "plants", "observers", "designs", "export", "own_data", "scoring", "ledger", "drawing",
-    "papers", "pipeline", "evidence", "stages", "command_line", "cli", "forking", "__main__",
+    "errors", "extras", "numerics", "power_series", "plain_data", "timeseries", "models",
+    "synthesis", "plants", "observers", "designs", "export", "own_data", "scoring", "ledger",
+    "drawing", "papers", "pipeline", "evidence", "stages", "command_line", "cli", "forking",
+    "__main__",
 )  # fmt: skip
 
 
@@ -107,7 +108,11 @@ def test_files_can_be_held_in_the_head() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["requirements.lock", "requirements-build.lock", "requirements-docs.lock"]
+    "name",
+    [
+        f"requirements{kind}.lock"
+        for kind in ("", "-build", "-docs", "-package")
+    ],
 )
 def test_the_locks_pin_by_hash_and_name_no_host(name: str) -> None:
     text = (ROOT / name).read_text()

@@ -12,6 +12,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from reobserve.command_line.designs import add_designs
@@ -19,7 +20,8 @@ from reobserve.command_line.evidence import add_evidence
 from reobserve.command_line.overview import add_overview
 from reobserve.command_line.own_data import add_own_data
 from reobserve.command_line.stages import add_stages
-from reobserve.errors import ReobserveError, one_line
+from reobserve.errors import InputError, ReobserveError, one_line, shown
+from reobserve.extras import EXTRAS, missing
 from reobserve.numerics.code_paths import pin_code_paths
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
@@ -34,11 +36,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = vars(_parser().parse_args(arguments))
     module, function = options.pop("run").split(":")
     try:
+        if "project" in options:
+            _check_project(options["project"])
         getattr(importlib.import_module(f"reobserve.{module}"), function)(**options)
         if sys.stdout is not None:
             sys.stdout.flush()
     except ReobserveError as error:
         print(f"reobserve: {one_line(error, _MOST_SAID)}", file=sys.stderr)
+        return 1
+    except ModuleNotFoundError as error:  # what is imported late, with no sentence of its own
+        top = str(error.name).partition(".")[0]
+        if top not in EXTRAS:
+            raise
+        print(f"reobserve: {missing(top, 'run this command', 'pipeline')}", file=sys.stderr)
         return 1
     except BrokenPipeError:
         _forget_output()
@@ -50,6 +60,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+def _check_project(folder: Path) -> None:
+    if not (folder / "config" / "papers").is_dir():
+        where = "this folder" if folder == Path() else shown(str(folder))
+        problem = f"{where} has no config/papers; name a checkout of reobserve, or run this in one"
+        raise InputError("--project", problem)
 
 
 def _forget_output() -> None:
@@ -65,11 +82,22 @@ class _Parser(argparse.ArgumentParser):
         super().error(one_line(message))
 
 
+class _Version(argparse.Action):
+    """Looks the version up when it is asked for: that takes as long as a short job."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        from importlib import metadata
+
+        print("reobserve", metadata.version("reobserve"))
+        parser.exit()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="reobserve",
         description="State and fault observers from five papers.",
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="say which version this is")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)
     add_overview(commands)

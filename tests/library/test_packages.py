@@ -71,8 +71,9 @@ def test_a_missing_package_is_named(
     name: str, call: Callable[[], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, name, None)
-    shop = {"flint": "python-flint"}.get(name, name)
-    with pytest.raises(InputError, match=rf"^{name}: this package .* `pip install {shop}`$"):
+    extra = "design" if name in ("cvxpy", "flint") else "symbolic"
+    told = rf'^{name}: is not installed, and is needed to .*: `pip install "reobserve\[{extra}\]"`'
+    with pytest.raises(InputError, match=told):
         call()
 
 

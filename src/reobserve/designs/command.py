@@ -8,6 +8,7 @@ from typing import Any
 from reobserve.designs.design import Design
 from reobserve.designs.file import kind_of, naming, save_design
 from reobserve.errors import InputError, shown
+from reobserve.extras import package
 from reobserve.plain_data.files import read_text, write_text
 from reobserve.plain_data.json_data import Tree
 from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
@@ -51,6 +52,7 @@ def read_model(path: str | Path) -> Tree:
     InputError
         If it is none.
     """
+    package("yaml", "read a model", extra="design")
     tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
     if not isinstance(tree, dict):
         raise InputError(str(path), f"{shown(tree)} must be a mapping of keys to values")

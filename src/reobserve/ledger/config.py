@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
+from reobserve.extras import package
 from reobserve.ledger.stages import DEFAULT_STYLE, style_sheet
 from reobserve.plain_data.files import read_text, reason
 from reobserve.plain_data.json_data import check_plain
@@ -124,6 +125,7 @@ def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
     InputError
         With the dotted path of the worst fault, under ``place``.
     """
+    package("jsonschema", "check config")
     from jsonschema import Draft202012Validator
     from jsonschema.exceptions import best_match
 

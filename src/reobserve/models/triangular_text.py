@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, shown
+from reobserve.extras import package
 from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.arguments import package
 from reobserve.numerics.vector_field import vector_field
 from reobserve.power_series.grammar import check_size, parse
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -67,22 +66,3 @@ def as_poles(name: str, value: Any) -> NDArray[np.complex128]:
     if array.dtype.kind not in "iufc" or array.ndim != 1 or np.ma.is_masked(value):
         raise InputError(name, f"{shown(value)} must be a list of numbers")
     return array.astype(np.complex128)
-
-
-def package(name: str, purpose: str) -> Any:
-    """An imported package that only some users have.
-
-    Raises
-    ------
-    InputError
-        If it is not installed, with the command that installs it.
-    """
-    try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name != name.partition(".")[0]:
-            raise
-        shop = {"flint": "python-flint"}.get(name, name)
-        raise InputError(
-            name, f"this package is needed to {purpose}: install it with `pip install {shop}`"
-        ) from None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, nearest, shown
+from reobserve.extras import package
 
 Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")
@@ -71,6 +72,7 @@ class Run(Generic[StateKind]):
 
         Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix.
         """
+        package("pandas", "make a data frame")
         import pandas as pd
 
         columns = {

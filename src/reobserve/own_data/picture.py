@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.own_data.estimation import Estimated, Estimation
 from reobserve.own_data.outputs import RESIDUAL, Output
 from reobserve.plain_data.files import write_whole
@@ -29,15 +29,16 @@ _FORMATS = (".png", ".pdf", ".svg")
 
 
 def check_picture(path: Path) -> None:
-    """Refuse a name that says no format of pictures.
+    """Refuse a name that says no format of pictures, before there is one to draw.
 
     Raises
     ------
     InputError
-        If it ends otherwise.
+        If it ends otherwise, or matplotlib is not installed.
     """
     if path.suffix not in _FORMATS:
         raise InputError(str(path), f"must end with {', '.join(_FORMATS)}")
+    package("matplotlib", "draw a picture")
 
 
 class Picture:

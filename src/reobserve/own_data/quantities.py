@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from reobserve.errors import InputError, shown
+from reobserve.extras import package
 
 _LONGEST = 60  # characters
 
@@ -36,8 +37,7 @@ def _registry() -> Any:
 @cache
 def _parsed(text: str) -> Any:
     """The unit that a text names; None if it is none."""
-    import pint
-
+    pint = package("pint", "convert units")
     try:
         unit = _registry().parse_units(text)
         _registry().Quantity(1.0, unit).to_base_units()

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
+from reobserve.extras import package
 from reobserve.own_data.layout import NOTHING
 from reobserve.plain_data.files import reason
 
@@ -127,6 +128,7 @@ class File:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
+        package("pyarrow", "read a record")
         import pyarrow as pa
 
         try:

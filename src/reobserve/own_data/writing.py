@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
+from reobserve.extras import package
 from reobserve.own_data.estimation import Estimated
 from reobserve.own_data.gaps import STATUSES
 from reobserve.plain_data.files import write_whole
@@ -95,6 +96,7 @@ def _csv(
 def _parquet(
     partial: Path, ending: str, titles: Sequence[str], blocks: Iterator[Estimated], about: Any
 ) -> None:
+    package("pyarrow", "write Parquet files")
     import pyarrow as pa
     import pyarrow.parquet as parquet
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
+from reobserve.extras import package
 from reobserve.plain_data.units import is_unit
 
 MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
@@ -277,6 +278,7 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
         If the file is missing, of another kind or damaged, a name stands twice, or a cell is empty
         or no number: text, complex or nothing at all.
     """
+    package("pyarrow", "read columns of numbers")
     import pyarrow as pa
     import pyarrow.csv as csv_reader
     import pyarrow.parquet as parquet

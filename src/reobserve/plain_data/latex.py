@@ -13,6 +13,8 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
+from reobserve.extras import package
+
 
 def latex(text: str) -> str:
     """The text in LaTeX, its lines joined by blanks."""
@@ -59,6 +61,7 @@ _LEAST, _MOST = -3, 5  # powers of ten between which numbers are written out
 
 @cache
 def _encoder() -> Any:
+    package("pylatexenc", "write LaTeX")
     from pylatexenc.latexencode import (
         RULE_REGEX,
         UnicodeToLatexConversionRule,

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, one_line, shown
-from reobserve.numerics.arguments import as_whole, package
+from reobserve.extras import package
+from reobserve.numerics.arguments import as_whole
 from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
 from reobserve.power_series.grammar import (
     ANALYTIC,

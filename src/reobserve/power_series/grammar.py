@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import InputError, one_line, shown
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 
 # Functions of one argument that are analytic wherever they have a Taylor series.
 ANALYTIC = (

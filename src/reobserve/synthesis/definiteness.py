@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.numerics.matrices import as_floats
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.numerics.matrices import Matrix, as_matrix, as_positive, as_rows
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 

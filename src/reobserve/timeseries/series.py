@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located, shown
+from reobserve.extras import package
 from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.matrices import as_numbers
 from reobserve.plain_data.files import read_bytes, write_whole
@@ -126,6 +127,7 @@ class Series:
 
     def to_pandas(self) -> pd.DataFrame:
         """A data frame indexed by time; units and provenance are in ``attrs``."""
+        package("pandas", "make a data frame")
         import pandas as pd
 
         frame = pd.DataFrame(self.flat(), index=pd.Index(self.time, name="time"))
@@ -143,6 +145,7 @@ class Series:
         InputError
             If the folder cannot be written.
         """
+        package("pyarrow", "write Parquet files")
         import pyarrow as pa
         import pyarrow.parquet as parquet
 
@@ -220,6 +223,7 @@ class _Stored:
 
 def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
     """What the metadata say, and the columns, as they were written."""
+    package("pyarrow", "read Parquet files")
     import pyarrow as pa
     import pyarrow.parquet as parquet
 

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind, package
+from reobserve.extras import package
+from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.matrices import Matrix, as_floats, as_positive, as_scalar
 from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.definiteness import prove_negative_definite

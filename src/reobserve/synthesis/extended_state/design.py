@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.plain_data.typed_tree import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
 
 SOLVERS: dict[str, dict[str, Any]] = {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.numerics.arguments import package
+from reobserve.extras import package
 from reobserve.power_series.arithmetic import Coefficients
 from reobserve.power_series.monomials import Monomials
 

@@ -1,0 +1,1 @@
+"""What the users of each extra do; scripts that need nothing of this checkout."""
