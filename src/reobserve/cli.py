@@ -97,7 +97,9 @@ def _parser() -> argparse.ArgumentParser:
         prog="reobserve",
         description="State and fault observers from five papers.",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="say which version this is")
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say which this is"
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)
     add_overview(commands)
