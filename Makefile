@@ -15,12 +15,15 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: figures report quick test check elsewhere bench figdiff accept draws mutations docs lock package env cluster \
-	clean distclean help
+.PHONY: figures report archive quick test check elsewhere bench figdiff accept draws mutations docs lock package env \
+	cluster clean distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
 	snakemake --cores $(CORES)
+
+archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/archive.zip, to deposit and cite
+	snakemake --cores $(CORES) results/archive.zip
 
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html

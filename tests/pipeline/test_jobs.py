@@ -16,9 +16,9 @@ from reobserve.pipeline.jobs import Graph
 from .conftest import LEDGERS, PAPERS, ROOT
 
 GRAPH = Graph(LEDGERS, PAPERS, ["pdf", "svg"], draws=3, flips=False, project=ROOT)
-JOBS = GRAPH.behind(GRAPH.job("verdicts"))
+JOBS = GRAPH.behind(GRAPH.job("archive"))
 IN_CHUNKS = replace(GRAPH, draws=10, chunks=4)
-SCATTERED = IN_CHUNKS.behind(IN_CHUNKS.job("verdicts"))
+SCATTERED = IN_CHUNKS.behind(IN_CHUNKS.job("archive"))
 
 
 def test_every_file_is_made_once_and_each_job_has_its_own_log() -> None:

@@ -8,10 +8,13 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import zipfile
 from html import unescape
 from pathlib import Path
 
 import pytest
+from rocrate.rocrate import ROCrate
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER
@@ -118,6 +121,56 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
     page = (toy.folder / "results/report.html").read_text()
     for text in ("The slow observer errs by less than a thousandth, too.", "l₂ = 15.9", "[Re]"):
         assert text in page
+
+
+ARCHIVE = "results/archive.zip"
+
+
+def test_a_build_is_packed_with_its_provenance(toy: Project, tmp_path: Path) -> None:
+    """The same bytes again; each job with the command of its log, what it read and what it made."""
+    toy.snakemake(ARCHIVE)
+    packed = (toy.folder / ARCHIVE).read_bytes()
+    (toy.folder / ARCHIVE).unlink()
+    assert f"{ARCHIVE}: " in toy.snakemake(ARCHIVE).stderr
+    assert (toy.folder / ARCHIVE).read_bytes() == packed
+    with zipfile.ZipFile(toy.folder / ARCHIVE) as archive:
+        archive.extractall(tmp_path)
+    for path, content in toy.results().items():
+        if path != "archive.zip":
+            assert (tmp_path / "results" / path).read_bytes() == content, path
+    checked = ("sha256sum", "--check", "--strict", "--quiet", "manifest-sha256.txt")
+    assert subprocess.run(checked, cwd=tmp_path, check=False).returncode == 0
+    crate = ROCrate(tmp_path)
+    assert crate.mainEntity.id == "workflow/Snakefile"
+    actions = {one.id: one for one in crate.get_by_type("CreateAction")}
+    assert len(actions) == 1 + sum(ALL.values())
+    placed = actions["#toy-observe-push-placed"]
+    assert placed["instrument"]["name"] == "reobserve stage observe"
+    assert {one.id for one in placed["object"]} == {LEDGER, PLANT, DESIGN}
+    assert [one.id for one in placed["result"]] == ["results/toy/push/placed.parquet"]
+    log = (toy.folder / "logs/toy/push/placed.log").read_text()
+    assert log.startswith(f"+ {placed['description']}\n")
+    assert placed["startTime"] < placed["endTime"]
+    (whole,) = (one for one in actions.values() if one["instrument"].id == "workflow/Snakefile")
+    assert "results/report.html" in {one.id for one in whole["result"]}
+    assert "config/claims/toy.yaml" in {one.id for one in whole["object"]}
+
+
+def test_a_build_that_is_not_whole_or_not_current_is_not_packed(toy: Project) -> None:
+    figure, again = toy.folder / "results/toy/fig1.svg", "build again with `make archive`"
+    figure.rename(figure.with_suffix(".gone"))
+    said = refused(toy, "stage", "archive")
+    gap = "results/toy/fig1.svg: is missing, so the build is not whole"
+    assert said == f"reobserve: {gap}; {again}"
+    figure.with_suffix(".gone").rename(figure)
+    with edited(toy.folder / "src/reobserve/papers/toy/plant.py"):
+        said = refused(toy, "stage", "archive")
+    assert said == f"reobserve: {PLANT}: was made by other code than the project has now; {again}"
+    with edited(toy.folder / "logs/toy/fig1.plot.log", "fig1.svg", "fig1.pdf"):
+        said = refused(toy, "stage", "archive")
+    told = "does not tell of a command that made results/toy/fig1.svg"
+    assert said == f"reobserve: logs/toy/fig1.plot.log: {told}; {again}"
+    (toy.folder / ARCHIVE).unlink()
 
 
 BROKEN = """

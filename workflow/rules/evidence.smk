@@ -179,3 +179,24 @@ rule verdicts:
         "count the verdicts"
     shell:
         RUN_AND_TELL
+
+
+# On demand, as `make archive`: everything above, to be deposited and cited.
+rule archive:
+    input:
+        unpack(inputs("archive")),
+    output:
+        outputs("archive"),
+    log:
+        log_of("archive"),
+    conda:
+        "../envs/reobserve.yaml"
+    params:
+        command=command("archive"),
+        settings=lambda wildcards: digest(told_in_report()),
+        code=digest_of("reobserve.stages.archive"),
+        packages=packages,
+    message:
+        "pack the build"
+    shell:
+        RUN_AND_TELL

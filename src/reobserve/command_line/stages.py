@@ -168,6 +168,18 @@ def _add_evidence(commands: Any) -> None:
     add_output(verdicts, "the counts and a gallery, Markdown")
     add_project(verdicts)
 
+    archive = add_command(
+        commands, "archive", "stages.archive:run", "pack a build as an RO-Crate, to be deposited"
+    )
+    default = "(default: those of the config)"
+    archive.add_argument("--papers", nargs="+", help=f"papers that are built {default}")
+    archive.add_argument(
+        "--formats", nargs="+", choices=FORMATS, metavar="FORMAT",
+        help=f"formats of figures {default}",
+    )  # fmt: skip
+    add_output(archive, "the crate, .zip")
+    add_project(archive)
+
 
 def _ledger_file(command: argparse.ArgumentParser) -> None:
     command.add_argument("ledger_file", type=Path, help="a ledger made by `reobserve stage ledger`")

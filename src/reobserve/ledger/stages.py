@@ -164,6 +164,11 @@ STAGES = {
         "stage verdicts {claims} --output {output}",
         ("results/verdicts.md",), "logs/verdicts.log",
     ),
+    "archive": Stage(
+        (), (), ("products", "claims", "report", "verdicts"),
+        "stage archive --papers {papers} --formats {formats} --output {output}",
+        ("results/archive.zip",), "logs/archive.log",
+    ),
 }
 # fmt: on
 
