@@ -131,7 +131,7 @@ def _peak() -> float | None:
     """The most memory [bytes] this process ever had, where the system tells."""
     # Not getrusage: on Linux that of a new process starts with the peak of its parent.
     try:
-        lines = Path("/proc/self/status").read_text().splitlines()
+        lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     except OSError:
         return None
     return next(1024.0 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))

@@ -26,7 +26,7 @@ SOURCE = ROOT / "src" / "reobserve"
 def imports(path: Path) -> set[str]:
     """All modules that a file names in imports, those inside functions included."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

@@ -31,8 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one sub-command; the exit code is 0, 1 after an error of the user's, 2 for usage."""
     pin_code_paths()  # before numpy is imported
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # A terminal that has no letter for a name is shown its code.
-        sys.stdout.reconfigure(errors="backslashreplace")
+        # A terminal that has no letter for a name is shown its code; lines end alike anywhere.
+        sys.stdout.reconfigure(errors="backslashreplace", newline="\n")
     options = vars(_parser().parse_args(arguments))
     module, function = options.pop("run").split(":")
     try:

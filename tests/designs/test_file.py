@@ -79,12 +79,12 @@ def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
 
 
 def tampered(path: Path, *keys: Any, value: Any) -> Path:
-    tree = json.loads(path.read_text())
+    tree = json.loads(path.read_text(encoding="utf-8"))
     branch = tree
     for key in keys[:-1]:
         branch = branch[key]
     branch[keys[-1]] = value(branch[keys[-1]]) if callable(value) else value
-    path.write_text(json.dumps(tree))
+    path.write_text(json.dumps(tree), encoding="utf-8")
     return path
 
 

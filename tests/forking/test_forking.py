@@ -38,7 +38,9 @@ class Served:
 
     def jobs(self) -> list[int]:
         """The processes that it has forked."""
-        listed = Path(f"/proc/{self.server.pid}/task/{self.server.pid}/children").read_text()
+        listed = Path(f"/proc/{self.server.pid}/task/{self.server.pid}/children").read_text(
+            encoding="utf-8"
+        )
         return [int(number) for number in listed.split()]
 
     def waiting(self) -> tuple[subprocess.Popen[str], int]:

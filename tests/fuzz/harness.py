@@ -113,7 +113,9 @@ def _answers(process: subprocess.Popen[str], limits: tuple[float, float]) -> boo
 
 def _used(process: subprocess.Popen[str]) -> float:
     """Processor time of a process [s], of the system and its own."""
-    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    fields = (
+        Path(f"/proc/{process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    )
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 

@@ -93,7 +93,10 @@ def _of_a_cache(path: str) -> bool:
 
 def limit_memory() -> None:
     """Let this process have `MEMORY` more than it has."""
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    used = (
+        int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
+        * resource.getpagesize()
+    )
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, -1))
 
 

@@ -191,7 +191,7 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: ExtendedStateObserver(gain, Gains(gain, gain), 0.01), "system"),
         (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
         (lambda: vector_field(3), "function"),
-        (lambda: vector_field(lambda x, p, f: open("y")), "function"),  # noqa: SIM115
+        (lambda: vector_field(lambda x, p, f: open("y", encoding="utf-8")), "function"),  # noqa: SIM115
     ]
     for call, name in calls:
         with pytest.raises(InputError, match=rf"^{name}: ") as told:

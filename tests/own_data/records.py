@@ -34,13 +34,13 @@ def write_record(path: Path, columns: Mapping[str, Array]) -> Path:
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     lines = [",".join(columns)]
     lines += [",".join("" if value != value else repr(value) for value in row) for row in rows]  # noqa: PLR0124
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 
 def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
     """The columns of a CSV by their names without units, nan for empty cells; and the status."""
-    with path.open(newline="") as stream:
+    with path.open(encoding="utf-8", newline="") as stream:
         titles, *rows = csv.reader(stream)
     names = [title.partition(" [")[0] for title in titles]
     numbers = {

@@ -100,7 +100,7 @@ def _write_files(folder: Path, conf: Path) -> None:
         folder=folder, host=socket.gethostname().partition(".")[0], ports=ports, user=os.getuid(),
         cpus=os.cpu_count(), memory=memory * 9 // 10,
     )  # fmt: skip
-    conf.write_text(text)
+    conf.write_text(text, encoding="utf-8")
 
 
 def _start(

@@ -279,9 +279,9 @@ def test_a_divergent_observer_names_the_time(
     ledger_file: Path, record: Path, capsys: Capture
 ) -> None:
     """A step beyond the reach of the integrator, which no stability condition forbids."""
-    ledger = json.loads(ledger_file.read_text())
+    ledger = json.loads(ledger_file.read_text(encoding="utf-8"))
     ledger["ledger"]["observers"]["adaptive"]["damping"]["value"] = 1e6
-    ledger_file.write_text(json.dumps(ledger))
+    ledger_file.write_text(json.dumps(ledger), encoding="utf-8")
     output = record.with_name("adaptive.parquet")
     said = refused(capsys, "stage", "observe", ledger_file, record, "adaptive", "--output", output)
     place, _, found = said.partition(" (AdaptiveObserver) diverged: its state is finite up to t = ")

@@ -31,7 +31,7 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
     before, status = path.read_bytes(), path.stat()
     text = before.decode()
     assert old in text
-    path.write_text(text.replace(old, new, 1) if old else text + new)
+    path.write_text(text.replace(old, new, 1) if old else text + new, encoding="utf-8")
     try:
         yield
     finally:

@@ -95,7 +95,7 @@ def test_two_that_write_one_file_at_once_take_turns(tmp_path: Path) -> None:
     path, begun, go_on = tmp_path / "a.txt", Event(), Event()
 
     def slowly(partial: Path) -> None:
-        partial.write_text("first")
+        partial.write_text("first", encoding="utf-8")
         begun.set()
         assert go_on.wait(10)
 

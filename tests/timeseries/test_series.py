@@ -170,7 +170,7 @@ def test_a_failing_write_leaves_the_old_file_and_nothing_else(
         path.write_text("old")
 
     def write(partial: Path) -> None:
-        partial.write_text("half of the n")
+        partial.write_text("half of the n", encoding="utf-8")
         assert partial.parent == tmp_path  # the move into place stays on one file system
         assert not exists or path.read_text() == "old"
         raise error
@@ -188,7 +188,7 @@ def test_a_write_replaces_the_old_file_and_what_a_killed_one_left(tmp_path: Path
 
     def write(partial: Path) -> None:
         partials.append(partial)
-        partial.write_text("old")
+        partial.write_text("old", encoding="utf-8")
 
     write_whole(path, write)
     partials[0].write_text("left behind by a killed process, longer than what follows")

@@ -1,8 +1,14 @@
 # The config files, read by the project's own reader before Snakemake reads them for good: of a key
 # that stands twice Snakemake takes the last, and what is no text or too deep ends in a traceback.
 
+import os
 import sys
 from pathlib import Path
+
+if os.name != "posix":
+    sys.exit(
+        "reobserve: the pipeline takes bash and a system like Linux; the library runs here, too"
+    )
 
 from reobserve.ledger.config import read_yaml
 from reobserve.errors import ReobserveError

@@ -159,6 +159,8 @@ def estimate_stream(
     DivergenceError
         If the observer diverges.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8")  # as in files
     place = "standard input" if data is None else str(data)
     resumed = state is not None and state.exists()
     if warm:

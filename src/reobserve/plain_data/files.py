@@ -24,7 +24,8 @@ from reobserve.plain_data.units import is_unit
 
 MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
 
-_NO_WAIT = getattr(os, "O_NONBLOCK", 0)
+# Without waiting where a fifo would make one wait; on Windows bytes as they are, not as lines.
+_AS_IT_IS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
@@ -36,7 +37,7 @@ def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
         If the file is missing, cannot be read, is no regular file or has more than ``most`` bytes.
     """
     try:
-        handle = os.open(path, os.O_RDONLY | _NO_WAIT)
+        handle = os.open(path, os.O_RDONLY | _AS_IT_IS)
         with open(handle, "rb") as stream:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
@@ -158,7 +159,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def _put(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_table(path: str | Path, rows: Iterable[Mapping[str, Any]], header: Sequence[str]) -> None:

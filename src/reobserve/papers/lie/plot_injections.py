@@ -47,7 +47,7 @@ def draw(data: FigureData) -> Figure:
 
     note = ";\n".join(
         f"{observer.label}, ℓ(y) = {vector(job.designs[observer.design].injection)}"
-        for name, observer in job.observers.items()
+        for observer in job.observers.values()
         if _cubic(job.designs[observer.design].injection)
     )
     cubic4, count = job.observers["cubic4"], job.study.coefficients
