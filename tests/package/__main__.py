@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .environments import EXTRAS, ROOT, build
+from .environments import EXTRAS, ROOT, build, variables
 
 USES = Path(__file__).parent / "uses"
 LOCK = ROOT / "requirements-package.lock"
@@ -21,7 +21,7 @@ LOCK = ROOT / "requirements-package.lock"
 
 def run(*words: str | Path, folder: Path = ROOT) -> None:
     """Run a command, which ends this one if it fails."""
-    done = subprocess.run(list(map(str, words)), cwd=folder, check=False)
+    done = subprocess.run(list(map(str, words)), cwd=folder, env=variables(), check=False)
     if done.returncode:
         sys.exit(f"tests.package: {' '.join(map(str, words))} failed")
 
@@ -41,6 +41,7 @@ def check(files: list[Path], folder: Path) -> None:
     run(python, "-m", "twine", "check", "--strict", *files)
     wheels = [path for path in files if path.suffix == ".whl"]
     run(python, "-m", "check_wheel_contents", *wheels)
+    run(python.with_name("hadolint"), "Containerfile")
 
 
 def use(wheel: Path, extra: str, folder: Path) -> None:

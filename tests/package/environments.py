@@ -73,7 +73,10 @@ def link(distributions: dict[str, metadata.Distribution], folder: Path) -> Path:
 
 def python(*paths: Path) -> tuple[list[str], dict[str, str]]:
     """An interpreter that sees its own library and these folders: its words and its variables."""
-    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
-    environment = {key: value for key, value in os.environ.items() if key not in hidden}
-    environment["PYTHONPATH"] = os.pathsep.join(map(str, paths))
-    return [sys.executable, "-S"], environment
+    return [sys.executable, "-S"], {**variables(), "PYTHONPATH": os.pathsep.join(map(str, paths))}
+
+
+def variables() -> dict[str, str]:
+    """The variables of this process without those that lead an interpreter elsewhere."""
+    leading = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+    return {key: value for key, value in os.environ.items() if key not in leading}

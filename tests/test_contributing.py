@@ -1,0 +1,52 @@
+"""CONTRIBUTING.md: what it tells people to type and to look at is there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from reobserve.cli import main
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+INLINE = [code.replace("\n", " ") for code in re.findall(r"`([^`]+)`", TEXT)]
+BLOCKS = [line.strip() for line in re.findall(r"^    (\S.*)$", TEXT, re.MULTILINE)]
+CALLED = ("make", "pytest", "python", "reobserve")
+COMMANDS = [
+    shlex.split(line, comments=True)
+    for line in (*INLINE, *BLOCKS)
+    if line.partition(" ")[0] in CALLED
+]
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_a_command_is_there(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    first, *rest = words
+    if first == "make":
+        makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+        targets = [word for word in rest if "=" not in word]
+        assert all(re.search(rf"^{one}:.*##", makefile, re.MULTILINE) for one in targets)
+    elif first == "python":
+        assert rest[0] == "-m"
+        assert find_spec(rest[1]) is not None
+    elif first == "pytest":
+        path, *chosen = rest
+        found = sorted((ROOT / path).rglob("test_*.py")) or [ROOT / path]
+        texts = [one.read_text(encoding="utf-8") for one in found]
+        assert not chosen or any(f"{chosen[1]}() ->" in text for text in texts)
+    else:
+        if rest:
+            with pytest.raises(SystemExit):
+                main([*rest, "--help"])
+        assert capsys.readouterr().err == ""
+
+
+def test_places_are_there() -> None:
+    named = {word for code in (*INLINE, *BLOCKS) for word in re.findall(r"[\w.]+/[\w./]+", code)}
+    named -= {".venv/bin/activate"}
+    assert "src/reobserve/ledger/stages.py" in named
+    assert {name for name in named if not (ROOT / name).exists()} == set()
