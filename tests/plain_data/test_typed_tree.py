@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
+import numpy as np
 import pytest
+from typing_extensions import TypeAliasType
 
 from reobserve.errors import InputError
 from reobserve.ledger.conditions import (
@@ -235,3 +237,10 @@ def test_forms_that_no_word_tells_apart_are_told_by_what_they_need() -> None:
         parse(Long | Short, {"first": 1, "third": 3}, "it")
     with pytest.raises(InputError, match=r"^it\.first: is missing; the short needs it"):
         parse(Long | Short, {"note": "b"}, "it")
+
+
+def test_an_array_by_another_name_is_an_array() -> None:
+    """As numpy names its own from Python 3.12 on."""
+    number = TypeVar("number", bound=np.generic)
+    named = TypeAliasType("named", np.ndarray[Any, np.dtype[number]], type_params=(number,))
+    assert parse(named[np.float64], [1, 2.5]).tolist() == [1.0, 2.5]

@@ -77,6 +77,8 @@ def parse(kind: Any, tree: object, place: str = "") -> Any:
     if is_dataclass(kind):
         return _branch(kind, tree, place)
     origin, inner = get_origin(kind), get_args(kind)
+    # From Python 3.12 on, numpy's NDArray is a name of its own for what it stands for.
+    origin = get_origin(getattr(origin, "__value__", None)) or origin
     if origin in (Union, UnionType):
         return _union(inner, tree, place)
     if origin is not None:
