@@ -90,7 +90,8 @@ import importlib.abc, sys
 allowed = {"numpy", "scipy", "numba", "llvmlite", "reobserve", *sys.stdlib_module_names}
 class Blocker(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] not in allowed:
+        top = name.partition(".")[0]
+        if top not in allowed and not top.startswith("_sysconfigdata"):  # the interpreter's own
             raise ModuleNotFoundError(f"blocked: {name}", name=name)
 sys.meta_path.insert(0, Blocker())
 import reobserve

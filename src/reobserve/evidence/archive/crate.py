@@ -71,11 +71,11 @@ def described(
     for record in records:
         crate.add_action(
             stages[record.job.stage],
-            identifier=f"#{record.name.replace(' ', '-').strip('-')}",
+            identifier=f"#{record.name.replace(' ', '-')}",
             object=[files[path] for path in record.inputs],
             result=[files[path] for path in record.job.outputs],
             properties={
-                "name": record.name.strip(),
+                "name": record.name,
                 "description": record.command,
                 **_times(record.began, record.ended),
             },

@@ -39,7 +39,7 @@ class Record:
     @property
     def name(self) -> str:
         """What tells it apart: the paper, the stage, and what it is about."""
-        return " ".join((*(self.job.names.get(word, "") for word in ("paper",)), self.job.name))
+        return f"{self.job.names.get('paper', '')} {self.job.name}".strip()
 
     @cached_property
     def ended(self) -> datetime:
