@@ -10,7 +10,7 @@ from typing import Any
 from docs.generate.evidence import Paper
 from docs.generate.gallery import grid
 from docs.generate.markdown import Page, code, plain, table, ticks
-from reobserve.evidence.claims.gallery import table as verdict_table
+from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.claims.verdicts import VERDICTS, replicated, title_margin
 from reobserve.evidence.report.model import Claim, Erratum
 from reobserve.ledger.config import read_yaml

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -25,11 +26,20 @@ def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
     assert found.numbers_left(text, told) == []
 
 
-def test_the_floor_plan_has_every_room() -> None:
+def test_the_floor_plan_has_every_room_in_its_order() -> None:
     text = (PAGES / "project/index.md").read_text(encoding="utf-8")
-    plan = [line.split("  ")[0] for line in text.splitlines() if "   " in line]
-    rooms = {room for line in plan for room in line.split(", ")}
-    assert {room for room in ROOMS if not room.startswith("__")} <= rooms
+    folders, plan = re.findall(r"```text\n(.*?)```", text, re.DOTALL)
+    floors = [set(line.partition("  ")[0].split(", ")) for line in plan.splitlines()[::-1]]
+    rooms = [room for room in ROOMS if not room.startswith("__")]
+    assert set().union(*floors) == set(rooms)
+    places = [next(i for i, floor in enumerate(floors) if room in floor) for room in rooms]
+    assert places == sorted(places)
+    # Two columns of names, each with what they hold.
+    groups = re.findall(r"(?:^|\s{2,})([\w/.]+(?:, [\w/.]+)*)  ", folders, re.M)
+    named = [name for group in groups for name in group.split(", ") if "/" in name]
+    assert len(named) > 5
+    made = {"build/"}  # by `make docs`
+    assert [name for name in named if not (ROOT / name).exists() and name not in made] == []
 
 
 def test_pages_stand_in_their_order_and_an_index_first() -> None:

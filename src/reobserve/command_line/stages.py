@@ -165,8 +165,7 @@ def _add_evidence(commands: Any) -> None:
         commands, "verdicts", "stages.verdicts:run", "count verdicts; fail if a claim is broken"
     )
     verdicts.add_argument("claims_file", type=Path, help="by `reobserve stage claims`")
-    add_output(verdicts, "the counts and a gallery, Markdown")
-    add_project(verdicts)
+    add_output(verdicts, "the counts, Markdown")
 
     archive = add_command(
         commands, "archive", "stages.archive:run", "pack a build as an RO-Crate, to be deposited"

@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
-from reobserve.evidence.claims.gallery import gallery, table
 from reobserve.evidence.claims.table import HEADER, KINDS
+from reobserve.evidence.claims.verdict_table import table
 from reobserve.evidence.claims.verdicts import BROKEN
-from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import read_table, write_text
 
 
-def run(claims_file: Path, output: Path, project: Path) -> None:
-    """Count and write, in Markdown: a table, and the papers' figures with their verdicts.
+def run(claims_file: Path, output: Path) -> None:
+    """Count and write a table, in Markdown.
 
     Raises
     ------
@@ -24,6 +23,4 @@ def run(claims_file: Path, output: Path, project: Path) -> None:
     broken = [row["problem"] for row in rows if row["verdict"] == BROKEN]
     if broken:
         raise ReobserveError("; ".join(broken))
-    papers = dict.fromkeys(row["paper"] for row in rows)
-    ledgers = [Ledger.load(project, paper) for paper in papers]
-    write_text(output, f"{table(rows)}\n{gallery(rows, ledgers)}")
+    write_text(output, table(rows))

@@ -15,12 +15,12 @@ from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.claims.checks import Check, Reference
 from reobserve.evidence.claims.choices import find_choice
 from reobserve.evidence.claims.flips import Flip
-from reobserve.evidence.claims.gallery import put_into
 from reobserve.evidence.claims.outcomes import Outcome, outcome
 from reobserve.evidence.claims.registry import Claim, read_registry
 from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
 from reobserve.evidence.claims.table import row, tell_flip
+from reobserve.evidence.claims.verdict_table import put_into
 from reobserve.evidence.claims.verdicts import count, replicated, title_margin, verdict
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import read_table, write_table
@@ -180,17 +180,15 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows[0] |= {"headline": "yes", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
     write_table(tmp_path / "claims.csv", rows, HEADER)
-    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md", ROOT)
+    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md")
     written = (tmp_path / "verdicts.md").read_text().splitlines()
     assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 |"
-    assert written[4] == "`ilo`"
-    assert written[6].count("tests/reference/ilo/fig") == 2 * 5
-    assert written[8].startswith("| `fig1`: 1 reproduced | `fig2`: decides no claim |")
+    assert len(written) == 3
     wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
     rows.append(dict.fromkeys(HEADER, "") | wrong)
     write_table(tmp_path / "claims.csv", rows, HEADER)
     with pytest.raises(ReobserveError, match=r"^No x\.$"):
-        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md", ROOT)
+        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md")
     assert not (tmp_path / "none.md").exists()
     assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
 
@@ -290,26 +288,16 @@ TOLD = """| paper | claims |
 |---|---|
 | `a` | 3 |
 | `b` | 4 |
-
-`a`
-
-| a's picture |
-
-`b`
-
-| b's picture |
 """
 
 
 def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
     readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
     readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
-    verdicts.write_text(
-        "| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n\n`b`\n\nnew\n\n`c`\n\nits own\n"
-    )
+    verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
     put_into(readme, verdicts, ["a", "b", "c"])
-    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n").replace("| b's picture |", "new")
-    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n`c`\n\nits own\n\n<!-- end -->\n"
+    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
 

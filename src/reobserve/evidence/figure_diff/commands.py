@@ -10,8 +10,8 @@ from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.claims.draws_command import keep
-from reobserve.evidence.claims.gallery import put_into
 from reobserve.evidence.claims.robustness_file import read_robustness
+from reobserve.evidence.claims.verdict_table import put_into
 from reobserve.evidence.figure_diff import page, pixels, summary
 from reobserve.evidence.figure_diff.built import drawings
 from reobserve.evidence.figure_diff.comparison import compare_all
@@ -47,7 +47,7 @@ def figdiff_command(
 
 
 def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
-    """Renew reference figures, golden numbers and verdicts, and the gallery of the README.
+    """Renew reference figures, golden numbers and verdicts, and the table of the README.
 
     Of some papers, or of all. Refuses without a reason, in CI and on a dirty tree, and some papers
     alone where the figures of the others were made under something else. All is built first, so

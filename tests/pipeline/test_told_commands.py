@@ -1,0 +1,151 @@
+"""Each command of the README and of the pages by hand, as printed and in order, in a clone.
+
+What would build for minutes is a dry run. A line that this does not know how to run is an error.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from .conftest import Project
+
+ROOT = Path(__file__).parents[2]
+
+# What the files that a page leaves to its reader hold.
+FILES = {"torque.csv": "time,torque\n0,0\n4,0.1\n6,-0.2\n9,0.05\n"}
+SAME = {"more.csv": "log.csv"}  # as another that a command has written
+
+# Single figures are built in earnest; of a few it says that they take minutes.
+QUICK = ("results/ilo/fig3.pdf", "results/ilo/fig9.pdf")
+
+COMMANDS = ("make", "reobserve", "snakemake", "source", "python")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line to type, whether it stands ``alone`` or in a sentence, and what it is to say."""
+
+    text: str
+    alone: bool = True
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that is printed, its name in its first line."""
+
+    name: str
+    content: str
+
+
+def parts(text: str) -> Iterator[Command | File]:
+    """All blocks in order, and the commands in sentences. Python blocks are tested elsewhere."""
+    blocks = re.split(r"^(```.*?^```$|(?:^    [^\n]*\n?)+)", text, flags=re.MULTILINE | re.DOTALL)
+    for block in blocks:
+        if block.startswith("```"):
+            kind, _, body = block.removeprefix("```").removesuffix("```").partition("\n")
+            yield from _fenced(kind, body)
+        elif block.startswith("    "):
+            yield from (Command(line.strip()) for line in block.splitlines() if line.strip())
+        else:
+            for inline in re.findall(r"`([^`]+)`", block):
+                words = inline.split()
+                if words and words[0] in COMMANDS:
+                    yield Command(" ".join(words), alone=False)
+
+
+def _fenced(kind: str, body: str) -> Iterator[Command | File]:
+    if kind == "yaml" and (named := re.match(r"# (\w+\.yaml)\n", body)):
+        yield File(named[1], body)
+    elif kind == "console":
+        for typed in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
+            line, _, said = typed.partition("\n")
+            yield Command(line, refused=said.strip() if said.startswith("reobserve: ") else "")
+    elif kind == "sh":
+        yield from (Command(line) for line in body.splitlines() if not line.startswith("…"))
+
+
+def as_run(command: Command) -> str:
+    """The line to run in place of a printed one; empty if there is nothing to run."""
+    words = shlex.split(command.text, comments=True)
+    first, *rest = words
+    if "…" in rest:  # any command that a step prints
+        return shlex.join([first, *rest[: rest.index("…")], "--help"])
+    if first == "cp" or words == ["make", "help"]:
+        return command.text
+    if first in ("make", "snakemake"):
+        if "--profile" in rest:  # of a cluster, which none is here
+            words = [word for word in words if word not in ("--profile", "profiles/slurm")]
+        earnest = any(word in QUICK for word in rest) or "--dry-run" in rest or command.refused
+        return shlex.join(words if earnest else [*words, "--dry-run"])
+    if first == "reobserve":
+        whole = command.alone or len(rest) > 1 + rest.count("stage")
+        return command.text if whole else shlex.join([*words, "--help"])
+    if words[:3] == ["python", "-m", "tests.fuzz"]:  # a single case of them all
+        return shlex.join([*words, "--class", "yaml", "--case", "1"])
+    elsewhere = (
+        words == ["source", ".venv/bin/activate"]
+        or first == "git"  # a copy has no history
+        or command.text.startswith("cd motor; cc ")  # tests/export compiles what is exported
+    )
+    assert elsewhere, f"no way to run {command.text}"
+    return ""
+
+
+TOLD = {
+    path.relative_to(ROOT).as_posix(): [*parts(path.read_text(encoding="utf-8"))]
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
+}
+
+
+@pytest.mark.parametrize("page", [page for page, told in TOLD.items() if told])
+def test_every_command_runs(fresh: Project, page: str) -> None:
+    for name, content in FILES.items():
+        (fresh.folder / name).write_text(content)
+    ran = []
+    for part in TOLD[page]:
+        for name, other in SAME.items():
+            if (fresh.folder / other).is_file():
+                shutil.copy(fresh.folder / other, fresh.folder / name)
+        if isinstance(part, File):
+            (fresh.folder / part.name).write_text(part.content)
+        elif (line := as_run(part)) and line not in ran:
+            done = fresh.run("bash", "-c", line, check=False)
+            told = done.stdout + done.stderr
+            if part.refused:
+                assert done.returncode == 1
+                assert part.refused in told
+            else:
+                went = done.returncode == 0 or wants_conda(line, told)
+                assert went, f"{part.text}, run as {line}:\n{told[-3000:]}"
+            ran.append(line)
+    for figure in QUICK:
+        if any(figure in line and "--dry-run" not in line for line in ran):
+            assert (fresh.folder / figure).read_bytes().startswith(b"%PDF"), figure
+
+
+def test_there_are_commands_of_all_kinds() -> None:
+    lines = [as_run(part) for told in TOLD.values() for part in told if isinstance(part, Command)]
+    assert {line.split()[0] for line in lines if line} == {
+        "cp", "make", "snakemake", "reobserve", "python",
+    }  # fmt: skip
+    assert sum(figure in line for line in lines for figure in QUICK) > 2
+    assert any(part.refused for told in TOLD.values() for part in told if isinstance(part, Command))
+
+
+def test_a_build_ends_with_the_sentence_that_is_printed(fresh: Project) -> None:
+    text = (ROOT / "docs/pages/start/two-commands.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^… of …  …  (.*)$", text, re.MULTILINE)
+    assert f"Job 0: {line}" in fresh.snakemake("--dry-run", "--verbose").stdout
+
+
+def wants_conda(line: str, told: str) -> bool:
+    """Whether all that stopped a command is that this machine has no conda."""
+    return " conda" in line and not shutil.which("conda") and "Is conda installed" in told
