@@ -115,7 +115,7 @@ def told_on(page: Path) -> list[Command | File]:
 TOLD = {
     page.relative_to(ROOT).as_posix(): told
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
-    if (told := told_on(page))
+    if page.parent.name != "reference" and (told := told_on(page))  # that is generated
 }
 
 
