@@ -208,6 +208,7 @@ LATE = {
     "reobserve.__main__",  # of `python -m reobserve`, which this test does not go through
     "reobserve.forking",
     "reobserve.forking.client",  # which that starts with
+    "reobserve.plain_data.yaml_loader",
     "reobserve.plain_data.yaml_reader",  # imported where a YAML is read, which few stages do
     "reobserve.observers.halving",  # and where something diverges, which nothing does as built
     "reobserve.observers.run_plot",  # and where somebody asks a run for its picture
