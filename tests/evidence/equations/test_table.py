@@ -29,6 +29,7 @@ def written(folder: Path, *equations: Any, **top: Any) -> Path:
     """A project whose paper `toy` has this table."""
     path = folder / "config/equations/toy.yaml"
     path.parent.mkdir(parents=True, exist_ok=True)
+    (folder / "config/papers").mkdir(exist_ok=True)
     tree = {"cited_as": "A & B 2001", "last": 2, "equations": list(equations), **top}
     path.write_text(yaml.safe_dump(tree))
     return folder
@@ -165,6 +166,7 @@ def test_what_cannot_be_shown_is_one_sentence(
 def test_a_folder_without_tables_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "config/papers").mkdir(parents=True)
     for asked in ([], ["ilo", "3"]):
         assert main(["equations", *asked, "--project", str(tmp_path)]) == 1
         assert capsys.readouterr().err == (

@@ -87,6 +87,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project = tmp_path_factory.mktemp("project")
     made, kept, results = Made(), project / "tests/golden/made", project / "results/made"
     (project / "workflow/report").mkdir(parents=True)
+    (project / "config/papers").mkdir(parents=True)  # or it is no project
     for template in ("workflow/report/figure_diff.html.jinja", "workflow/report/figure_diff.css"):
         shutil.copy2(ROOT / template, project / template)
     for name in TREE["figures"]:
@@ -417,7 +418,6 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The project under git, with a build that takes what stands in a folder beside it."""
     monkeypatch.setenv("CI", "")
     (project / ".gitignore").write_text("results\nlogs\nfigdiff\n")
-    (project / "config").mkdir()
     git(project, "init", "--quiet")
     git(project, "add", "--all")
     git(project, "commit", "--quiet", "--message", "all")

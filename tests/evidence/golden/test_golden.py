@@ -196,15 +196,17 @@ def noticed(paper: str, key: str, path: Path_, factors: tuple[float, ...] = (1.0
     # What a stage sees no change of is not computed again. A copy, so that the rest is let go.
     done = dict(EVALUATORS[paper]._done)
     tries = [Evaluator(perturbed(paper, key, path, factor), done) for factor in factors]
+    _, study, level = (*key.split("."), "", "")[:3]
+    few = [] if level in FEW_LEVELS.get(study, {}) else FEW  # or it would not be seen
 
     def deviates(evaluator: Evaluator, stage: str, part: str) -> str:
         ledger = evaluator.ledger
         # A part that sees nothing of the change cannot deviate; plot sees most.
         if ledger.settings(stage, part) == unchanged.settings(stage, part):
             return ""
-        if (paper, part) in FEW:
-            few = evaluator.sibling(with_few_levels(ledger))
-            return next(deviations_of_few(few, part), "")
+        if (paper, part) in few:
+            less = evaluator.sibling(with_few_levels(ledger))
+            return next(deviations_of_few(less, part), "")
         return next(deviations(evaluator, part), "")
 
     parts = [("plot", figure) for figure in without_and_with_study(unchanged)]

@@ -96,6 +96,6 @@ def _lines() -> list[list[str]]:
         ["stage", "design", lie, "linear", "--output", "out.json"],
         ["stage", "table", lie, "table_coefficients", "--design-file", linear,
          "--output", "out.csv"],
-        ["stage", "verdicts", os.fspath(material.claims_table()), "--output", "out.md", *root],
+        ["stage", "verdicts", os.fspath(material.claims_table()), "--output", "out.md"],
         ["stage", "claims", "eso", "--results", "folder", "--output", "out.csv", *root],
     ]  # fmt: skip

@@ -57,9 +57,7 @@ def _study() -> Callable[[], object]:
 
 
 def _claims() -> Callable[[], object]:
-    return lambda: command(
-        "stage", "verdicts", "t.csv", "--project", material.ROOT, "--output", "v.md"
-    )
+    return lambda: command("stage", "verdicts", "t.csv", "--output", "v.md")
 
 
 _READERS = {"metrics": _metrics, "study": _study, "claims": _claims}
