@@ -201,5 +201,7 @@ def test_taylor_coefficients_at_high_degrees_against_mpmath(degree: int) -> None
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "sympy", None)
-    with pytest.raises(InputError, match=r"^sympy: .* install it with `pip install sympy`$"):
+    with pytest.raises(
+        InputError, match=r'^sympy: .*`pip install "reobserve\[symbolic\]"` brings it$'
+    ):
         expanded("a")
