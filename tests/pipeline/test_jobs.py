@@ -67,8 +67,7 @@ def test_a_job_says_what_it_reads_and_how_it_is_run() -> None:
     assert "workflow/report/ilo/_settings.rst" in drawn.inputs["partials"]
     assert GRAPH.job("robustness", paper="ilo").command.endswith(
         "--draws 3 --no-flips --kept config/draws/ilo.json "
-        "--study-files results/ilo/matching.study.csv "
-        "--theory-file results/ilo/theory.metrics.csv --output results/ilo/robustness.json"
+        "--study-files results/ilo/matching.study.csv --output results/ilo/robustness.json"
     )
     gathering = IN_CHUNKS.job("robustness", paper="ilo").inputs
     names = ("0-2", "3-5", "6-8", "9-11")

@@ -316,7 +316,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     ("module", "stale"),
     [
         ("papers/toy/design.py", FROM_DESIGN),
-        # The robustness evaluates in its own process, but starts from the study and the theory.
+        # The robustness evaluates in its own process, but starts from the study.
         ("stages/design.py", FROM_DESIGN),
         ("papers/toy/table.py", {"table": 1, **TOLD}),
         ("stages/table.py", {"table": 1, **TOLD}),

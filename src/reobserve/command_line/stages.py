@@ -199,9 +199,6 @@ def _what_is_known(command: argparse.ArgumentParser) -> None:
         "--study-files", type=Path, nargs="+", default=[], metavar="FILE",
         help="by `reobserve stage study`, in the order of the ledger; without them they are run",
     )  # fmt: skip
-    command.add_argument(
-        "--theory-file", type=Path, metavar="FILE", help="by `reobserve stage theory`, likewise"
-    )
 
 
 def _figure_inputs(command: argparse.ArgumentParser) -> None:

@@ -131,16 +131,15 @@ STAGES = {
         "logs/{paper}/{figure}.plot.log",
     ),
     "draw": Stage(
-        ("chunk",), (), ("ledger", "registry", "kept", "chunks", "studies", "theory"),
+        ("chunk",), (), ("ledger", "registry", "kept", "chunks", "studies"),
         "stage draw {ledger} {chunk} [--kept {kept}] [--chunk-files {chunks}]"
-        " [--study-files {studies}] [--theory-file {theory}] --output {output}",
+        " [--study-files {studies}] --output {output}",
         ("results/{paper}/draws/{chunk}.json",), "logs/{paper}/draws/{chunk}.log",
     ),
     "robustness": Stage(
-        (), (), ("ledger", "registry", "kept", "chunks", "studies", "theory"),
+        (), (), ("ledger", "registry", "kept", "chunks", "studies"),
         "stage robustness {ledger} --draws {draws} [{flips}] [--kept {kept}]"
-        " [--chunk-files {chunks}] [--study-files {studies}] [--theory-file {theory}]"
-        " --output {output}",
+        " [--chunk-files {chunks}] [--study-files {studies}] --output {output}",
         ("results/{paper}/robustness.json",), "logs/{paper}/robustness.log",
     ),
     "sensitivity": Stage(

@@ -1,4 +1,8 @@
-"""What a build has made and an evaluation need not make again: its studies and its theory."""
+"""What a build has made and an evaluation need not make again: its studies.
+
+Its theory is computed once more: that tells which part of it gives which numbers, so that draws
+compute what they need of it alone.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,10 @@ from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.common import read_study
 from reobserve.pipeline.evaluation import Evaluator
-from reobserve.scoring.metrics import read_metrics
 
 
-def evaluator_after(
-    ledger: Ledger, study_files: Sequence[Path] = (), theory_file: Path | None = None
-) -> Evaluator:
-    """An evaluator of the ledger that takes from files what stages have made of it.
+def evaluator_after(ledger: Ledger, study_files: Sequence[Path] = ()) -> Evaluator:
+    """An evaluator of the ledger that takes from files the studies that were made of it.
 
     Parameters
     ----------
@@ -23,8 +24,6 @@ def evaluator_after(
         What the files were made of.
     study_files
         Of all its studies, in the order of the ledger, or none.
-    theory_file
-        Of its theory, if it has one that need not be computed.
 
     Raises
     ------
@@ -39,6 +38,4 @@ def evaluator_after(
         )
     for name, path in zip(studies, study_files, strict=False):
         evaluator.take("study", read_study(ledger.paper, path), study=name)
-    if theory_file is not None:
-        evaluator.take("theory", read_metrics(theory_file))
     return evaluator

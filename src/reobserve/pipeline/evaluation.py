@@ -119,7 +119,7 @@ class Evaluator:
         return Evaluator(ledger, self._done)
 
     def take(self, stage: str, made: Any, **names: str) -> None:
-        """Take what a job has made elsewhere: the rows of a study, the metrics of a theory."""
+        """Take what a job has made elsewhere, such as the rows of a study."""
         self._done[self._key(self._job(stage, **names))] = made
 
     def apart(self) -> Evaluator:

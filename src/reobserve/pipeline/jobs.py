@@ -245,7 +245,7 @@ class Graph:
                 yield self.job(role, paper=paper, **{role: job.body[role]})
         elif role == "metrics":
             yield self.job("metrics", paper=paper, figure=job.names["figure"])
-        elif role == "robustness" or (role == "theory" and role in self.ledgers[paper].tree):
+        elif role == "robustness":
             yield self.job(role, paper=paper)
         elif role == "chunks":
             chunks = self._chunks_for(job)

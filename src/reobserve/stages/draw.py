@@ -17,14 +17,14 @@ from reobserve.pipeline.chunks import numbers_of
 
 def run(
     ledger_file: Path, chunk: str, kept: Path | None, chunk_files: Sequence[Path],
-    study_files: Sequence[Path], theory_file: Path | None, output: Path, project: Path,
+    study_files: Sequence[Path], output: Path, project: Path,
 ) -> None:  # fmt: skip
     """Draw and write; `reobserve.stages.robustness` gathers."""
     numbers = numbers_of(chunk)
     ledger = Ledger.read(ledger_file)
     past = {} if kept is None else read_kept(kept, ledger.paper)
     made = read_chunks(chunk_files, ledger.paper)
-    evaluator = evaluator_after(ledger, study_files, theory_file)
+    evaluator = evaluator_after(ledger, study_files)
     inquiry = Inquiry.begin(evaluator, read_registry(project, ledger).claims, past, made)
     bases = {name: one.basis for name, one in inquiry.found.items()}
     write_chunk(output, ledger.paper, bases, make_ahead(inquiry, numbers))

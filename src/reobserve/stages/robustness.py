@@ -18,13 +18,13 @@ from reobserve.plain_data.files import write_text
 
 def run(
     ledger_file: Path, draws: int, flips: bool, kept: Path | None, chunk_files: Sequence[Path],
-    study_files: Sequence[Path], theory_file: Path | None, output: Path, project: Path,
+    study_files: Sequence[Path], output: Path, project: Path,
 ) -> None:  # fmt: skip
     """Draw, move and write; a claim that is broken is left to the table of claims."""
     ledger = Ledger.read(ledger_file)
     past = {} if kept is None else read_kept(kept, ledger.paper)
     made = read_chunks(chunk_files, ledger.paper)
-    evaluator = evaluator_after(ledger, study_files, theory_file)
+    evaluator = evaluator_after(ledger, study_files)
     found = assess(evaluator, read_registry(project, ledger).claims, draws, flips, past, made)
     stored = {
         "paper": ledger.paper,
