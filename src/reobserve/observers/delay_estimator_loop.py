@@ -9,6 +9,7 @@ bounds. In the parts of a cut step x is read from the parabola through its three
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -191,11 +192,15 @@ def _run(law: Any, task: Task, rows: Array) -> int:
                 start = 1.0
             else:
                 start = _to_mode_end(law, task, k, start, held, values, work)
-            values[:] = work.after
-            if not np.isfinite(values).all():
+            total = 0.0
+            for i in range(n):
+                values[i] = work.after[i]
+                total += values[i]
+            if not math.isfinite(total):
                 return k + 1
             values[0] = min(max(values[0], least), greatest)
             if start == 1.0:
                 break
-        rows[k + 1] = values
+        for i in range(n):
+            rows[k + 1, i] = values[i]
     return len(rows)

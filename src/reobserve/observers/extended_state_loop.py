@@ -57,7 +57,8 @@ def _run(size: Sized, weights: Array, known: Array, y: Samples, u: Samples, rows
         _take(y.right, u.right, 2 * k - 2, known[n:])
         _take(y.left, u.left, 2 * k, known[n + columns :])
         _take(y.right, u.right, 2 * k - 1, known[n + 2 * columns :])
-        after[:] = 0.0
+        for i in range(n):
+            after[i] = 0.0
         for j in range(len(weights)):
             for i in range(n):
                 after[i] += weights[j, i] * known[j]

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from reobserve.models.linear import ModelArrays
 from reobserve.numerics.kernel import inlined_kernel, kernel
-from reobserve.observers.linear_filter_loop import Size, Work, correct, is_missing, predict
+from reobserve.observers.linear_filter_loop import (
+    Size,
+    Work,
+    assign,
+    correct,
+    fill,
+    is_missing,
+    predict,
+)
 
 Array = NDArray[np.float64]
 
@@ -205,7 +213,7 @@ def run_bank(
     mixed, spread, factor = np.empty((r, n)), np.empty((r, n, n)), np.empty((m, m))
     for k in range(len(measurements)):
         moves = k > 0 or not fresh
-        predicted[:] = beliefs.log_probabilities
+        assign(predicted, beliefs.log_probabilities)
         if moves:
             mixing_probabilities(bank.transition, beliefs.log_probabilities, weights, predicted)
         if moves and bank.mixing:
@@ -222,7 +230,7 @@ def run_bank(
             elif moves:
                 predict(states, model, held[k], mean, covariance, mean, covariance, work)
             if missing:
-                rows.innovations[k, j] = math.nan
+                fill(rows.innovations[k, j], math.nan)
                 told[j] = 0.0
             else:
                 told[j] = correct(

@@ -60,6 +60,20 @@ def new_work(states: int, outputs: int) -> Work:
 
 
 @inlined_kernel
+def fill(target: Array, value: float) -> None:
+    """A vector of one value; to assign to a slice takes the compiler seconds, for its refusals."""
+    for i in range(len(target)):
+        target[i] = value
+
+
+@inlined_kernel
+def assign(target: Array, source: Array) -> None:
+    """A copy of a vector, as `fill`."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
+@inlined_kernel
 def predict(
     states: Size,
     model: ModelArrays,
@@ -316,7 +330,7 @@ def run_filter(
         if k > 0 or not fresh:
             predict(states, model, held[k], mean, covariance, mean, covariance, work)
         if is_missing(measurements[k]):
-            innovations[k] = math.nan
+            fill(innovations[k], math.nan)
             log_likelihoods[k] = 0.0
         else:
             log_likelihoods[k] = correct(

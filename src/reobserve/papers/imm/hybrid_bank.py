@@ -8,6 +8,7 @@ With both of one kind it is the bank of that kind, bit for bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import (
     Size,
     Work,
+    assign,
     correct_covariance,
     foretell,
     kalman_gain,
@@ -108,11 +110,59 @@ def _leave_saturation(gain: Array, innovation: Array, edges: Array) -> None:
             gain[a, o] *= max(1.0, abs(innovation[o]) / edges[o])
 
 
+@kernel
+def _half(
+    states: Size,
+    outputs: Size,
+    model: ModelArrays,
+    law: Callable[..., None],
+    kind: int,
+    parameters: Array,
+    edges: Array,
+    error: Array,
+    covariance: Array,
+    innovation: Array,
+    factor: Array,
+    work: Work,
+) -> float:
+    """Correct a covariance by one kind of gain, left in ``work``; return the log-likelihood."""
+    found = foretell(states, outputs, model, covariance, innovation, factor, work)
+    if kind == KALMAN:
+        kalman_gain(outputs, factor, work)
+    else:
+        law(work.cross, factor, innovation, error, parameters, work.gain)
+        _leave_saturation(work.gain, innovation, edges)
+    correct_covariance(states, outputs, model, covariance, work)
+    return found
+
+
+@inlined_kernel
+def _keep(target: Array, source: Array) -> None:
+    for a in range(len(source)):
+        assign(target[a], source[a])
+
+
+@inlined_kernel
+def _sum_means_and_variances(means: Array, covariances: Array) -> float:
+    total = 0.0
+    for j in range(len(means)):
+        for a in range(means.shape[1]):
+            total += means[j, a] + covariances[KALMAN, j, a, a] + covariances[LAW, j, a, a]
+    return total
+
+
 @inlined_kernel
 def _correct_mean(mean: Array, gain: Array, innovation: Array) -> None:
     for a in range(len(mean)):
         for o in range(len(innovation)):
             mean[a] += gain[a, o] * innovation[o]
+
+
+@inlined_kernel
+def _add(total: Array, gain: Array) -> None:
+    for a in range(gain.shape[0]):
+        for o in range(gain.shape[1]):
+            total[a, o] += gain[a, o]
 
 
 @kernel
@@ -149,7 +199,9 @@ def _run(
             if bank.mixing:
                 interact(states, weights, means, covariances[kind], mixed[kind], spread[kind])
             else:
-                mixed[kind], spread[kind] = means, covariances[kind]
+                _keep(mixed[kind], means)
+                for j in range(r):
+                    _keep(spread[kind, j], covariances[kind, j])
         for j in range(r):
             model = ModelArrays(
                 bank.model.A[j], bank.model.B[j], bank.model.H[j],
@@ -162,22 +214,21 @@ def _run(
                     states, model, held[k], mixed[kind, j], spread[kind, j], mean, covariance, work
                 )
                 output_error(states, model, measured[k], held[k], mean, e)
-                found = foretell(states, outputs, model, covariance, e, factor, work)
+                found = _half(
+                    states, outputs, model, law, kind, bank.parameters[j], edges, error,
+                    covariance, e, factor, work,
+                )  # fmt: skip
                 if kind == told:
                     likelihood[j] = found
-                if kind == KALMAN:
-                    kalman_gain(outputs, factor, work)
-                else:
-                    law(work.cross, factor, e, error, bank.parameters[j], work.gain)
-                    _leave_saturation(work.gain, e, edges)
-                    gains[j] += work.gain
                 if kind == gain:
-                    chosen[:] = work.gain
-                correct_covariance(states, outputs, model, covariance, work)
+                    _keep(chosen, work.gain)
+                if kind == LAW:
+                    _add(gains[j], work.gain)
             _correct_mean(mean, chosen, e)
             output_error(states, model, measured[k], held[k], mean, error)
-        whole = update_probabilities(predicted, likelihood, log_probabilities)
-        probability[k] = np.exp(log_probabilities)
-        if not np.isfinite(whole + means.sum() + covariances.sum()):
+        total = update_probabilities(predicted, likelihood, log_probabilities)
+        for j in range(r):
+            probability[k, j] = math.exp(log_probabilities[j])
+        if not math.isfinite(total + _sum_means_and_variances(means, covariances)):
             return k
     return len(measured)
