@@ -22,7 +22,11 @@ def group(test: str) -> str:
     """
     file, _, name = test.partition("::")
     # Those that evaluate all of a paper.
-    if file in {"tests/evidence/golden/test_golden.py", "tests/pipeline/test_same_values.py"}:
+    if file in {
+        "tests/evidence/golden/test_golden.py",
+        "tests/pipeline/test_golden_build.py",
+        "tests/pipeline/test_same_values.py",
+    }:
         return f"golden {name.partition('[')[2].partition('-')[0]}"
     # Those that edit the built project, and put it back; others only read its results.
     if file in {

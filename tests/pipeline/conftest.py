@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import fcntl
 import os
 import re
@@ -10,12 +11,14 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.pipeline.common import read_study
 from reobserve.pipeline.evaluation import Evaluator
 from tests.pipeline import warm_snakemake
 
@@ -29,6 +32,23 @@ LEDGERS = {paper: Ledger.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAP
 EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
 FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree["figures"]]
 TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]
+
+
+# Of the dearest studies, levels of which each makes golden numbers of its own, less all but these:
+# what a constant moves it moves there, too, for a fraction of the time.
+FEW_LEVELS: dict[str, dict[str, Any]] = {
+    "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_units": []},
+    "tradeoff": {"rhos": [7.0]},
+    "ensemble": {"orders": [2]},
+}
+
+
+def with_few_levels(ledger: Ledger) -> Ledger:
+    tree = copy.deepcopy(ledger.tree)
+    for study in FEW_LEVELS.keys() & tree.get("studies", {}).keys():
+        for name, levels in FEW_LEVELS[study].items():
+            tree["studies"][study][name]["value"] = levels
+    return Ledger(ledger.paper, tree, ledger.seed)
 
 
 # Draws make verdicts, which are compared every night; a test that builds can do with one, and
@@ -129,6 +149,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
 def as_built(built: Project) -> Project:
     """What `built` had in its results when it was built, and nothing else."""
     return Project(built.folder.with_name("built.whole"))
+
+
+@pytest.fixture(scope="session")
+def evaluators(as_built: Project) -> dict[str, Evaluator]:
+    """`EVALUATORS`, which take the rows of the dearest studies from what is built."""
+    for paper, evaluator in EVALUATORS.items():
+        for study in FEW_LEVELS.keys() & LEDGERS[paper].tree.get("studies", {}).keys():
+            table = as_built.folder / "results" / paper / f"{study}.study.csv"
+            evaluator.take("study", read_study(paper, table), study=study)
+    return EVALUATORS
 
 
 @pytest.fixture

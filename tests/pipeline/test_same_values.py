@@ -9,18 +9,28 @@ import numpy as np
 import pytest
 
 from reobserve.pipeline.common import paper_module
+from reobserve.pipeline.evaluation import Evaluator
 from reobserve.plain_data.files import write_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series
 
-from .conftest import EVALUATORS, FIGURES, LEDGERS, PAPERS, TABLES, Project
+from .conftest import (
+    EVALUATORS,
+    FEW_LEVELS,
+    FIGURES,
+    LEDGERS,
+    PAPERS,
+    TABLES,
+    Project,
+    with_few_levels,
+)
 
 
 @pytest.mark.parametrize(("paper", "figure"), FIGURES)
 def test_a_figure_has_the_same_numbers_to_the_last_bit(
-    as_built: Project, paper: str, figure: str
+    as_built: Project, evaluators: dict[str, Evaluator], paper: str, figure: str
 ) -> None:
-    evaluator = EVALUATORS[paper]
+    evaluator = evaluators[paper]
     evaluation = evaluator.figure(figure)
     folder = as_built.folder / "results" / paper
     for mine, theirs in zip(
@@ -47,11 +57,19 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
 def test_a_study_has_the_same_bytes(
     as_built: Project, tmp_path: Path, paper: str, study: str
 ) -> None:
-    evaluator = EVALUATORS[paper]
+    """Of the dearest those of a few of their levels, whose rows are among the built ones."""
+    ledger = LEDGERS[paper]
+    evaluator = EVALUATORS[paper].sibling(
+        with_few_levels(ledger) if study in FEW_LEVELS else ledger
+    )
     rows = evaluator._once(evaluator._job("study", study=study))
     write_table(tmp_path / "study.csv", rows, paper_module(paper, "study").HEADER)
-    found = as_built.folder / "results" / paper / f"{study}.study.csv"
-    assert found.read_bytes() == (tmp_path / "study.csv").read_bytes()
+    built = (as_built.folder / "results" / paper / f"{study}.study.csv").read_bytes()
+    mine = (tmp_path / "study.csv").read_bytes()
+    if study in FEW_LEVELS:
+        assert set(mine.splitlines()) < set(built.splitlines())
+    else:
+        assert mine == built
 
 
 @pytest.mark.parametrize(("paper", "table"), TABLES)

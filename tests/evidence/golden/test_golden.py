@@ -6,7 +6,6 @@ import copy
 import os
 import shutil
 import subprocess
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,36 +14,35 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.evidence.golden import digests
-from reobserve.evidence.golden.comparison import Worst, compare, differences
-from reobserve.evidence.golden.deviation import Deviation
-from reobserve.evidence.golden.files import folder, read_metrics, read_undetermined
-from reobserve.evidence.golden.kept import (
-    by_name,
-    kept_paper,
-    kept_parts,
-    part_names,
-    record_names,
-)
+from reobserve.evidence.golden.files import folder, read_undetermined
+from reobserve.evidence.golden.kept import part_names, record_names
 from reobserve.ledger.ledger import Ledger, leaves, matches
 from reobserve.pipeline.evaluation import Evaluator
-from tests.pipeline.conftest import EVALUATORS, LEDGERS, PAPERS, ROOT, Project, copy_project
+from tests.evidence.golden.deviations import FEW, deviations, deviations_of_few
+from tests.pipeline.conftest import (
+    EVALUATORS,
+    FEW_LEVELS,
+    LEDGERS,
+    PAPERS,
+    ROOT,
+    Project,
+    copy_project,
+    with_few_levels,
+)
 
 # Words in a key or a place in its value that have names in the form of numbers behind them.
 NAMES = {"axis", "component", "powers"}
-PARTS = [(paper, part) for paper in PAPERS for part in part_names(LEDGERS[paper].tree)]
-
-
-def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> Iterator[str]:
-    """What is off of a figure with its records, a table or the theory."""
-    paper = evaluator.ledger.paper
-    golden = kept or folder(ROOT, paper)
-    for name, found in kept_parts(evaluator, part).items():
-        yield from map(str, compare(found, paper, name, golden))
+PARTS = [
+    (paper, part)
+    for paper in PAPERS
+    for part in part_names(LEDGERS[paper].tree)
+    if (paper, part) not in FEW
+]
 
 
 @pytest.mark.parametrize(("paper", "part"), PARTS)
 def test_the_numbers_are_golden(paper: str, part: str) -> None:
+    """Those of the dearest studies, of which there are few levels here, where they are built."""
     assert list(deviations(EVALUATORS[paper], part)) == []
 
 
@@ -56,22 +54,6 @@ def test_every_number_is_kept_once_and_no_other(paper: str) -> None:
     }
     left_out = {part for part in read_undetermined(golden) if part in record_names(tree)}
     assert parts | left_out == {*part_names(tree), *record_names(tree)}
-
-
-@pytest.mark.parametrize("paper", PAPERS)
-def test_a_machine_that_differs_is_told_where(paper: str) -> None:
-    """No failure: a warning in the summary, of the first stage that differs and how far it went."""
-    kept = kept_paper(EVALUATORS[paper])
-    said = digests.first_difference(folder(ROOT, paper), kept.digests)
-    if said:
-        every = (
-            one
-            for part, numbers in kept.parts.items()
-            for one in differences(numbers, paper, part, folder(ROOT, paper))
-        )
-        worst = Worst.of(every)
-        said = f"{paper}: {said}; at most {worst.ratio:.2g} tolerances: {worst.what}"
-        warnings.warn(said, stacklevel=1)
 
 
 Path_ = tuple[str | int, ...]
@@ -136,43 +118,6 @@ def perturbed(paper: str, key: str, path: Path_, factor: float) -> Ledger:
                 inner = inner[step]
             inner[way[-1]] *= factor
     return Ledger(paper, tree, ledger.seed)
-
-
-# Of the dearest studies, levels of which each makes golden numbers of its own, less all but these:
-# what a constant moves it moves there, too, for a fraction of the time.
-FEW_LEVELS: dict[str, dict[str, Any]] = {
-    "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_units": []},
-    "tradeoff": {"rhos": [7.0]},
-    "ensemble": {"orders": [2]},
-}
-
-
-def with_few_levels(ledger: Ledger) -> Ledger:
-    tree = copy.deepcopy(ledger.tree)
-    for study in FEW_LEVELS.keys() & tree.get("studies", {}).keys():
-        for name, levels in FEW_LEVELS[study].items():
-            tree["studies"][study][name]["value"] = levels
-    return Ledger(ledger.paper, tree, ledger.seed)
-
-
-def deviations_of_few(evaluator: Evaluator, figure: str) -> Iterator[str]:
-    """What is off of a figure's metrics that a study of few levels has."""
-    golden = read_metrics(folder(ROOT, evaluator.ledger.paper), figure)
-    found = by_name(evaluator.figure(figure).metrics)
-    assert len(found.keys() & golden.keys()) > len(found) / 2
-    for name in found.keys() & golden.keys():
-        kept, value = golden[name], float(found[name].values[0])
-        one = Deviation(figure, name, float(kept.values[0]), value, kept.tolerance.allowed)
-        if one.exceeds:
-            yield str(one)
-
-
-FEW = [
-    (paper, figure)
-    for paper in PAPERS
-    for figure, body in LEDGERS[paper].tree["figures"].items()
-    if body.get("study") in FEW_LEVELS
-]
 
 
 @pytest.mark.parametrize(("paper", "figure"), FEW)
