@@ -55,7 +55,8 @@ def fix_layout(figure: Figure, *, notes: bool = True) -> None:
         if not fits:
             _fit(figure, engine)
         engine.execute(figure)
-        figure.set_layout_engine("none")
+        with look.laid_out():
+            figure.set_layout_engine(None)
 
 
 def _fit(figure: Figure, engine: LayoutEngine) -> None:

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from reobserve.drawing.look import laid_out
 from reobserve.drawing.pgf import pgf
 from reobserve.errors import InputError
 from reobserve.plain_data.files import write_text, write_whole
@@ -44,15 +45,16 @@ def save(figure: Figure, path: Path) -> None:
     kind = path.suffix.removeprefix(".")
     if kind not in _METADATA:
         raise InputError(str(path), f"must end in one of .{', .'.join(_METADATA)}")
-    if kind == "eps":
-        content = _eps(figure)
-        write_whole(path, lambda partial: _put(partial, content))
-    elif kind == "pgf":
-        write_text(path, pgf(figure, str(path)))
-    else:
-        write_whole(
-            path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
-        )
+    with laid_out():
+        if kind == "eps":
+            content = _eps(figure)
+            write_whole(path, lambda partial: _put(partial, content))
+        elif kind == "pgf":
+            write_text(path, pgf(figure, str(path)))
+        else:
+            write_whole(
+                path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
+            )
 
 
 def _put(path: Path, content: bytes) -> None:

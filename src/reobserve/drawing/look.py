@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,14 @@ _FIXED: dict[str, tuple[Any, str]] = {
 }
 _NO_LOOK = ("backend", "interactive", "toolbar", "timezone", "webagg", "macosx", "tk")
 _WIDTHS, _HEIGHTS, _SIZES = (1.0, 40.0), (0.5, 40.0), (3.0, 72.0)
+
+
+def laid_out() -> AbstractContextManager[None]:
+    """Lay nothing out from here on: a figure with a layout engine is drawn twice for each format.
+
+    Even an engine that does nothing is one; a figure has none only where this says so.
+    """
+    return matplotlib.rc_context({"figure.constrained_layout.use": False})
 
 
 def use_sheet(path: Path | None) -> None:
