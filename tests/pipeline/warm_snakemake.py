@@ -67,8 +67,14 @@ def _call(
 
 
 def _serve() -> None:
-    import snakemake.cli  # noqa: F401 -- all that forked processes share
+    # All that forked processes share: what Snakemake and its rules import, and its plugins' options.
+    import jsonschema
+    import pandas  # noqa: F401
+    import snakemake.cli
+    import yaml  # noqa: F401
 
+    jsonschema.Draft202012Validator({}).is_valid({})
+    snakemake.cli.get_argument_parser()
     for line in sys.stdin:
         child = os.fork()
         if not child:
