@@ -67,7 +67,7 @@ def _call(
 
 
 def _serve() -> None:
-    # All that forked processes share: what Snakemake and its rules import, and its plugins' options.
+    # All that forked processes share: what Snakemake and its rules import, and its options.
     import jsonschema
     import pandas  # noqa: F401
     import snakemake.cli
