@@ -174,6 +174,7 @@ def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     """Machine code is cached on disk; the product of rigid_body.py is compiled into others."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
+    assert not (fresh.folder / ".snakemake/fork.socket").exists(), "one job starts by itself"
     before = fresh.results()["ilo/constant/plant.parquet"]
     source = fresh.folder / "src/reobserve/models/rigid_body.py"
     with edited(source, "torque[0] - (y * hz - z * hy)", "torque[0] + (y * hz - z * hy)"):

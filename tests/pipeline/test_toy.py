@@ -71,6 +71,7 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     assert table == "gain,printed,computed\nl1,7.5,7.5\nl2,15.9,16.0\n"
     caption = (toy.folder / "results/toy/fig1.caption.rst").read_text()
     assert "both poles at 4.0 1/s" in caption
+    assert (toy.folder / ".snakemake/fork.socket").exists(), "many jobs are forked"
     assert toy.stale() == {}
 
 

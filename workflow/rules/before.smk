@@ -26,6 +26,9 @@ def take_build_lock():
         )
 
 
+WORTH_FORKING = 4  # jobs: to import everything once takes as long as what so many import
+
+
 def start_fork_server():
     """Have the jobs of this build forked from one process, if they run here and by this Python.
 

@@ -5,7 +5,9 @@
 onstart:
     take_build_lock()
     write_ledgers()
-    if sys.platform == "linux" and workflow.local_exec and not DEPLOYED:
+    jobs = sum(job.shellcmd is not None for job in workflow.dag.needrun_jobs())
+    here = workflow.local_exec and not DEPLOYED
+    if sys.platform == "linux" and here and jobs >= WORTH_FORKING:
         start_fork_server()
 
 
