@@ -15,6 +15,7 @@ from reobserve.designs.signals import product
 from reobserve.errors import InputError
 from reobserve.plain_data.json_data import Tree
 from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.synthesis.high_gain import lyapunov_matrix
 
 
 def model(kind: str, **changed: Any) -> Tree:
@@ -75,6 +76,28 @@ def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> 
     assert poles(built) == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
         design("adaptive", sampling_period=10.0).certify()
+
+
+def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
+    """For two states the root of the condition number of S is the square of the golden ratio."""
+    built = design("high-gain")
+    rho, ratio = 12.0, (3.0 + np.sqrt(5.0)) / 2.0
+    decay = built.certify()["decay"]
+    assert decay == pytest.approx(rho / 2 - ratio * np.hypot(9.81 / rho, 0.5), rel=1e-9)
+    y = np.zeros((101, 1))  # the plant at rest
+    error = built.observer.run(y, y, state=built.start())["state"]
+    S = lyapunov_matrix(2, rho)
+    V = np.einsum("ki,ij,kj->k", error, S, error)
+    bound = V[0] * np.exp(-2 * decay * 0.01 * np.arange(101)) * (1 + 1e-9)
+    assert np.all(V <= bound)
+    with pytest.raises(InputError, match=r"rho: 6 1/s is too low for the bounds of lipschitz"):
+        design("high-gain", gains={"rho": 6}).certify()
+    with pytest.raises(InputError, match=r"rho: 300 1/s is more than steps of 0.01 s follow"):
+        design("high-gain", gains={"rho": 300}).certify()
+    with pytest.raises(InputError, match=r"drift.angle: 'rate' names rate, must name nothing but"):
+        _ = design("high-gain", drift={"angle": "rate", "rate": 0}).observer
+    with pytest.raises(InputError, match=r"measurements.angle: has the unit deg, must have that"):
+        design("high-gain", measurements={"angle": "deg"})
 
 
 def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from reobserve.designs.file import KINDS, kind_of
 from reobserve.models.linear import LinearModel
 from reobserve.models.rigid_body import RigidBody
+from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import luenberger
+from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.imm import IMM
@@ -71,6 +73,15 @@ def pendulum(**chosen: Any) -> Any:
     )  # fmt: skip
 
 
+def high_gain() -> Made:
+    """All that text may hold, from the middle of a record."""
+    drift = ["cosh(a)/7 - a**3", "sqrt(1 + w^2)*tan(a/3) - pi*w", "erf(s)**5 - 2*s - (w^2 + 3)^-1"]
+    model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
+    made = HighGainObserver(model, 6.0, 0.01)
+    y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
+    return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
+
+
 FACTORS = (1.0, 0.8, 0.5)
 CASES: dict[str, Callable[[], Made]] = {
     "gain": lambda: filtering(luenberger(model(), [0.3, 0.4, 0.5])),
@@ -94,6 +105,7 @@ CASES: dict[str, Callable[[], Made]] = {
     "continuous_on": lambda: gone_on(ILO(BODY, 0.01, 0.9, 50.0, 500.0, 0.03)),
     "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 0.01, 500.0, 1000.0, 10.0)),
     "levant": lambda: (LevantDifferentiator(1.0, 0.01, 3), None),
+    "high_gain": high_gain,
     "identity": lambda: (pendulum(order=4), None),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),

@@ -65,6 +65,7 @@ _CHOSEN = {
     "levant": "a robust exact differentiator: accuracy",
     "svsf": "a smooth variable structure filter",
     "imm": "a bank of filters, one for each mode of a plant",
+    "high-gain": "a high-gain observer, of right-hand sides as text: poles, decay",
 }
 
 

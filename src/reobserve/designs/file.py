@@ -39,6 +39,7 @@ KINDS = {
     "levant": "levant.LevantDesign",
     "svsf": "svsf.SvsfDesign",
     "imm": "imm.ImmDesign",
+    "high-gain": "high_gain.HighGainDesign",
 }
 DesignKind = TypeVar("DesignKind", bound=Design)
 

@@ -232,10 +232,18 @@ def _(part: Call, to: _Told) -> str:
     given = [to.of(one) for one in part.arguments]
     if part.function == "fabs":
         return f"\\lvert {given[0]} \\rvert"
+    if part.function == "sqrt":
+        return f"\\sqrt{{{given[0]}}}"
     if part.function == "pow":
-        return f"{given[0]}^{{{given[1]}}}"
-    name = {"fmax": "\\max", "exp": "\\exp", "log": "\\log", "sqrt": "\\sqrt"}[part.function]
+        return f"({given[0]})^{{{given[1]}}}"
+    name = _FUNCTIONS.get(part.function, f"\\operatorname{{{part.function}}}")
     return f"{name}({', '.join(given)})"
+
+
+_FUNCTIONS = {
+    "fmax": r"\max", "fmin": r"\min", "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan",
+    **{name: f"\\{name}" for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+}  # fmt: skip
 
 
 # --- Numbers, matrices, tables ---

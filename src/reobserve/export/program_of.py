@@ -25,15 +25,15 @@ _PROGRAMS = {
     "LevantDifferentiator": "levant:differentiator",
     "IdentityObserver": "normal_form:identity",
     "TransformedObserver": "normal_form:transformed",
+    "HighGainObserver": "high_gain:standard",
 }
 # What must be given a state.
 _STARTED = (
     "FixedGainObserver", "KalmanFilter", "SmoothVariableStructureFilter", "AugmentedKalmanFilter",
-    "IMM",
+    "IMM", "HighGainObserver",
 )  # fmt: skip
 # Why the others have none.
 _LEFT_OUT = {
-    "HighGainObserver": "its right-hand sides are compiled functions, of which no text is left",
     "ExtendedHighGainObserver": (
         "its right-hand sides are compiled functions, of which no text is left"
     ),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterable, Iterator
 from pprint import pformat
 from textwrap import wrap
@@ -28,24 +30,11 @@ _MODULE = '''\
     estimate["{first}"]
 """
 
-import math
-from math import copysign, exp, fabs, isnan, nan as NAN, sqrt  # noqa: F401
-
-SAMPLING_PERIOD = {period}  # [s]
+{imported}SAMPLING_PERIOD = {period}  # [s]
 
 {constants}
 
-def log(x):
-    """The logarithm, which of zero is minus infinity."""
-    return math.log(x) if x > 0.0 else (-math.inf if x == 0.0 else NAN)
-
-
-def fmax(a, b):
-    """The larger of two."""
-    return a if a > b else b
-
-
-{functions}class Observer:
+{helpers}{functions}class Observer:
     """All that is remembered from row to row."""
 
     def __init__(self):
@@ -59,10 +48,39 @@ def fmax(a, b):
 {step}        return estimate
 '''
 
+# What C has and Python lacks, or has otherwise.
+_HELPERS = {
+    "log": '''\
+def log(x):
+    """The logarithm, which of zero is minus infinity."""
+    return math.log(x) if x > 0.0 else (-math.inf if x == 0.0 else math.nan)
+
+
+''',
+    "fmax": '''\
+def fmax(a, b):
+    """The larger of two."""
+    return a if a > b else b
+
+
+''',
+}
+_CALLED = re.compile(r"\b([a-z]\w*)\(|\bNAN\b")
+_DEFINED = re.compile(r"^def (\w+)", re.MULTILINE)
+
 
 def module(program: Program, signals: tuple[str, str], about: str, period: float) -> str:
     """The text of the module; ``signals`` say what the columns of y and u are."""
     told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
+    functions = "".join(
+        _function(function, function_block(program, function)) for function in program.functions
+    )
+    start = "".join(
+        f"        self.{name} = {_literal(part.initial, part.counter)}\n"
+        for name, part in program.memory.items()
+    )
+    step = "".join(_step(program))
+    imported, helpers = _provided(functions + start + step)
     return _MODULE.format(
         title=program.title, about="\n".join(wrap(about, _WIDTH)),
         and_u=", u" if program.inputs else "", first=next(iter(program.estimates)),
@@ -71,15 +89,20 @@ def module(program: Program, signals: tuple[str, str], about: str, period: float
             f"{name} = {pformat(part.values.tolist(), width=96)}\n"
             for name, part in program.constants.items()
         ),
-        functions="".join(
-            _function(function, function_block(program, function)) for function in program.functions
-        ),
-        start="".join(
-            f"        self.{name} = {_literal(part.initial, part.counter)}\n"
-            for name, part in program.memory.items()
-        ),
-        step="".join(_step(program)),
+        imported=imported, helpers=helpers, functions=functions, start=start, step=step,
     )  # fmt: skip
+
+
+def _provided(code: str) -> tuple[str, str]:
+    """The imports of what the code calls, and the helpers among it."""
+    called = {found[1] or "NAN" for found in _CALLED.finditer(code)}
+    helpers = "".join(text for name, text in _HELPERS.items() if name in called)
+    own = {*_HELPERS, *_DEFINED.findall(code)}
+    names = [name for name in sorted(called - own) if hasattr(math, name)]
+    names += ["nan as NAN"] if "NAN" in called else []
+    imported = "import math\n" if "math." in helpers else ""
+    imported += f"from math import {', '.join(names)}\n" if names else ""
+    return f"{imported}\n" if imported else "", helpers
 
 
 def _literal(values: Array, counter: bool) -> str:

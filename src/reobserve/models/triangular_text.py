@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,19 @@ from reobserve.numerics.vector_field import vector_field
 from reobserve.power_series.grammar import check_size, parse
 
 
-def triangular_model(
-    variables: Sequence[str], drift: Sequence[str], input_gain: str
-) -> TriangularModel:
+@dataclass(frozen=True, eq=False)
+class TextModel(TriangularModel):
+    """A triangular model that keeps what its functions were compiled from.
+
+    ``drift_code``, n texts, and ``gain_code`` are expressions of Python in ``x[0]``, ``x[1]`` and
+    functions of ``math``.
+    """
+
+    drift_code: tuple[str, ...]
+    gain_code: str
+
+
+def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain: str) -> TextModel:
     """The model x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u, in the grammar of power series.
 
     Parameters
@@ -51,9 +62,10 @@ def triangular_model(
     for i, text in enumerate(drift):
         rows.append(_code(f"drift[{i}]", text, symbols, list(variables)[: i + 1]))
     gain = _code("input_gain", input_gain, symbols, list(variables)[:1])
-    return TriangularModel(
-        len(variables), _compiled("drift", rows), _compiled("input_gain", [gain]), np.zeros(0)
-    )
+    return TextModel(
+        len(variables), _compiled("drift", rows), _compiled("input_gain", [gain]), np.zeros(0),
+        tuple(rows), gain,
+    )  # fmt: skip
 
 
 def _code(place: str, text: str, symbols: dict[str, Any], allowed: list[str]) -> str:

@@ -14,6 +14,7 @@ from reobserve.designs.design import Design
 from reobserve.designs.file import load_design
 from reobserve.errors import InputError
 from reobserve.observers.extended_state import ExtendedStateObserver
+from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import LinearFilter
@@ -21,7 +22,7 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.own_data.kinds.extended_state import eso_residual
 from reobserve.own_data.kinds.linear import imm_setup, linear_setup
-from reobserve.own_data.kinds.nonlinear import levant_setup, normal_form_setup
+from reobserve.own_data.kinds.nonlinear import high_gain_setup, levant_setup, normal_form_setup
 from reobserve.own_data.kinds.rigid_body import rigid_body_setup
 from reobserve.own_data.kinds.setup import Setup
 
@@ -81,4 +82,5 @@ _SETUPS: tuple[tuple[type, Callable[..., Setup]], ...] = (
     (NormalFormObserver, normal_form_setup),
     (LevantDifferentiator, levant_setup),
     (ExtendedStateObserver, _eso_setup),
+    (HighGainObserver, high_gain_setup),
 )

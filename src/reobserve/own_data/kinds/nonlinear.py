@@ -103,10 +103,13 @@ class HighGain:
         observer = HighGainObserver(self.model.made(), self.rho, period)
         with located("start"):
             observer.init(self.start.state)
-        return Setup(
-            observer, lambda y: observer.init(self.start.state), _first_state,
-            names={"state": tuple(self.model.variables)},
-        )  # fmt: skip
+        made = high_gain_setup(observer, lambda y: observer.init(self.start.state))
+        return replace(made, names={"state": tuple(self.model.variables)})
+
+
+def high_gain_setup(observer: HighGainObserver, start: Callable[[Array], Any]) -> Setup:
+    """The setup of a standard high-gain observer."""
+    return Setup(observer, start, _first_state)
 
 
 @dataclass(frozen=True)
