@@ -87,9 +87,9 @@ def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
     y = np.zeros((101, 1))  # the plant at rest
     error = built.observer.run(y, y, state=built.start())["state"]
     S = lyapunov_matrix(2, rho)
-    V = np.einsum("ki,ij,kj->k", error, S, error)
-    bound = V[0] * np.exp(-2 * decay * 0.01 * np.arange(101)) * (1 + 1e-9)
-    assert np.all(V <= bound)
+    size = np.einsum("ki,ij,kj->k", error, S, error)
+    bound = size[0] * np.exp(-2 * decay * 0.01 * np.arange(101)) * (1 + 1e-9)
+    assert np.all(size <= bound)
     with pytest.raises(InputError, match=r"rho: 6 1/s is too low for the bounds of lipschitz"):
         design("high-gain", gains={"rho": 6}).certify()
     with pytest.raises(InputError, match=r"rho: 300 1/s is more than steps of 0.01 s follow"):

@@ -14,6 +14,7 @@ from reobserve.models.rigid_body import RigidBody
 from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo import ILO
@@ -82,6 +83,26 @@ def high_gain() -> Made:
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
 
 
+def extended(*, begun: bool = False, **chosen: Any) -> Made:
+    """Delays that meet both bounds, and an input that is not seen where it turns round."""
+    model = triangular_model(["a", "w"], ["-a", "-sin(a) - w^3"], "2 - a^2")
+    parts = {"order": 2, "delay_bounds": (0.05, 0.4), "threshold": 0.4, **chosen}
+    made = ExtendedHighGainObserver(model, 0.01, 12.0, **parts)
+    state = made.init([0.3, 0.0], 0.2)
+    if begun:
+        y, u = (0.1 * np.sin(k * np.arange(8.0))[:, None] for k in (0.1, 0.2))
+        state = made.run(y, u, state=state).state
+    return made, state
+
+
+def alone() -> Made:
+    """An input without its derivatives, from the third row of a record, where few are known."""
+    model = triangular_model(["a"], ["-a"], "1")
+    made = ExtendedHighGainObserver(model, 0.05, 5.0, 3, (0.0, 0.5), 0.05)
+    y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
+    return made, made.run(y, u, state=made.init([0.0], 0.2)).state
+
+
 FACTORS = (1.0, 0.8, 0.5)
 CASES: dict[str, Callable[[], Made]] = {
     "gain": lambda: filtering(luenberger(model(), [0.3, 0.4, 0.5])),
@@ -106,6 +127,10 @@ CASES: dict[str, Callable[[], Made]] = {
     "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 0.01, 500.0, 1000.0, 10.0)),
     "levant": lambda: (LevantDifferentiator(1.0, 0.01, 3), None),
     "high_gain": high_gain,
+    "extended": extended,
+    "extended_all": lambda: extended(switched="all", begun=True),
+    "extended_unswitched": lambda: extended(order=1, threshold=0.0),
+    "extended_alone": alone,
     "identity": lambda: (pendulum(order=4), None),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),
@@ -125,6 +150,14 @@ def observer_of(name: str) -> Made:
         return CASES[name]()
     design, state = designed(name.removeprefix("example-"))
     return design.observer, state
+
+
+def columns_of(name: str, observer: Any) -> tuple[int, int]:
+    """How many columns it reads."""
+    if name.startswith("example-"):
+        design, _ = designed(name.removeprefix("example-"))
+        return len(design.measurements), len(design.inputs)
+    return (1, 1) if "alone" in name else (observer.measurements, observer.inputs)
 
 
 NAMES = (*CASES, *(f"example-{kind}" for kind in KINDS))

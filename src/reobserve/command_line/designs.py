@@ -66,6 +66,7 @@ _CHOSEN = {
     "svsf": "a smooth variable structure filter",
     "imm": "a bank of filters, one for each mode of a plant",
     "high-gain": "a high-gain observer, of right-hand sides as text: poles, decay",
+    "extended-high-gain": "the same that estimates the delay of its input, too",
 }
 
 

@@ -40,6 +40,7 @@ KINDS = {
     "svsf": "svsf.SvsfDesign",
     "imm": "imm.ImmDesign",
     "high-gain": "high_gain.HighGainDesign",
+    "extended-high-gain": "extended_high_gain.ExtendedHighGainDesign",
 }
 DesignKind = TypeVar("DesignKind", bound=Design)
 

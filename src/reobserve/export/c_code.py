@@ -132,7 +132,9 @@ def _function(function: Function, block: Block) -> str:
     lines = list(_printed(block.lines, {}, 1))
     unread = [one.name for one in function.arguments if not _is_read(one.name, lines)]
     body = "".join((*_variables(block), *(f"    (void){name};\n" for name in unread), *lines))
-    return f"static void {function.name}({given}, {result})\n{{\n{body}}}\n\n"
+    head = wrap(f"static void {function.name}({given}, {result})", _WIDTH, **_margins(""))
+    told = "\n".join(head)
+    return f"{told}\n{{\n{body}}}\n\n"
 
 
 def _is_read(name: str, lines: list[str]) -> bool:

@@ -81,7 +81,8 @@ def test_source(
             f"        apart = off({pointer}, expected_{each}[k], {values.shape[1]});\n"
             f"        worst[{place}] = (apart > worst[{place}]) ? apart : worst[{place}];\n"
         )
-        size = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+        least = program.estimates[each].size
+        size = float(np.nanmax(np.abs(values), initial=least)) or 1.0
         told.append(
             f'    printf("{each}: off by %.3g of at most {size:.3g}\\n", worst[{place}]);\n'
             f"    wrong |= !(worst[{place}] <= {_TOLERANCE} * {size!r});\n"

@@ -67,7 +67,8 @@ def exported(design: Design, to: str, name: str) -> dict[str, str]:
     if not _is_identifier(name):
         raise InputError("name", f"{shown(name)} must be an identifier of C and Python")
     state = design.start()
-    program = program_of(design.observer, state)
+    columns = len(design.measurements), len(design.inputs)
+    program = program_of(design.observer, state, columns)
     signals = listed(design.measurements), listed(design.inputs)
     about = "It estimates " + "; ".join(
         f"{each}: {listed(design.estimates[each])}" for each in program.estimates
@@ -79,7 +80,7 @@ def exported(design: Design, to: str, name: str) -> dict[str, str]:
         return {f"{name}.tex": latex.document(program, design)}
     if to == "json":
         return {f"{name}.json": _json(program, design, period)}
-    y, u, found = records.test_run(design.observer, state)
+    y, u, found = records.test_run(design.observer, state, columns)
     expected = {each: found[each] for each in program.estimates}
     return {
         f"{name}.h": c_code.header(program, name, signals, about, period),

@@ -94,7 +94,9 @@ def document(program: Program, design: Design) -> str:
 def _functions(program: Program) -> Iterator[str]:
     for function in program.functions:
         given = ", ".join(program.symbols[one.name] for one in function.arguments)
-        body = _all(program, function.body, 1)
+        body = list(_all(program, function.body, 1))
+        if not body:
+            continue
         yield f"&\\text{{with }} {_called(function)}({given})\\colon"
         yield from body
 
@@ -150,7 +152,7 @@ def _told_estimates(program: Program) -> Iterator[str]:
 
 # --- Expressions ---
 
-_INDEX = {"mode": "j", "other": "i", "row": "i", "column": "l"}
+_INDEX = {"mode": "j", "other": "i", "row": "i", "column": "l", "change": "c"}
 
 
 class _Told:

@@ -26,33 +26,43 @@ _PROGRAMS = {
     "IdentityObserver": "normal_form:identity",
     "TransformedObserver": "normal_form:transformed",
     "HighGainObserver": "high_gain:standard",
+    "ExtendedHighGainObserver": "extended_high_gain:extended",
 }
+# What finds derivatives from samples, or takes them in columns of their own.
+_DIFFERENTIATING = ("ExtendedHighGainObserver",)
 # What must be given a state.
 _STARTED = (
     "FixedGainObserver", "KalmanFilter", "SmoothVariableStructureFilter", "AugmentedKalmanFilter",
-    "IMM", "HighGainObserver",
+    "IMM", "HighGainObserver", "ExtendedHighGainObserver",
 )  # fmt: skip
 # Why the others have none.
 _LEFT_OUT = {
-    "ExtendedHighGainObserver": (
-        "its right-hand sides are compiled functions, of which no text is left"
-    ),
     "AdaptiveDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
     "LeastSquaresDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
     "VariableStructureDelayEstimator": "its past input is as long as the greatest delay",
 }
 
 
-def program_of(observer: Observer[Any], state: Any = None) -> Program:
-    """One step of an observer as a program that starts from ``state``.
+def program_of(
+    observer: Observer[Any], state: Any = None, columns: tuple[int, int] | None = None
+) -> Program:
+    """One step of an observer as a program.
 
-    Without a state it starts as `Observer.run` does without one.
+    Parameters
+    ----------
+    observer
+        The observer.
+    state
+        What it starts from; without one it starts as `Observer.run` does without one.
+    columns
+        How many columns y and u have; if left out, signals come with all their derivatives that
+        the observer takes. One that finds them by itself takes 1, too.
 
     Raises
     ------
     InputError
-        If it is no observer, its steps are no fixed sequence, which is said, or it has to be given
-        a state.
+        If it is no observer, its steps are no fixed sequence, which is said, it has to be given
+        a state, or it takes no such columns.
     """
     if not isinstance(observer, Observer):
         raise InputError("observer", f"{shown(observer)} must be an observer")
@@ -66,5 +76,11 @@ def program_of(observer: Observer[Any], state: Any = None) -> Program:
         observer._start(np.zeros(observer.measurements))  # says that it must be given
     begun = None if state is None else observer._checked(state)
     make = getattr(import_module(f"reobserve.export.programs.{module}"), function)
-    found: Program = make(observer, begun)
+    all_of_them = (observer.measurements, observer.inputs)
+    given = all_of_them if columns is None else columns
+    alone = name in _DIFFERENTIATING
+    for one, most in zip(given, all_of_them, strict=True):
+        if one != most and not (alone and one == 1):
+            raise InputError("columns", f"{shown(given)} must be {all_of_them}, or 1 for signals")
+    found: Program = make(observer, begun, given) if alone else make(observer, begun)
     return found

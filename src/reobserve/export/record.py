@@ -1,11 +1,13 @@
 """A record for exported code to be tested on, with lost samples where the observer takes them.
 
 Filters get one of their own model, with noise as they expect it: far from that, rounding grows to
-any size in a likelihood. Others get waves of the size of a tenth.
+any size in a likelihood. Others get waves of the size of a tenth, and their derivatives in columns
+of their own where these are read.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,8 @@ from numpy.typing import NDArray
 
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
+from reobserve.observers.delay_estimator import DelayEstimator
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
@@ -23,15 +27,23 @@ ROWS = 60
 _LOST, _PARTLY = slice(20, 23), slice(30, 33)
 
 
-def test_run(observer: Observer[Any], state: Any) -> tuple[Array, Array, Run[Any]]:
+def test_run(
+    observer: Observer[Any], state: Any, columns: tuple[int, int]
+) -> tuple[Array, Array, Run[Any]]:
     """Measurements, inputs and the estimates of the library, one row a sample.
+
+    ``columns`` are as `reobserve.export.program_of.program_of` has them.
 
     Raises
     ------
     DivergenceError
         If the observer diverges on this record.
     """
-    y, u = _waves(observer.measurements, 0.21), _waves(observer.inputs, 0.13)
+    p, m = columns
+    make = _waves
+    if isinstance(observer, ExtendedHighGainObserver | DelayEstimator):
+        make = partial(_derivatives, period=observer.sampling_period)
+    y, u = make(p, 0.21), make(m, 0.13)
     if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):
         y = _simulated(observer, state, u)
         y[_LOST] = np.nan
@@ -43,6 +55,12 @@ def test_run(observer: Observer[Any], state: Any) -> tuple[Array, Array, Run[Any
 def _waves(columns: int, rate: float) -> Array:
     phase = rate * np.arange(ROWS)[:, None] * (1.0 + 0.3 * np.arange(columns)) + np.arange(columns)
     return np.round(0.1 * np.sin(phase), 6)
+
+
+def _derivatives(columns: int, rate: float, period: float) -> Array:
+    """A wave and its derivatives."""
+    phase = rate * np.arange(ROWS)[:, None] + 0.5 * np.pi * np.arange(columns)
+    return np.round(0.1 * (rate / period) ** np.arange(columns) * np.sin(phase), 6)
 
 
 def _simulated(observer: LinearFilter | AugmentedKalmanFilter | IMM, state: Any, u: Array) -> Array:

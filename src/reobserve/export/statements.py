@@ -122,11 +122,15 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """What a step remembers, with its value at the start, or what it tells."""
+    """What a step remembers, with its value at the start, or what it tells.
+
+    ``size`` is what errors of an estimate are small against, if not its largest value.
+    """
 
     initial: Array
     symbol: str
     counter: bool = False
+    size: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,9 +189,9 @@ class Program:
         self.memory[name] = Variable(np.array(float(initial)), symbol or name, counter=True)
         return self._named(name, (), symbol)
 
-    def estimate(self, name: str, value: Expression, symbol: str = "") -> None:
-        """Tell the value of an estimate."""
-        self.estimates[name] = Variable(np.zeros(value.shape), symbol or name)
+    def estimate(self, name: str, value: Expression, symbol: str = "", size: float = 0.0) -> None:
+        """Tell the value of an estimate; see `Variable`."""
+        self.estimates[name] = Variable(np.zeros(value.shape), symbol or name, size=size)
         self._add(Assign(Name(estimate_name(name), value.shape), value, shown=False))
 
     def local(self, name: str, shape: Shape, symbol: str = "") -> Name:

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 # Modes change a few times in a whole run; where an input jumps back and forth around the threshold
 # in one step there is no point in following every change.
-_MOST_CHANGES = 16
-_BISECTIONS = 60
+MOST_CHANGES = 16
+BISECTIONS = 60
 
 # Rows of the table of inputs.
 _STEP, _PART, _INSTANT = 0, 3, 6
@@ -196,7 +196,7 @@ def _to_mode_end(
     n, x, f = len(size), room[0], room[1]
     low, high = start, 1.0
     turns = turning != 1.0
-    for _ in range(_BISECTIONS):
+    for _ in range(BISECTIONS):
         middle = turning if turns else 0.5 * (low + high)
         if not turns and not low < middle < high:
             break
@@ -271,7 +271,7 @@ def _run(
             _add_gain(input_gain, parameters, at, row, y, gain)
         start, here = 0.0, _STEP
         switched_off[k] = 0.0
-        for change in range(_MOST_CHANGES):
+        for change in range(MOST_CHANGES):
             xi = before = _seen(order, points[_FROM, n], at, here)
             rate = _raw_rate(points[_FROM, 0], xi, at, here)
             points[_FROM, n] = min(max(points[_FROM, n], least), most)
@@ -286,7 +286,7 @@ def _run(
             holds = _holds(points[_TO, n], after, xi, before, bounds, held, off)
             # A free delay whose rate changes its sign turns round inside the step.
             turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
-            if (turns or not holds) and change < _MOST_CHANGES - 1:
+            if (turns or not holds) and change < MOST_CHANGES - 1:
                 turning = start + (1.0 - start) * rate / (rate - after) if turns else 1.0
                 end = _to_mode_end(
                     model,

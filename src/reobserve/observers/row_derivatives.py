@@ -111,13 +111,13 @@ def _with_derivatives(values: Array, recent: Array, known: int, period: float) -
     scales = period ** np.arange(1.0, order + 1)
     for points in np.unique(through):
         chosen = np.flatnonzero(through == points)
-        for ago, weights in enumerate(_weights(int(points), order)):
+        for ago, weights in enumerate(derivative_weights(int(points), order)):
             full[chosen, 1:] += np.outer(samples[chosen + order + 1 - ago], weights / scales)
     return full
 
 
 @cache
-def _weights(points: int, order: int) -> Array:
+def derivative_weights(points: int, order: int) -> Array:
     """What the samples at 0, -1, ..., add to the derivatives of their polynomial at 0.
 
     Shape (points, order), from the basis of Lagrange; all numbers up to the last division are

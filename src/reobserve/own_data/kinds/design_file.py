@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reobserve.designs.design import Design
 from reobserve.designs.file import load_design
 from reobserve.errors import InputError
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.imm import IMM
@@ -22,7 +23,12 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.own_data.kinds.extended_state import eso_residual
 from reobserve.own_data.kinds.linear import imm_setup, linear_setup
-from reobserve.own_data.kinds.nonlinear import high_gain_setup, levant_setup, normal_form_setup
+from reobserve.own_data.kinds.nonlinear import (
+    extended_high_gain_setup,
+    high_gain_setup,
+    levant_setup,
+    normal_form_setup,
+)
 from reobserve.own_data.kinds.rigid_body import rigid_body_setup
 from reobserve.own_data.kinds.setup import Setup
 
@@ -68,6 +74,7 @@ def from_design(design: Design) -> Setup:
         made, measured=measured if all(measured) else (), known=known if all(known) else (),
         units={name: tuple(unit for _, unit in parts) for name, parts in estimates.items()},
         names={name: tuple(label for label, _ in parts) for name, parts in estimates.items()},
+        widths=((len(measured),), (len(known),)),
     )  # fmt: skip
 
 
@@ -83,4 +90,5 @@ _SETUPS: tuple[tuple[type, Callable[..., Setup]], ...] = (
     (LevantDifferentiator, levant_setup),
     (ExtendedStateObserver, _eso_setup),
     (HighGainObserver, high_gain_setup),
+    (ExtendedHighGainObserver, extended_high_gain_setup),
 )

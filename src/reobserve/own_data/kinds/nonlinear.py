@@ -149,11 +149,18 @@ class ExtendedHighGain:
 
         with located("start"):
             begin()
-        return Setup(
-            observer, begin, _first_state, units={"delay": ("s",), "switched_off": ("1",)},
-            names={"state": tuple(self.model.variables)},
-            widths=((1,), (1, self.order + 1)), holds_inputs=False,
-        )  # fmt: skip
+        made = extended_high_gain_setup(observer, begin)
+        return replace(made, names={"state": tuple(self.model.variables)})
+
+
+def extended_high_gain_setup(
+    observer: ExtendedHighGainObserver, start: Callable[[Array], Any]
+) -> Setup:
+    """The setup of an extended high-gain observer."""
+    return Setup(
+        observer, start, _first_state, units={"delay": ("s",), "switched_off": ("1",)},
+        widths=((1,), (1, observer.order + 1)), holds_inputs=False,
+    )  # fmt: skip
 
 
 def _first_state(y: Array, estimates: Estimates) -> Array:
