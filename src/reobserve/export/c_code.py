@@ -68,6 +68,15 @@ int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
 {step}}}
 """
 
+_MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
+_WHOLE = """\
+static int32_t whole(const double value)
+{
+    return (int32_t)value;
+}
+
+"""
+
 
 def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
     """The header; ``signals`` say what the columns of y and u are."""
@@ -92,16 +101,21 @@ def header(program: Program, name: str, signals: tuple[str, str], about: str, pe
 def source(program: Program, name: str) -> str:
     """The source that goes with the header."""
     used = [function_block(program, function) for function in program.functions]
+    functions = "".join(map(_function, program.functions, used))
+    step = "".join(_step(program))
+    constants = {each: part.values for each, part in program.constants.items()}
+    for each, kept in program.memory.items():
+        if kept.initial.size > _MOST_ASSIGNED:
+            constants[f"{each}_at_start"] = kept.initial
     return _SOURCE.format(
         title=program.title, name=name, p=program.measurements, u=_u(program),
         constants="".join(
-            f"static const double {each}{_size(part.values.shape)} = {literal(part.values)};\n"
-            for each, part in program.constants.items()
+            f"static const double {each}{_size(values.shape)} = {literal(values)};\n"
+            for each, values in constants.items()
         )
         + "\n",
-        functions="".join(map(_function, program.functions, used)),
-        start="".join(_starts(program)),
-        step="".join(_step(program)),
+        functions=(_WHOLE if "whole(" in functions + step else "") + functions,
+        start="".join(_starts(program)), step=step,
     )  # fmt: skip
 
 
@@ -127,7 +141,11 @@ def _size(shape: Shape) -> str:
 
 
 def _function(function: Function, block: Block) -> str:
-    given = ", ".join(f"const double {one.name}{_size(one.shape)}" for one in function.arguments)
+    # C99 makes no array of arrays constant by handing it over.
+    given = ", ".join(
+        f"{'const ' if len(one.shape) < 2 else ''}double {one.name}{_size(one.shape)}"
+        for one in function.arguments
+    )
     result = f"double {function.result.name}{_size(function.result.shape)}"
     lines = list(_printed(block.lines, {}, 1))
     unread = [one.name for one in function.arguments if not _is_read(one.name, lines)]
@@ -143,6 +161,10 @@ def _is_read(name: str, lines: list[str]) -> bool:
 
 def _starts(program: Program) -> Iterator[str]:
     for name, part in program.memory.items():
+        if part.initial.size > _MOST_ASSIGNED:
+            copy = f"memory->{name}{{at}} = {name}_at_start{{at}}"
+            yield from _printed(_each(copy, part.initial.shape), {}, 1)
+            continue
         if part.counter:
             yield f"    memory->{name} = {int(part.initial)};\n"
             continue
@@ -159,12 +181,12 @@ def _step(program: Program) -> Iterator[str]:
     yield "\n"
     for name, part in program.memory.items():
         if not part.counter:
-            yield from _printed(_summed(f"memory->{name}", part.initial.shape), {}, 1)
+            yield from _printed(_each(f"finite += memory->{name}{{at}}", part.initial.shape), {}, 1)
     yield "    return isfinite(finite) ? 0 : 1;\n"
 
 
-def _summed(name: str, shape: Shape) -> list[Lowered]:
-    return list(nest(shape, lambda at: [Line(f"finite += {name}{at}")]))
+def _each(line: str, shape: Shape) -> list[Lowered]:
+    return list(nest(shape, lambda at: [Line(line.format(at=at))]))
 
 
 def _variables(block: Block) -> Iterator[str]:

@@ -27,20 +27,20 @@ _PROGRAMS = {
     "TransformedObserver": "normal_form:transformed",
     "HighGainObserver": "high_gain:standard",
     "ExtendedHighGainObserver": "extended_high_gain:extended",
+    "LeastSquaresDelayEstimator": "delays:least_squares",
+    "AdaptiveDelayEstimator": "delays:adaptive",
+    "VariableStructureDelayEstimator": "delays:relay",
 }
 # What finds derivatives from samples, or takes them in columns of their own.
-_DIFFERENTIATING = ("ExtendedHighGainObserver",)
+_DIFFERENTIATING = (
+    "ExtendedHighGainObserver", "LeastSquaresDelayEstimator", "AdaptiveDelayEstimator",
+    "VariableStructureDelayEstimator",
+)  # fmt: skip
 # What must be given a state.
 _STARTED = (
     "FixedGainObserver", "KalmanFilter", "SmoothVariableStructureFilter", "AugmentedKalmanFilter",
-    "IMM", "HighGainObserver", "ExtendedHighGainObserver",
+    "IMM", "HighGainObserver", *_DIFFERENTIATING,
 )  # fmt: skip
-# Why the others have none.
-_LEFT_OUT = {
-    "AdaptiveDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
-    "LeastSquaresDelayEstimator": "its steps are cut where the delay meets a bound, by bisection",
-    "VariableStructureDelayEstimator": "its past input is as long as the greatest delay",
-}
 
 
 def program_of(
@@ -67,8 +67,6 @@ def program_of(
     if not isinstance(observer, Observer):
         raise InputError("observer", f"{shown(observer)} must be an observer")
     name = type(observer).__name__
-    if name in _LEFT_OUT:
-        raise InputError("observer", f"a {name} cannot be exported: {_LEFT_OUT[name]}")
     if name not in _PROGRAMS:
         raise InputError("observer", f"a {name} cannot be exported; {', '.join(_PROGRAMS)} can")
     module, _, function = _PROGRAMS[name].partition(":")

@@ -57,6 +57,13 @@ def log(x):
 
 
 ''',
+    "whole": '''\
+def whole(value):
+    """A whole number as an index."""
+    return int(value)
+
+
+''',
     "fmax": '''\
 def fmax(a, b):
     """The larger of two."""
@@ -106,7 +113,10 @@ def _provided(code: str) -> tuple[str, str]:
 
 
 def _literal(values: Array, counter: bool) -> str:
-    return repr(int(values)) if counter else repr(values.tolist()).replace("nan", "NAN")
+    if counter:
+        return repr(int(values))
+    told = pformat(values.tolist(), width=80).replace("\n", "\n" + 12 * " ")
+    return told.replace("nan", "NAN")
 
 
 def _empty(shape: Shape) -> str:

@@ -236,8 +236,10 @@ class DelayEstimator(FixedStepObserver[State]):
             )  # fmt: skip
             if sample is not None and last is not None:
                 sample = np.concatenate([last, sample[self.measurements :]])
-        # Of a record that starts the past ends at its first row.
-        recent = known[-3:-1] if sample is None else known[-2:]
+        # Of a record that starts the past ends at its first row, where u may jump.
+        recent = known[-3:-1]
+        if sample is not None:
+            recent = np.append(known[-2], sample[self.measurements])
         u, u_before, u_middle = self._smooth(
             record.u, record.before[1], record.middle[1], recent,
             None if sample is None else sample[self.measurements :],
