@@ -30,6 +30,19 @@ from tests.observers.scalar_plant import (
 
 
 @pytest.mark.parametrize("kind", ALL)
+def test_an_input_alone_that_jumps_at_the_start_gives_the_bits_of_a_batch(kind: str) -> None:
+    estimator = ALL[kind](0.05)
+    start = estimator.init(0.0, 0.3, np.full(estimator.history_steps + 1, 0.5))
+    y, u = np.sin(np.arange(40.0) / 5), np.cos(np.arange(40.0) / 7)
+    whole = estimator.run(y, u, state=start)
+    state, found = start, []
+    for each, known in zip(y, u, strict=True):
+        state, estimate = estimator.step(state, each, known)
+        found.append(estimate["values"])
+    assert np.array_equal(whole["values"], found)
+
+
+@pytest.mark.parametrize("kind", ALL)
 def test_streaming_gives_the_bits_of_a_batch(kind: str) -> None:
     """With an input that jumps, before the start and after, and a kink at the start."""
     estimator = replace(ALL[kind](0.05), delay_bounds=(0.1, 0.72))

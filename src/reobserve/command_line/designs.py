@@ -67,6 +67,9 @@ _CHOSEN = {
     "imm": "a bank of filters, one for each mode of a plant",
     "high-gain": "a high-gain observer, of right-hand sides as text: poles, decay",
     "extended-high-gain": "the same that estimates the delay of its input, too",
+    "delay-least-squares": "a delay by recursive least squares: poles for a ramp",
+    "delay-adaptive": "a delay by filtered regressors: poles, decay for a ramp",
+    "delay-variable-structure": "a delay by a relay: its speed, its chatter",
 }
 
 

@@ -42,9 +42,7 @@ class _Delay:
     delay_bounds: tuple[float, float]
     start: Start
 
-    def _ready(
-        self, observer: DelayEstimator, residual: Callable[[Array, Estimates], Array] | None = None
-    ) -> Setup:
+    def _ready(self, observer: DelayEstimator) -> Setup:
         past = np.full(observer.history_steps + 1, self.start.past_input)
 
         def begin(y: Array) -> Any:
@@ -52,11 +50,17 @@ class _Delay:
 
         with located("start"):
             begin(np.zeros(1))
-        measured = (1, 2) if observer.measurements == 2 else (1,)
-        return Setup(
-            observer, begin, residual, units={"delay": ("s",)}, left_out=("values",),
-            widths=(measured, (1, 2)), holds_inputs=False,
-        )  # fmt: skip
+        return delay_setup(observer, begin)
+
+
+def delay_setup(observer: DelayEstimator, start: Callable[[Array], Any]) -> Setup:
+    """The setup of any of the three."""
+    measured = (1, 2) if observer.measurements == 2 else (1,)
+    foretells = isinstance(observer, LeastSquaresDelayEstimator)
+    return Setup(
+        observer, start, _model_error if foretells else None, units={"delay": ("s",)},
+        left_out=("values",), widths=(measured, (1, 2)), holds_inputs=False,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +114,7 @@ class LeastSquaresDelay(_Delay):
             LeastSquaresDelayEstimator(
                 self.decay, self.input_gain, self.delay_bounds, period, self.initial_covariance,
                 self.forgetting,
-            ),
-            _model_error,
+            )
         )  # fmt: skip
 
 

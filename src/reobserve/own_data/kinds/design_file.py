@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reobserve.designs.design import Design
 from reobserve.designs.file import load_design
 from reobserve.errors import InputError
+from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
@@ -21,6 +22,7 @@ from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.own_data.kinds.delays import delay_setup
 from reobserve.own_data.kinds.extended_state import eso_residual
 from reobserve.own_data.kinds.linear import imm_setup, linear_setup
 from reobserve.own_data.kinds.nonlinear import (
@@ -91,4 +93,5 @@ _SETUPS: tuple[tuple[type, Callable[..., Setup]], ...] = (
     (ExtendedStateObserver, _eso_setup),
     (HighGainObserver, high_gain_setup),
     (ExtendedHighGainObserver, extended_high_gain_setup),
+    (DelayEstimator, delay_setup),
 )
