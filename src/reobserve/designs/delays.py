@@ -165,7 +165,10 @@ class LeastSquaresDelayDesign(DelayDesign):
     def certify(self) -> Certificate:
         """Poles of the error for an input that is a ramp, once R is steady."""
         a, f = self.observer.decay, self.observer.forgetting
-        poles = np.roots([1.0, a, a * f])
+        root = np.sqrt(complex(1.0 - 4.0 * f / a))  # of s^2 + a s + a f = 0, over a
+        if not np.isfinite(root):
+            raise InputError("forgetting", f"{f:g} 1/s over a decay of {a:g} 1/s is beyond numbers")
+        poles = np.array([-0.5 * a * (1.0 - root), -0.5 * a * (1.0 + root)])
         return {"poles": pairs(poles[np.lexsort((poles.imag, -poles.real))])}
 
     def summary(self) -> list[str]:
@@ -228,7 +231,8 @@ class AdaptiveDelayDesign(DelayDesign):
         """Poles of the filters, and the decay for a ramp, by its squared slope."""
         observer = self.observer
         poles = sorted([-1.0 / observer.filter_time, -observer.forgetting], reverse=True)
-        decay = observer.adaptation_gain * observer.input_gain**2 / observer.forgetting
+        squared = observer.input_gain * observer.input_gain
+        decay = observer.adaptation_gain * squared / observer.forgetting
         if not np.isfinite(decay):
             raise InputError("adaptation_gain", f"{observer.adaptation_gain:g} is beyond numbers")
         return {"poles": [[pole, 0.0] for pole in poles], "decay_per_squared_slope": decay}
