@@ -230,12 +230,17 @@ def test_bad_specifications_are_refused_by_their_key(
         estimate_file(read_specification(tmp_path / "s.yaml"), record, tmp_path / "e.csv")
 
 
-def test_a_design_file_brings_observer_names_and_units(tmp_path: Path) -> None:
-    """That of the motor's example, on a record of this motor's voltage and readings."""
+@pytest.mark.parametrize(
+    "kind",
+    ["luenberger", "high-gain", "extended-high-gain", "delay-least-squares", "delay-adaptive",
+     "delay-variable-structure"],
+)  # fmt: skip
+def test_a_design_file_brings_observer_names_and_units(kind: str, tmp_path: Path) -> None:
+    """That of an example, on a record of its signals."""
     design = tmp_path / "design.json"
     for arguments in (
-        ["design", "luenberger", "--example", str(tmp_path / "model.yaml")],
-        ["design", "luenberger", str(tmp_path / "model.yaml"), "--out", str(design)],
+        ["design", kind, "--example", str(tmp_path / "model.yaml")],
+        ["design", kind, str(tmp_path / "model.yaml"), "--out", str(design)],
     ):
         assert main(arguments) == 0
     made = load_design(design)
@@ -260,8 +265,9 @@ def test_a_design_file_brings_observer_names_and_units(tmp_path: Path) -> None:
         for listed in signals.values()
     )
     run = made.observer.run(y, u, state=made.start())
-    for k, (name, unit) in enumerate(made.estimates["state"]):
-        assert np.array_equal(found[name], run["state"][:, k])
+    first = next(iter(made.estimates))
+    for k, (name, unit) in enumerate(made.estimates[first]):
+        assert np.array_equal(found[name], run[first].reshape(100, -1)[:, k])
         assert f"{name} [{unit}]" in estimated.titles
     tree["sampling"] = {"period": 0.5}
     with pytest.raises(InputError, match=r"observer.file: .* is of a sampling period of"):
