@@ -133,6 +133,10 @@ def _one(program: Program, statement: Statement, depth: int) -> Iterator[str]:
     elif isinstance(statement, When):
         yield f"&{space}\\text{{if }} {statement.said or latex(statement.condition)}\\colon"
         yield from _all(program, statement.then, depth + 1)
+        otherwise = list(_all(program, statement.otherwise, depth + 1))
+        if otherwise:
+            yield f"&{space}\\text{{else}}\\colon"
+            yield from otherwise
     elif isinstance(statement, ForEach):
         index = _INDEX.get(statement.variable, statement.variable)
         yield f"&{space}\\text{{for }} {index} = 1, \\dots, {statement.count}\\colon"

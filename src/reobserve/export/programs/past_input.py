@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.export.expressions import Expression, Name, call
-from reobserve.export.statements import ONE, ZERO, Program
+from reobserve.export.statements import ZERO, Program
 from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.row_derivatives import derivative_weights
 
@@ -67,7 +67,7 @@ class PastInput:
                 with program.when("place < 0.0", "p < 0"):
                     program.let(cell, call("floor", place))
                     with program.when(f"place <= {-float(self.steps)!r}", f"p \\le -{self.steps}"):
-                        program.let(cell, -float(self.steps) * ONE)
+                        program.let(cell, -float(self.steps))
                 program.let(s, 2.0 * (place - cell) - 1.0)
                 with program.hidden():
                     for sign, bound in (("<", -3.0), (">", 3.0)):
@@ -86,7 +86,8 @@ class PastInput:
         if not self.alone:
             return
         program, u = self.program, self.program.u
-        program.let(self.now[0], u[0])
+        with program.hidden():
+            program.let(self.now[0], u[0])
         found: Expression = self.weights[0] * u[0]
         for i in (0, 1):
             found = found + self.weights[i + 1] * self.recent[i]
