@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.models.rigid_body import RigidBody, acceleration, product
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.rigid_body_arithmetic import acceleration, product
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO

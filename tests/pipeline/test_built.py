@@ -20,7 +20,7 @@ def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     evaluator = EVALUATORS["ilo"]
     rows = evaluator._once(evaluator._job("study", study="matching"))
     path = tmp_path_factory.mktemp("built") / "matching.study.csv"
-    write_table(path, rows, paper_module("ilo", "study").HEADER)
+    write_table(path, rows, paper_module("ilo", "study_rows").HEADER)
     return path
 
 

@@ -63,7 +63,7 @@ def test_a_study_has_the_same_bytes(
         with_few_levels(ledger) if study in FEW_LEVELS else ledger
     )
     rows = evaluator._once(evaluator._job("study", study=study))
-    write_table(tmp_path / "study.csv", rows, paper_module(paper, "study").HEADER)
+    write_table(tmp_path / "study.csv", rows, paper_module(paper, "study_rows").HEADER)
     built = (as_built.folder / "results" / paper / f"{study}.study.csv").read_bytes()
     mine = (tmp_path / "study.csv").read_bytes()
     if study in FEW_LEVELS:

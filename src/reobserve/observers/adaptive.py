@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.models.rigid_body import (
-    RigidBody,
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.rigid_body_arithmetic import (
     Triple,
     acceleration,
     ahead,

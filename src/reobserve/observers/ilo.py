@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.models.rigid_body import (
-    RigidBody,
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.rigid_body_arithmetic import (
     Triple,
     acceleration,
     ahead,

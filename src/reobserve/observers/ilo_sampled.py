@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody, ahead, product, rk4_sum, row
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.rigid_body_arithmetic import ahead, product, rk4_sum, row
 from reobserve.numerics.kernel import kernel
 from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
 from reobserve.observers.rigid_body_observer import Array, Record, Rows, State

@@ -8,9 +8,10 @@ of the others fresh:
     record.axis, record.EVENTS       (only where it is not the plant's, and where there are any)
     design.compute(settings) -> dict                  (only papers that have designs)
     observe.estimate(settings, plant) -> Series
-    study.HEADER, study.run(settings, plant) -> list of rows      (only with studies)
+    study.run(settings, plant) -> list of rows                    (only with studies)
+    study_rows.HEADER: the columns of their table, which figures read, too
     table.HEADER, table.rows(settings, design) -> list of rows    (only with tables)
-    study.KINDS, table.KINDS: what the cells of a column must be
+    study_rows.KINDS, table.KINDS: what the cells of a column must be
                                                       (see `reobserve.plain_data.files.Kind`)
     theory.measure(settings, designs) -> list of Metric           (only with a section `theory`)
     metrics.measure(data) -> Metrics                  (see `reobserve.ledger.figure_data`)

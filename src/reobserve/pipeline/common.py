@@ -185,5 +185,5 @@ def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
     """The rows of a figure's study; None for a figure without one."""
     if path is None:
         return None
-    module = paper_module(paper, "study")
+    module = paper_module(paper, "study_rows")
     return read_table(path, module.HEADER, module.KINDS)

@@ -36,7 +36,7 @@ def figure_data(
     data = FigureData(job, plant, estimates)
     if rows is None:
         return data
-    return replace(data, study=StudyTable.of(rows, paper_module(paper, "study").KINDS))
+    return replace(data, study=StudyTable.of(rows, paper_module(paper, "study_rows").KINDS))
 
 
 def measure(paper: str, data: FigureData) -> list[Metric]:

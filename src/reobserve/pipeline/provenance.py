@@ -22,10 +22,13 @@ _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clara
 
 
 # What a job runs that evaluates figures in its own process.
-_EVALUATED = ("plant", "design", "observe", "study", "theory", "metrics")
+_EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")
 
 # What checks a plant's record by what the paper says of it.
 _CHECKED = ("observe", "study", "search", "metrics", "plot")
+
+# What writes or reads the table of a study.
+_STUDIED = ("study", "metrics", "plot")
 
 
 def stage_modules(stage: str, paper: str) -> list[str]:
@@ -33,6 +36,8 @@ def stage_modules(stage: str, paper: str) -> list[str]:
     parts = _EVALUATED if stage in ("draw", "robustness") else (stage,)
     if stage in _CHECKED:
         parts = (*parts, "record")
+    if stage in _STUDIED:
+        parts = (*parts, "study_rows")
     return [
         f"{_PACKAGE}.__main__",
         f"{_PACKAGE}.stages.{stage}",

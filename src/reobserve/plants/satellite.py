@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.errors import DivergenceError, InputError
-from reobserve.models.rigid_body import RigidBody, acceleration, ahead, rk4_sum, row
+from reobserve.models.rigid_body import RigidBody
+from reobserve.models.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
 from reobserve.numerics.arguments import as_kind, as_whole
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import Matrix, as_positive, as_vector

@@ -19,4 +19,4 @@ def run(
     design = named_design(ledger, settings["study"], design_file)
     plant = read_record(plant_file, ledger, settings["study"]["scenario"])
     rows = compute(ledger.paper, "study", study, settings, plant, *design)
-    write_table(output, rows, paper_module(ledger.paper, "study").HEADER)
+    write_table(output, rows, paper_module(ledger.paper, "study_rows").HEADER)

@@ -18,7 +18,7 @@ from reobserve.ledger.ledger import Ledger
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
-from reobserve.papers.eso import keys, metrics, observe, plant, study
+from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
 from reobserve.pipeline.common import compute_design
 from reobserve.pipeline.evaluation import Evaluator
@@ -528,7 +528,7 @@ def test_the_study_has_the_numbers_of_direct_calls(
 ) -> None:
     rows = [row for row in rows_of_the_study() if row["kind"] == kind]
     for row in rows:
-        assert tuple(row) == study.HEADER
+        assert tuple(row) == study_rows.HEADER
         assert (row["choice"], row["level"], row["filter_rate"]) == (choice, level, rate)
     found = {row["quantity"]: row["value"] for row in rows}
     assert len(found) == len(rows) == 18

@@ -12,7 +12,7 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.ledger.check import check_ledger
 from reobserve.ledger.ledger import Ledger
-from reobserve.papers.ilo import study
+from reobserve.papers.ilo import study, study_rows
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
@@ -34,7 +34,7 @@ def settings() -> dict[str, Any]:
 def table(settings: dict[str, Any]) -> StudyTable:
     fault = Ledger.load(ROOT, "ilo").section("scenarios", "aperiodic")
     record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
-    return StudyTable.of(study.run(settings, record), study.KINDS)
+    return StudyTable.of(study.run(settings, record), study_rows.KINDS)
 
 
 def over_time(table: StudyTable, observer: str) -> np.ndarray:

@@ -21,15 +21,16 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys, study, study_causes
 from reobserve.papers.imm.hybrid_bank import KALMAN, LAW, HybridRun, run_hybrid
 from reobserve.papers.imm.metrics import measure
-from reobserve.papers.imm.study_causes import (
+from reobserve.papers.imm.study_causes import VARIANTS, variants
+from reobserve.papers.imm.study_rows import (
+    HEADER,
     HELD,
     INSIDE,
+    KINDS,
     NO_MEMORY,
     OUTSIDE,
     SCANNED,
     STATED,
-    VARIANTS,
-    variants,
 )
 from reobserve.scoring.study_table import StudyTable
 from tests.papers.imm.test_paper import Tree, ledger, measured, record
@@ -187,7 +188,7 @@ def settings(name: str) -> Tree:
 def rows(name: str, scenario: str, **changed: Any) -> StudyTable:
     told = deepcopy(settings(name))
     told["study"].update({"units": [], **changed})
-    return StudyTable.of(study.run(told, record(scenario)), study.KINDS)
+    return StudyTable.of(study.run(told, record(scenario)), KINDS)
 
 
 def test_the_whole_and_kalman_are_the_numbers_of_the_figures() -> None:
@@ -301,14 +302,12 @@ def test_a_bank_of_halves_that_flips_tells_no_number(variant: str, told: bool) -
     def numbers(spread: float) -> dict[str, float]:
         values = {"normal_after": 0.3, "fault_after": 0.6, "fault_spread": spread}
         cells = [
-            dict(
-                zip(study.HEADER, ("svsf_tuned", variant, 1.0, run, name, value, "1"), strict=True)
-            )
+            dict(zip(HEADER, ("svsf_tuned", variant, 1.0, run, name, value, "1"), strict=True))
             for run in (STATED, SCANNED)
             for name, value in values.items()
         ]
         job = read_job(keys.Ledger, ledger().settings("plot", "fig8_causes"))
-        data = FigureData(job, record("step"), {}, StudyTable.of(cells, study.KINDS))
+        data = FigureData(job, record("step"), {}, StudyTable.of(cells, KINDS))
         return {one.metric: one.value for one in measure(data)}
 
     at = f"variant={variant}"

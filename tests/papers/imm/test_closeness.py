@@ -16,7 +16,7 @@ from reobserve.errors import InputError
 from reobserve.ledger.types import read_job
 from reobserve.models.linear import LinearModel
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.papers.imm import keys, study, study_closeness
+from reobserve.papers.imm import keys, study, study_closeness, study_rows
 from reobserve.papers.imm.detection import Share, curve, enough_gap, judge, measure
 from reobserve.papers.imm.detectors import (
     distances,
@@ -230,7 +230,7 @@ def few() -> list[Row]:
 
 
 def table(rows: Sequence[Row]) -> StudyTable:
-    return StudyTable.of(rows, study.KINDS)
+    return StudyTable.of(rows, study_rows.KINDS)
 
 
 def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch) -> None:

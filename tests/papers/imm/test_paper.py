@@ -22,8 +22,8 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys, observe, plant
+from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.scoring import probabilities, quoted_distance
-from reobserve.papers.imm.setup import MODES
 from reobserve.pipeline.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.scoring.responses import window

@@ -18,7 +18,8 @@ from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.types import read_job
 from reobserve.papers.imm import keys, plant, search
-from reobserve.papers.imm.tuning import TUNED, Calibration, Trial, switches
+from reobserve.papers.imm.study_rows import TUNED
+from reobserve.papers.imm.tuning import Calibration, Trial, switches
 from reobserve.pipeline.common import signed
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series

@@ -15,10 +15,11 @@ import pytest
 
 from reobserve.errors import InputError
 from reobserve.ledger.types import Job, read_job
-from reobserve.papers.imm import keys, study, study_changes, study_neighbourhood
+from reobserve.papers.imm import keys, study, study_changes, study_neighbourhood, study_rows
 from reobserve.papers.imm.metrics import reach
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept
-from reobserve.papers.imm.tuning import TUNED, Calibration, Trial, within
+from reobserve.papers.imm.study_rows import TUNED
+from reobserve.papers.imm.tuning import Calibration, Trial, within
 from reobserve.scoring.study_table import StudyTable
 from tests.papers.imm.test_paper import ROOT, Tree, ledger, measured, record
 
@@ -28,7 +29,7 @@ COLUMNS = ("observer", "sweep", "level", "quantity", "value")
 
 
 def table(rows: Sequence[Row]) -> StudyTable:
-    return StudyTable.of(rows, {name: study.KINDS[name] for name in COLUMNS})
+    return StudyTable.of(rows, {name: study_rows.KINDS[name] for name in COLUMNS})
 
 
 KEPT = ROOT / "config" / "searches" / "imm_calibrated.json"

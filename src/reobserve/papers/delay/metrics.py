@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.scoring import (
     constant_segments,
     errors,
@@ -24,7 +25,6 @@ from reobserve.papers.delay.scoring import (
     ripple,
     turned_over_at,
 )
-from reobserve.papers.delay.setup import UNITS
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import root_mean_square, window
 

@@ -18,7 +18,8 @@ from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
-from reobserve.papers.delay.setup import UNITS, build_model, delay_bounds
+from reobserve.papers.delay.record import UNITS
+from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.timeseries.grid import stride
 from reobserve.timeseries.series import Channel, Series
 

@@ -12,8 +12,8 @@ from reobserve.ledger.types import Settings, read_job
 from reobserve.numerics.matrices import as_vector
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay import keys, noise
+from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.setup import (
-    UNITS,
     build_model,
     delay_bounds,
     grid,

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from reobserve.ledger.types import Job
-from reobserve.papers.delay.setup import UNITS
 from reobserve.timeseries.series import Shape
 
 EVENTS = ("jumps",)
+
+# The units of state, output, input and its first two derivatives, by model.
+UNITS = {
+    "pendulum": ("rad, rad/s", "rad", "N m", "N m/s, N m/s^2"),
+    "lag": ("1", "1", "1", "1/s, 1/s^2"),
+}
 
 
 def plant(job: Job) -> dict[str, Shape]:

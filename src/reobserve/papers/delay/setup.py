@@ -15,12 +15,6 @@ from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 
-# The units of state, output, input and its first two derivatives, by model.
-UNITS = {
-    "pendulum": ("rad, rad/s", "rad", "N m", "N m/s, N m/s^2"),
-    "lag": ("1", "1", "1", "1/s, 1/s^2"),
-}
-
 MOST_STEPS = 5_000_000  # of a plant record: a gigabyte
 
 

@@ -12,14 +12,8 @@ from typing import Any
 
 from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.delay import keys, study_tradeoff, study_tuning
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+from reobserve.papers.delay.study_rows import HEADER
 from reobserve.timeseries.series import Series
-
-HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
-KINDS = {
-    **dict.fromkeys(("observer", "sweep", "quantity"), NAME),
-    "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
-}  # fmt: skip
 
 METHODS = {"tradeoff": study_tradeoff.run, "tuning": study_tuning.run}
 

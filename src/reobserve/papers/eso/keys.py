@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import numpy as np
+
 from reobserve.errors import InputError
 from reobserve.ledger import types
 from reobserve.ledger.conditions import (
@@ -59,6 +61,10 @@ class Plant:
     horizon: Positive
     step: Positive
     hold_period: Positive
+
+    def noise_deviation(self, power: float) -> float:
+        """Of the held samples of a white noise of this power."""
+        return float(np.sqrt(power / self.hold_period))
 
 
 @dataclass(frozen=True)

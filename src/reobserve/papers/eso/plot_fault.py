@@ -10,7 +10,6 @@ from reobserve.drawing.figures import TRUTH, add_note, headroom, new_figure, thi
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.setup import noise_deviation
 from reobserve.papers.eso.styles import style_of
 from reobserve.scoring.responses import error_of
 from reobserve.timeseries.series import Series
@@ -59,7 +58,7 @@ def _note(job: Job) -> str:
     held = f"held for {plant.hold_period:g} s"
     noise = f"{held}; no noise"
     if scenario.noise_power > 0:
-        deviation = noise_deviation(scenario.noise_power, plant)
+        deviation = plant.noise_deviation(scenario.noise_power)
         noise = f"and noise with a deviation of {deviation:.3g} rad/s, both {held}"
     designs = {body.design: job.designs[body.design] for body in job.observers.values()}
     first, *others = map(gains_of, designs.values())

@@ -123,7 +123,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         if (low > high).any():
             ranges = scenario.disturbance
             raise InputError("disturbance", f"{ranges} must be [least, greatest] of d1 and of d2")
-    deviation = noise_deviation(scenario.noise_power, plant)
+    deviation = plant.noise_deviation(scenario.noise_power)
     return Experiment(driven, reference, actuator, sensor, low, high, deviation, hold, steps, step)
 
 
@@ -133,11 +133,6 @@ def pulses(plant: keys.Plant) -> list[Any]:
         {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
         for term in plant.reference
     ]
-
-
-def noise_deviation(power: float, plant: keys.Plant) -> float:
-    """Of the held samples of a white noise of this power."""
-    return float(np.sqrt(power / plant.hold_period))
 
 
 def _signal(name: str, terms: Any, step: float, horizon: float) -> Signal:

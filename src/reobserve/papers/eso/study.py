@@ -21,15 +21,8 @@ from reobserve.papers.eso.design import design
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.scoring import scores
 from reobserve.papers.eso.setup import augmented, experiment
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.timeseries.series import Channel, Series
-
-HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
-KINDS = {
-    **dict.fromkeys(("kind", "choice", "quantity"), NAME),
-    "filter_rate": NUMBER, "level": NUMBER, "value": SCORE, "unit": UNIT,
-}  # fmt: skip
 
 Row = dict[str, Any]
 

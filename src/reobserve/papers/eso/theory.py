@@ -14,7 +14,7 @@ import numpy as np
 
 from reobserve.ledger.types import Settings, read_job
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.setup import augmented, controlled_motor, motor, noise_deviation
+from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import (
@@ -47,7 +47,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     job = read_job(keys.Ledger, settings)
     plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
-    noise = noise_deviation(theory.noise_power, plant)
+    noise = plant.noise_deviation(theory.noise_power)
     observers = {
         name: stored_design(plant, designs[body.design]) for name, body in job.observers.items()
     }

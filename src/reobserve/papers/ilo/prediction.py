@@ -8,7 +8,7 @@ import numpy as np
 
 from reobserve.ledger.types import Job
 from reobserve.papers.ilo import keys
-from reobserve.papers.ilo.setup import known_body
+from reobserve.papers.ilo.body import known_body
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 

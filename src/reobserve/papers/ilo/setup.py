@@ -6,24 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.models.rigid_body import RigidBody
+from reobserve.errors import InputError
 from reobserve.numerics.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.timeseries.grid import noise_hold, plant_grid
 
 MOST_STEPS = 20_000_000  # of a plant record: some ten gigabytes
-
-
-def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
-    """The rigid body as an observer knows it, its inertia off by ``factor``."""
-    with located("plant"):
-        body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
-    return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:

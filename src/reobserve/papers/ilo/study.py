@@ -25,19 +25,14 @@ from reobserve.ledger.types import Job, Settings, named, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.papers.ilo.setup import build_observer, held_noise, known_body
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, WHOLE
+from reobserve.papers.ilo.setup import build_observer, held_noise
+from reobserve.papers.ilo.study_rows import HEADER
 from reobserve.timeseries.series import Channel, Series
 
 Array = NDArray[np.float64]
-
-HEADER = ("sweep", "observer", "level", "run", "relative_rms_error")
-KINDS = {
-    **dict.fromkeys(("sweep", "observer"), NAME),
-    "level": NUMBER, "run": WHOLE, "relative_rms_error": SCORE,
-}  # fmt: skip
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:

@@ -15,8 +15,8 @@ from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.models.rigid_body import RigidBody
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_cost, theory_faults, theory_limits, theory_runs
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import of_reading
-from reobserve.papers.ilo.setup import known_body
 from reobserve.papers.ilo.theory_bench import Bench
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part

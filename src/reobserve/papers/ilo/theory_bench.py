@@ -13,11 +13,12 @@ from reobserve.ledger.conditions import Terms
 from reobserve.ledger.types import Job, named
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.papers.ilo.setup import build_observer, known_body
+from reobserve.papers.ilo.setup import build_observer
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.timeseries.series import Series
 

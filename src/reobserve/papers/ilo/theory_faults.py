@@ -11,9 +11,9 @@ from reobserve.ledger.conditions import Terms
 from reobserve.ledger.types import named
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.scoring import scored
-from reobserve.papers.ilo.setup import known_body
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part

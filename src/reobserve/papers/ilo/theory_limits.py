@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from reobserve.ledger.types import Job, named
 from reobserve.models.rigid_body import RigidBody
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
-from reobserve.papers.ilo.setup import known_body
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part
 from reobserve.synthesis.ilo_accuracy import (

@@ -10,8 +10,9 @@ import numpy as np
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import State
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
-from reobserve.papers.ilo.setup import known_body, stride
+from reobserve.papers.ilo.setup import stride
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.papers.imm.study_closeness import sweep_kind
+from reobserve.papers.imm.study_rows import sweep_kind
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.study_table import StudyTable
 

@@ -26,11 +26,11 @@ from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.setup import run, start
+from reobserve.papers.imm.study_rows import CUSUM, GLR, UNMIXED
 
 Array = NDArray[np.float64]
 Bank = tuple[IMM, keys.Observer]
 
-UNMIXED, CUSUM, GLR = "unmixed", "cusum", "glr"
 LENGTHS = 2 ** np.arange(10)  # samples: how long ago the likelihood ratio takes a change to be
 
 FAR = 700.0  # of the logarithm of odds: exp(-FAR) is about the least probability that can be told

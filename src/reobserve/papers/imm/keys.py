@@ -51,6 +51,8 @@ Bounds = Annotated[list[float], vector(2), bounds]
 
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 
+MODES = ("normal", "friction", "leakage")
+
 
 @dataclass(frozen=True)
 class Plant:

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.types import Job
 from reobserve.papers.imm import detection
+from reobserve.papers.imm.keys import MODES
+from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance
-from reobserve.papers.imm.setup import MODES, UNITS
-from reobserve.papers.imm.study_causes import MISMATCHED, STATED
-from reobserve.papers.imm.tuning import TUNED
-from reobserve.plants.hydraulic_actuator import MOTION
+from reobserve.papers.imm.study_rows import MISMATCHED, STATED, TUNED
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import root_mean_square, window
 from reobserve.scoring.study_table import StudyTable
@@ -123,11 +122,11 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     later = window(time, onset, np.inf, closed="right")
     for what in ("position", "velocity"):
         if what in estimate.channels:
-            error = estimate[what] - data.plant["motion"][:, MOTION.index(what)]
+            moved = data.plant["motion"][:, list(UNITS).index(what)]
+            error = estimate[what] - moved
             size = float(root_mean_square(error[later]))
             yield f"rms_{what}_error", size, UNITS[what]
-            moved = data.plant["motion"][later, MOTION.index(what)]
-            yield f"{what}_error_share", size / float(root_mean_square(moved)), "1"
+            yield f"{what}_error_share", size / float(root_mean_square(moved[later])), "1"
     if "outside" in estimate.channels:
         yield "outside_share", float(np.mean(estimate["outside"][later])), "1"
         yield "chattering_share", float(np.mean(estimate["chattering"][later])), "1"

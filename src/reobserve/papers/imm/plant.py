@@ -7,7 +7,8 @@ import numpy as np
 from reobserve.ledger.types import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.setup import UNITS, Experiment, experiment
+from reobserve.papers.imm.record import UNITS
+from reobserve.papers.imm.setup import Experiment, experiment
 from reobserve.plants.hydraulic_actuator import MOTION
 from reobserve.plants.hydraulic_actuator import simulate as move
 from reobserve.timeseries.series import Channel, Series

@@ -10,7 +10,7 @@ from reobserve.drawing.figures import STYLES, Style, add_note, new_figure
 from reobserve.drawing.look import thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.notes import stimulus
-from reobserve.papers.imm.study_causes import HELD, INSIDE, NO_MEMORY, SCANNED
+from reobserve.papers.imm.study_rows import HELD, INSIDE, NO_MEMORY, SCANNED
 from reobserve.papers.imm.styles import KALMAN, SVSF
 
 Array = NDArray[np.float64]

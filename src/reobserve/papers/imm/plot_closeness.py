@@ -13,8 +13,7 @@ from reobserve.drawing.look import mark, points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detection import Judged, curve
-from reobserve.papers.imm.detectors import CUSUM, GLR, UNMIXED
-from reobserve.papers.imm.study_closeness import DRIVEN, sweep_kind, with_units
+from reobserve.papers.imm.study_rows import CUSUM, DRIVEN, GLR, UNMIXED, sweep_kind, with_units
 from reobserve.papers.imm.styles import style_of
 
 _GREEN = STYLES[4]

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
 from reobserve.drawing.look import mark, thick
 from reobserve.ledger.figure_data import FigureData
+from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.styles import style_of
-from reobserve.papers.imm.tuning import TUNED
 
 _NAMES = {
     "process_noise_1": "Q, position",

@@ -11,8 +11,8 @@ from reobserve.drawing.figures import PaperFigure, add_note, new_figure, thin, t
 from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.notes import note
-from reobserve.papers.imm.setup import MODES
 from reobserve.papers.imm.styles import INPUT, VELOCITY, style_of
 
 Array = NDArray[np.float64]

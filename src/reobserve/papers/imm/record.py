@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from reobserve.ledger.types import Job
-from reobserve.papers.imm.setup import MODES, UNITS
-from reobserve.plants.hydraulic_actuator import MOTION
+from reobserve.papers.imm.keys import MODES
 from reobserve.timeseries.series import Shape
 
 EVENTS = ("fault",)
+
+# The components of the motion; y is a velocity, not stated.
+UNITS = {"position": "y s", "velocity": "y", "acceleration": "y/s", "jerk": "y/s^2"}
 
 
 def axis(job: Job) -> tuple[float, float]:
@@ -17,7 +19,7 @@ def axis(job: Job) -> tuple[float, float]:
 
 def plant(job: Job) -> dict[str, Shape]:
     """The channels of a record."""
-    motion = Shape(", ".join(UNITS[name] for name in MOTION), len(MOTION))
+    motion = Shape(", ".join(UNITS.values()), len(UNITS))
     return {
         "motion": motion,
         "measured": motion,

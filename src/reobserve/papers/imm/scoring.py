@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.setup import MODES
+from reobserve.papers.imm.keys import MODES
 from reobserve.scoring.metrics import Score
 from reobserve.scoring.responses import window
 

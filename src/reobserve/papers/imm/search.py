@@ -1,7 +1,7 @@
 """Search: the unstated noise and transition with which three banks come nearest to the paper.
 
-Differential evolution (Storn & Price 1997) over the logarithms of the numbers of `tuning.TUNED`,
-seeded, so that the same settings find the same numbers, on one core or two.
+Differential evolution (Storn & Price 1997) over the logarithms of the numbers of
+`study_rows.TUNED`, seeded, so that the same settings find the same numbers, on one core or two.
 
 A choice is judged by the worst of itself and a few neighbours, the same for all choices: the banks
 have more than one state of rest, and where one of them ends the quoted values can be had to the
@@ -24,7 +24,8 @@ from reobserve.errors import InputError
 from reobserve.ledger.types import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.tuning import OUTPUTS, STATES, TUNED, Calibration, switches
+from reobserve.papers.imm.study_rows import OUTPUTS, STATES, TUNED
+from reobserve.papers.imm.tuning import Calibration, switches
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]

@@ -19,14 +19,12 @@ from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.keys import MODES
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel
 from reobserve.timeseries.grid import multiple
 from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
-
-MODES = ("normal", "friction", "leakage")
-UNITS = dict(zip(MOTION, ("y s", "y", "y/s", "y/s^2"), strict=True))  # y: a velocity, not stated
 
 MOST_STEPS = 5_000_000  # of a plant's record
 

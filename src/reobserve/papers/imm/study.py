@@ -21,14 +21,8 @@ from reobserve.papers.imm import (
     study_closeness,
     study_neighbourhood,
 )
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+from reobserve.papers.imm.study_rows import HEADER
 from reobserve.timeseries.series import Series
-
-HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
-KINDS = {
-    **dict.fromkeys(("observer", "sweep", "quantity"), NAME),
-    "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
-}  # fmt: skip
 
 METHODS = {
     "neighbourhood": study_neighbourhood.run,

@@ -22,14 +22,22 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.hybrid_bank import KALMAN, LAW, HybridRun, run_hybrid
+from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.setup import (
-    MODES,
     bank,
     boundary_layer,
     measured_columns,
     start,
 )
 from reobserve.papers.imm.setup import run as run_bank
+from reobserve.papers.imm.study_rows import (
+    HELD,
+    INSIDE,
+    NO_MEMORY,
+    OUTSIDE,
+    SCANNED,
+    STATED,
+)
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 
@@ -45,11 +53,7 @@ HALVES = {
     "covariance": (KALMAN, LAW),
     "kalman": (KALMAN, KALMAN),
 }
-MISMATCHED = ("gain", "covariance")
-HELD, INSIDE, OUTSIDE, NO_MEMORY = "held", "always_inside", "always_outside", "no_memory"
 VARIANTS = (*HALVES, HELD, INSIDE, OUTSIDE, NO_MEMORY)
-
-STATED, SCANNED = 0, 1  # in the column of runs: with the unit of the ledger, or of the study
 
 _NO_LAYER = 1e-12  # of a layer: what is left of it where all innovations are to be outside
 

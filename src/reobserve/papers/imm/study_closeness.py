@@ -34,6 +34,7 @@ from reobserve.papers.imm.detectors import (
     threshold,
 )
 from reobserve.papers.imm.setup import bank, measured_columns, modes
+from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.timeseries.grid import multiple
@@ -45,7 +46,6 @@ Row = tuple[str, str, float, int, str, float, str]
 Result = TypeVar("Result")
 
 THREADS = 2
-EXACT, DRIVEN = "exact", "driven"  # without process noise, and with that of the filters' Q
 
 
 class Each(Protocol):
@@ -262,29 +262,6 @@ def _settings(study: keys.Closeness) -> Iterator[tuple[str, float]]:
     for kind, levels in ((EXACT, study.noise_levels), (DRIVEN, study.driven_levels)):
         for level in levels:
             yield kind, level
-
-
-def sweep_name(kind: str, level: float) -> str:
-    """What a plant's noise is called in the study's table."""
-    return f"{kind}_{level:g}"
-
-
-def sweep_kind(sweep: str) -> tuple[str, float]:
-    """What `sweep_name` was made of."""
-    kind, _, level = sweep.partition("_")
-    return kind, float(level)
-
-
-def with_units(
-    observers: Mapping[str, keys.Observer], units: list[float]
-) -> dict[str, keys.Observer]:
-    """The observers, and the first SVSF with its boundary layers in other units."""
-    more: dict[str, keys.Observer] = dict(observers)
-    for name, body in observers.items():
-        if isinstance(body, keys.SmoothVariableStructure):
-            more |= {f"{name}_unit_{unit:g}": replace(body, layer_unit=unit) for unit in units}
-            break
-    return more
 
 
 def _fraction(model: ActuatorModel) -> tuple[Array, Array]:

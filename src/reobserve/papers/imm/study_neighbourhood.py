@@ -12,7 +12,8 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.ledger.types import Job
-from reobserve.papers.imm.tuning import TUNED, Calibration, Trial
+from reobserve.papers.imm.study_rows import TUNED
+from reobserve.papers.imm.tuning import Calibration, Trial
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series

@@ -18,9 +18,9 @@ from reobserve.errors import DivergenceError, InputError, located, nearest
 from reobserve.ledger.types import Job, Settings, read_job
 from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.keys import MODES
+from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.setup import (
-    MODES,
-    UNITS,
     bank,
     boundary_layer,
     measured_columns,

@@ -20,18 +20,12 @@ from reobserve.observers.run import Run
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.scoring import quoted_distance
 from reobserve.papers.imm.setup import bank, boundary_layer, measured_columns, modes, run
+from reobserve.papers.imm.study_rows import OUTPUTS, STATES
 from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
-
-STATES, OUTPUTS = 5, 3
-TUNED = (
-    *(f"process_noise_{i + 1}" for i in range(STATES)),
-    *(f"measurement_noise_{i + 1}" for i in range(OUTPUTS)),
-    "leave",
-)
 
 
 @dataclass(frozen=True)

@@ -81,15 +81,3 @@ def axis(half_width: float, points: int) -> Array:
     found = np.linspace(-1.0, 1.0, points)
     found *= half_width
     return found
-
-
-def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
-    """Of runs, with a smaller squared error than the reference; one that diverged is not better."""
-    with np.errstate(invalid="ignore"):
-        return float(np.mean(np.asarray(ise) < np.asarray(reference)))
-
-
-def ratios(ise: ArrayLike, reference: ArrayLike) -> Array:
-    """Squared errors over those of the reference; inf where a run diverged."""
-    found = np.asarray(ise, dtype=np.float64)
-    return np.where(np.isnan(found), np.inf, found) / np.asarray(reference, dtype=np.float64)

@@ -14,8 +14,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.lie.comparison import ratios, share_better
-from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
+from reobserve.papers.lie.scoring import (
+    decay_rate,
+    integral_of_squares,
+    ratios,
+    settling_time,
+    share_better,
+)
 from reobserve.scoring.metrics import Metric, Score, scores_of
 from reobserve.scoring.responses import error_of
 

@@ -9,12 +9,9 @@ from matplotlib.figure import Figure
 from reobserve.drawing.figures import add_note, new_figure
 from reobserve.drawing.look import mark, points, thick
 from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.lie.styles import FORMS
+from reobserve.papers.lie.styles import READINGS
 from reobserve.papers.lie.words import starts
 from reobserve.scoring.study_table import StudyTable
-from reobserve.synthesis.normal_form.gain import GAINS
-
-READINGS = {gain: FORMS[gain] for gain in GAINS}
 
 
 def draw(data: FigureData) -> Figure:

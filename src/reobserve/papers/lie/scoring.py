@@ -1,9 +1,9 @@
-"""How large an estimation error is, and how it goes."""
+"""How large an estimation error is, how it goes, and how it compares with another."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reobserve.scoring import responses
 
@@ -34,3 +34,15 @@ def decay_rate(error: Array, step: float, start: float, end: float) -> float:
     if before == 0.0 or after == 0.0:
         return float("nan")
     return float(np.log(after / before)) / ((last - first) * step)
+
+
+def share_better(ise: ArrayLike, reference: ArrayLike) -> float:
+    """Of runs, with a smaller squared error than the reference; one that diverged is not better."""
+    with np.errstate(invalid="ignore"):
+        return float(np.mean(np.asarray(ise) < np.asarray(reference)))
+
+
+def ratios(ise: ArrayLike, reference: ArrayLike) -> Array:
+    """Squared errors over those of the reference; inf where a run diverged."""
+    found = np.asarray(ise, dtype=np.float64)
+    return np.where(np.isnan(found), np.inf, found) / np.asarray(reference, dtype=np.float64)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
+from reobserve.ledger.types import Job
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.numerics.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
@@ -18,7 +19,7 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
 from reobserve.plain_data.typed_tree import parse
 from reobserve.power_series.maps import PolynomialMap
-from reobserve.synthesis.normal_form.design import NormalForm
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.timeseries.grid import plant_grid
 
@@ -103,6 +104,20 @@ def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any
         if found != rows:
             raise InputError(f"design.{name}", f"has {found} rows, must have {rows}")
     return NormalForm(problem, None, S, T, gain)
+
+
+def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
+    """The normal forms of a study by design: its own as stored, those of its observers anew."""
+    own = job.study.design
+    found = {own: stored_form(job.plant, job.designs[own], design)}
+    for name, body in job.designs.items():
+        if name != own:
+            with located(f"designs.{name}"):
+                problem = build_problem(job.plant, body)
+                found[name] = normal_form(
+                    problem.system, problem.degree, injection=problem.injection
+                )
+    return found
 
 
 def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:

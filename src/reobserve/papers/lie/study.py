@@ -23,11 +23,9 @@ from reobserve.papers.lie import (
     study_injections,
     study_orders,
 )
-from reobserve.papers.lie.study_rows import HEADER, KINDS, Row
+from reobserve.papers.lie.study_rows import Row
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.timeseries.series import Series
-
-__all__ = ["HEADER", "KINDS", "run"]
 
 METHODS = {
     "orders": study_orders.run,
@@ -38,7 +36,7 @@ METHODS = {
 
 
 def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The rows of the study's method, with the columns of `HEADER`.
+    """The rows of the study's method, with the columns of `Row`.
 
     Raises
     ------

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from reobserve.errors import located
 from reobserve.ledger.types import Job
 from reobserve.papers.lie import keys
-from reobserve.papers.lie.setup import build_problem
-from reobserve.papers.lie.study_rows import Row, forms, summary
+from reobserve.papers.lie.setup import build_problem, forms
+from reobserve.papers.lie.study_rows import Row, summary
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.floquet import LimitCycle, limit_cycle
 from reobserve.synthesis.normal_form.convergence import Convergence, convergence

@@ -14,8 +14,8 @@ from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie.comparison import axis, records
-from reobserve.papers.lie.setup import build_observer, build_system
-from reobserve.papers.lie.study_rows import Row, forms
+from reobserve.papers.lie.setup import build_observer, build_system, forms
+from reobserve.papers.lie.study_rows import Row
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.synthesis.normal_form.gain import GAINS
 from reobserve.timeseries.grid import multiple

@@ -18,9 +18,10 @@ from reobserve.ledger.types import Job, named
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie import keys
-from reobserve.papers.lie.comparison import axis, ratios, records, share_better
-from reobserve.papers.lie.setup import build_observer, build_problem, build_system
-from reobserve.papers.lie.study_rows import Row, forms
+from reobserve.papers.lie.comparison import axis, records
+from reobserve.papers.lie.scoring import ratios, share_better
+from reobserve.papers.lie.setup import build_observer, build_problem, build_system, forms
+from reobserve.papers.lie.study_rows import Row
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.timeseries.grid import multiple

@@ -16,8 +16,8 @@ from reobserve.ledger.types import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie.observe import observe
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
-from reobserve.papers.lie.setup import build_observer
-from reobserve.papers.lie.study_rows import Row, forms, summary
+from reobserve.papers.lie.setup import build_observer, forms
+from reobserve.papers.lie.study_rows import Row, summary
 from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at

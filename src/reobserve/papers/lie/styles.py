@@ -27,13 +27,13 @@ OBSERVERS = {
 
 EDGE = Style("#00796b", (0, (5, 1.5)), 1.2, "s")  # of a domain, and of what belongs to no observer
 
-# The readings of the identity form's gain, and the other form, over orders.
-FORMS = {
+# Over orders: the readings of the identity form's gain, and the other form.
+READINGS = {
     "series": (SERIES, "identity form, series of L"),
     "jacobian": (JACOBIAN, "identity form, (∂S/∂x)⁻¹"),
     "composed": (COMPOSED, "identity form, ∂T/∂z at S(x)"),
-    "transformed": (TRANSFORMED, "transformed form"),
 }
+FORMS = {**READINGS, "transformed": (TRANSFORMED, "transformed form")}
 
 # Observers that the ledger adds take these in turn.
 OTHERS = (Style("0.45", "-", 1.1, "x"), Style("0.6", (0, (2, 2)), 1.1, "+"))

@@ -16,7 +16,8 @@ from reobserve.ledger.types import Job, named
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
-from reobserve.papers.lie.comparison import axis, ratios, records, share_better
+from reobserve.papers.lie.comparison import axis, records
+from reobserve.papers.lie.scoring import ratios, share_better
 from reobserve.papers.lie.setup import build_system, stored_form
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.scoring.metrics import Metric

@@ -4,10 +4,6 @@ from reobserve.ledger.types import read_job
 from reobserve.papers.toy import keys
 from reobserve.papers.toy.metrics import late_error
 from reobserve.papers.toy.observe import run as observed
-from reobserve.plain_data.files import NUMBER, SCORE
-
-HEADER = ("factor", "late_rms_error")
-KINDS = {"factor": NUMBER, "late_rms_error": SCORE}
 
 
 def run(settings, plant, design):

@@ -1,0 +1,11 @@
+"""The columns of the table of a study, and what their cells must be."""
+
+from __future__ import annotations
+
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+
+HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("observer", "sweep", "quantity"), NAME),
+    "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
+}  # fmt: skip

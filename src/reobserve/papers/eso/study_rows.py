@@ -1,0 +1,11 @@
+"""The columns of the table of a study, and what their cells must be."""
+
+from __future__ import annotations
+
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT
+
+HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("kind", "choice", "quantity"), NAME),
+    "filter_rate": NUMBER, "level": NUMBER, "value": SCORE, "unit": UNIT,
+}  # fmt: skip

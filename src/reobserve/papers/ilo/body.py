@@ -1,0 +1,14 @@
+"""The rigid body of the ledger, as observers and the theory know it."""
+
+from __future__ import annotations
+
+from reobserve.errors import located
+from reobserve.models.rigid_body import RigidBody
+from reobserve.papers.ilo import keys
+
+
+def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
+    """The rigid body as an observer knows it, its inertia off by ``factor``."""
+    with located("plant"):
+        body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
+    return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)

@@ -1,0 +1,57 @@
+"""The table of a study: its columns, and the words that those who write and read its rows share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from reobserve.papers.imm import keys
+from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+
+HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
+KINDS = {
+    **dict.fromkeys(("observer", "sweep", "quantity"), NAME),
+    "level": NUMBER, "run": WHOLE, "value": SCORE, "unit": UNIT,
+}  # fmt: skip
+
+# Of neighbourhood: the numbers that a calibration moves.
+STATES, OUTPUTS = 5, 3
+TUNED = (
+    *(f"process_noise_{i + 1}" for i in range(STATES)),
+    *(f"measurement_noise_{i + 1}" for i in range(OUTPUTS)),
+    "leave",
+)
+
+# Of causes: variants of which the means and the covariances are of two kinds, and others;
+# in the column of runs, whether the unit of the layers is the ledger's or the study's.
+MISMATCHED = ("gain", "covariance")
+HELD, INSIDE, OUTSIDE, NO_MEMORY = "held", "always_inside", "always_outside", "no_memory"
+STATED, SCANNED = 0, 1
+
+# Of closeness: detectors beside the banks, and plants without process noise and with that of the
+# filters' Q.
+UNMIXED, CUSUM, GLR = "unmixed", "cusum", "glr"
+EXACT, DRIVEN = "exact", "driven"
+
+
+def sweep_name(kind: str, level: float) -> str:
+    """What a plant's noise is called in the study's table."""
+    return f"{kind}_{level:g}"
+
+
+def sweep_kind(sweep: str) -> tuple[str, float]:
+    """What `sweep_name` was made of."""
+    kind, _, level = sweep.partition("_")
+    return kind, float(level)
+
+
+def with_units(
+    observers: Mapping[str, keys.Observer], units: list[float]
+) -> dict[str, keys.Observer]:
+    """The observers, and the first SVSF with its boundary layers in other units."""
+    more: dict[str, keys.Observer] = dict(observers)
+    for name, body in observers.items():
+        if isinstance(body, keys.SmoothVariableStructure):
+            more |= {f"{name}_unit_{unit:g}": replace(body, layer_unit=unit) for unit in units}
+            break
+    return more
