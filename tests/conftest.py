@@ -30,7 +30,8 @@ def group(test: str) -> str:
         return f"golden {name.partition('[')[2].partition('-')[0]}"
     # Those that edit the built project, and put it back; others only read its results.
     if file in {
-        f"tests/pipeline/test_{name}.py" for name in ("pipeline", "staleness", "bad_input")
+        f"tests/pipeline/test_{name}.py"
+        for name in ("pipeline", "staleness", "bad_input", "imports")
     }:
         return "tests/pipeline"
     if file in {"tests/docs/test_site.py", "tests/docs/test_browser.py"}:  # build it once
