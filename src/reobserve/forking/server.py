@@ -33,10 +33,11 @@ from reobserve.forking.client import CODE, LENGTH
 
 # What jobs import of the world outside: first what all need, then what those need that come later
 # in a build. Of the package nothing but the command line: some of its modules compile loops.
-_FIRST = ("numpy", "scipy.linalg", "numba", "pandas", "pyarrow.parquet")
+_FIRST = ("numpy", "scipy.linalg", "numba", "pyarrow.parquet")
 _LATER = (
     "scipy.integrate", "matplotlib.figure", "matplotlib.backends.backend_agg",
-    "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "scipy.signal",
+    "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "jinja2",
+    "scipy.signal",
 )  # fmt: skip
 
 

@@ -51,6 +51,7 @@ Bounds = Annotated[list[float], vector(2), bounds]
 
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 
+# The identified models, in the order of whatever has one component a mode.
 MODES = ("normal", "friction", "leakage")
 
 
