@@ -24,7 +24,7 @@ _PACKAGES = ("numpy", "scipy", "numba", "pyarrow", "matplotlib", "cvxpy", "clara
 # What a job runs that evaluates figures in its own process.
 _EVALUATED = ("plant", "design", "observe", "study", "study_rows", "theory", "metrics")
 
-# What checks a plant's record by what the paper says of it.
+# What checks a plant's record by what the paper says of it and of its keys.
 _CHECKED = ("observe", "study", "search", "metrics", "plot")
 
 # What writes or reads the table of a study.
@@ -35,7 +35,7 @@ def stage_modules(stage: str, paper: str) -> list[str]:
     """The modules a job of a stage starts from: the command line, the stage, the paper's part."""
     parts = _EVALUATED if stage in ("draw", "robustness") else (stage,)
     if stage in _CHECKED:
-        parts = (*parts, "record")
+        parts = (*parts, "keys", "record")
     if stage in _STUDIED:
         parts = (*parts, "study_rows")
     return [
