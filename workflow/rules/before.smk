@@ -26,7 +26,9 @@ def take_build_lock():
         )
 
 
-WORTH_FORKING = 4  # jobs: to import everything once takes as long as what so many import
+WORTH_FORKING = (
+    4  # jobs: to import everything once takes as long as what so many import
+)
 
 
 def start_fork_server():
