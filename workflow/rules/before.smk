@@ -26,9 +26,8 @@ def take_build_lock():
         )
 
 
-WORTH_FORKING = (
-    4  # jobs: to import everything once takes as long as what so many import
-)
+# To import everything once takes as long as what this many jobs import.
+WORTH_FORKING = 4
 
 
 def start_fork_server():
