@@ -47,12 +47,15 @@ _DOCUMENT = r"""% {title}: a document that compiles as it stands.
 \usepackage[a4paper, margin=2cm]{{geometry}}
 \usepackage{{amsmath}}
 \usepackage{{booktabs}}
+\usepackage{{graphicx}}
 \allowdisplaybreaks
 \begin{{document}}
 
 \section*{{{title}}}
 
+\begin{{sloppypar}}
 {signals}
+\end{{sloppypar}}
 
 \paragraph{{At row $k$,}} with $\leftarrow$ for what becomes of a value,
 \begin{{align*}}
@@ -64,6 +67,9 @@ _DOCUMENT = r"""% {title}: a document that compiles as it stands.
 \end{{document}}
 """
 
+_WIDEST = 6  # columns of a matrix among equations
+_AS_WIDE_AS_FITS = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}"
+
 
 def document(program: Program, design: Design) -> str:
     """The text of a document of its own."""
@@ -72,7 +78,7 @@ def document(program: Program, design: Design) -> str:
     constants = [
         f"{_symbol(program, name)} &= {_matrix(part.values)}"
         for name, part in program.constants.items()
-        if not part.gain and part.values.ndim < 3
+        if not _tabulated(part)
     ]
     shown = "\n\\begin{align*}\n" + " \\\\\n".join(constants) + "\n\\end{align*}\n"
     return _DOCUMENT.format(
@@ -82,7 +88,7 @@ def document(program: Program, design: Design) -> str:
         tables="\n".join(
             table
             for name, part in program.constants.items()
-            if part.gain or part.values.ndim > 2
+            if _tabulated(part)
             for table in _tables(program, name, part)
         ),
     )  # fmt: skip
@@ -281,6 +287,12 @@ def _matrix(values: Array) -> str:
     return f"\\begin{{bmatrix}} {inner} \\end{{bmatrix}}"
 
 
+def _tabulated(part: Constant) -> bool:
+    """Whether numbers stand in a table: gains, those of several modes, and wide matrices."""
+    wide = part.values.ndim == 2 and part.values.shape[1] > _WIDEST
+    return part.gain or part.values.ndim > 2 or wide
+
+
 def _tables(program: Program, name: str, part: Constant) -> Iterator[str]:
     """A table of numbers by rows and columns; one for each mode of a bank."""
     symbol = _symbol(program, name)
@@ -298,8 +310,9 @@ def _table(symbol: str, values: Array) -> str:
         [str(place), *(f"${number(float(one))}$" for one in row)]
         for place, row in enumerate(rows, start=1)
     )
-    inner = booktabs(header, body, "r" * len(header))
-    return f"\\begin{{table}}[ht]\\centering\n\\caption{{${symbol}$}}\n{inner}\\end{{table}}\n"
+    inner = booktabs(header, body, "r" * len(header)).rstrip()
+    fitted = f"{_AS_WIDE_AS_FITS}{{%\n{inner}}}"
+    return f"\\begin{{table}}[ht]\\centering\n\\caption{{${symbol}$}}\n{fitted}\n\\end{{table}}\n"
 
 
 def _signals(program: Program, design: Design) -> str:
