@@ -126,7 +126,7 @@ class _Maker:
             program.let(out[size], gain[0])
 
     def seen(self) -> None:
-        """(10), term by term as the observer has it: here rounding is amplified most."""
+        """The factor xi^, term by term as the observer has it: here rounding is amplified most."""
         program, row = self.program, self.row
         out, sum_ = program.local("xi_out", (1,), r"\xi"), program.local("seen_sum", (), "S")
         factor = program.local("factor", (), r"\varphi")
