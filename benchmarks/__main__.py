@@ -21,7 +21,6 @@ def main() -> int:
             "Speed as ratios against peers measured in the same run: the compiled observers "
             "against C, numpy, scipy, control and filterpy, designs by Clarabel against SCS, "
             "normal forms against sympy and DACE, pinned code paths against free ones, streams "
-            "normal forms against sympy and DACE, pinned code paths against free ones, streams "
             "against what they aim at, builds against one process in memory. Slow is no failure; "
             "the exit code is 1 only if a peer computes other numbers."
         ),

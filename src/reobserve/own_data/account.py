@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from reobserve.own_data.dates import spelled
+
 MOST_LISTED = 50  # gaps and other events that are told one by one
 
 
@@ -14,7 +16,8 @@ class Account:
     """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
 
     ``intervals`` are those between stamps that follow one another, ``jitter`` the farthest that
-    one was off its place, in sampling periods.
+    one was off its place, in sampling periods. ``origin`` [s since 1970] is what times count from
+    if stamps are dates.
     """
 
     rows: int = 0
@@ -39,6 +42,7 @@ class Account:
     estimates: int = 0
     alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    origin: float | None = None
 
     def count(self, table: dict[str, int], name: str, more: int) -> None:
         """Add to one of the tables."""
@@ -68,6 +72,7 @@ class Account:
 def as_json(account: Account, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole account, with what else is known ``about`` the run."""
     told = {name: value for name, value in vars(account).items() if name != "single"}
+    told["origin"] = None if account.origin is None else spelled(account.origin)
     return {**about, "mean_interval": account.mean_interval, **told}
 
 
@@ -75,7 +80,8 @@ def as_table(account: Account, period: float) -> str:
     """A few lines for a terminal: only what there is to tell."""
     lines = [("rows read", f"{account.rows}")]
     if account.first is not None and account.last is not None:
-        lines.append(("time", f"{account.first:.6g} to {account.last:.6g} s"))
+        since = "" if account.origin is None else f" after {spelled(account.origin)}"
+        lines.append(("time", f"{account.first:.6g} to {account.last:.6g} s{since}"))
     if account.mean_interval is not None:
         told = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
         lines.append(("sampling period", told))

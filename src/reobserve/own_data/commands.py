@@ -125,7 +125,8 @@ def estimate_file(
 
 def _blocks(estimation: Estimation, file: File, picture: Picture | None) -> Iterator[Estimated]:
     head = estimation.head = Head()
-    for raw in file.blocks(estimation.layout.titles):
+    layout = estimation.layout
+    for raw in file.blocks(layout.titles, layout.titles[0] if layout.dated else ""):
         block = estimation.feed(raw)
         if picture is not None:
             picture.add(block)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.own_data.account import Account
+from reobserve.own_data.dates import ISO, origin_of, stamp
 from reobserve.own_data.kinds.setup import Setup
 from reobserve.own_data.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.own_data.specification import Column, Columns
@@ -27,7 +28,8 @@ class Layout:
     """The columns to read, time first if there is one, then y, then u.
 
     ``titles`` are those of the header, ``names`` without units. ``units`` are those that the
-    observer reads, in which ranges are meant no more: these are in the file's.
+    observer reads, in which ranges are meant no more: these are in the file's. Where the time is
+    ``dated``, its cells are dates.
     """
 
     titles: tuple[str, ...]
@@ -39,6 +41,14 @@ class Layout:
     timed: bool
     measurements: int
     decimal: str
+    dated: bool = False
+
+    def conversion(self, column: int, account: Account) -> Conversion:
+        """How a cell's number becomes what is read; of dates once there is an origin for them."""
+        if self.dated and column == 0:
+            assert account.origin is not None
+            return Conversion(1.0, -account.origin)
+        return self.conversions[column]
 
     def values(self, raw: Array, account: Account) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -55,6 +65,9 @@ class Layout:
                 f"row {account.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
                 "if it is missing",
             )
+        if self.dated and account.origin is None:
+            known = raw[~np.isnan(raw[:, 0]), 0]
+            account.origin = origin_of(known[0]) if len(known) else None
         columns = [self._column(raw[:, c].copy(), c, account) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
         values = np.column_stack(columns[self.timed :])
@@ -71,7 +84,9 @@ class Layout:
             account.count(account.saturated, self.names[c], outside.sum())
             if self.lost_at_range[c]:
                 cells[outside] = np.nan
-        converted: Array = self.conversions[c].of(cells)
+        if self.dated and account.origin is None:
+            return cells  # no stamp yet: all are nan
+        converted: Array = self.conversion(c, account).of(cells)
         return converted
 
     def number(self, cell: str, row: int, column: int) -> float:
@@ -82,6 +97,8 @@ class Layout:
         InputError
             If it spells something else.
         """
+        if self.dated and column == 0:
+            return stamp(cell, NOTHING, self.titles[0], row)
         text = cell.strip().strip('"')
         if self.decimal == ",":
             text = text.replace(",", ".")
@@ -123,18 +140,21 @@ def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -
             wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
     parts = [_find(at, column, fixed, header, place) for at, column, fixed in wanted]
     every = [column for _, column, _ in wanted]
-    timed = bool(columns.time.column)
+    timed, dated = bool(columns.time.column), False
     if timed:
-        clock = Column(columns.time.column, columns.time.unit)
+        unit = columns.time.unit
+        clock = Column(columns.time.column, "" if unit == ISO else unit)
         title, unit = _title("columns.time", clock, header, place)
-        parts.insert(0, (title, conversion("columns.time.unit", unit or "s", "s"), "s"))
+        dated = ISO in (columns.time.unit, unit)
+        way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
+        parts.insert(0, (title, way, "s"))
         every.insert(0, clock)
     return Layout(
         tuple(part[0] for part in parts), tuple(column.column for column in every),
         tuple(part[1] for part in parts), tuple(part[2] for part in parts),
         tuple(column.range for column in every),
         tuple(column.saturated == "missing" for column in every), timed,
-        len(columns.measurements), columns.decimal,
+        len(columns.measurements), columns.decimal, dated,
     )  # fmt: skip
 
 

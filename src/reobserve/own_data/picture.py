@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.extras import package
+from reobserve.own_data.dates import spelled
 from reobserve.own_data.estimation import Estimated, Estimation
 from reobserve.own_data.outputs import RESIDUAL, Output
 from reobserve.plain_data.files import write_whole
@@ -122,7 +123,8 @@ class Picture:
             self._grey(ax)
         if len(self.time):
             axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
-        axes[-1].set_xlabel("time [s]")
+        origin = self.estimation.account.origin
+        axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
         figure.align_ylabels()
         return figure
 

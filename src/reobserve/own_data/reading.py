@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.extras import package
+from reobserve.own_data.dates import stamp
 from reobserve.own_data.layout import NOTHING
 from reobserve.plain_data.files import reason
 
@@ -65,19 +66,26 @@ class File:
                     first += chunk
             return titles(bytes(first).partition(b"\n")[0], self.separator)
 
-    def blocks(self, columns: Sequence[str]) -> Iterator[Array]:
+    def blocks(self, columns: Sequence[str], dated: str = "") -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
+
+        Those of the column ``dated`` are dates, which become seconds since 1970.
 
         Raises
         ------
         InputError
-            If the file is damaged, or a cell is no number.
+            If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
+        rows = 0
         with self._told():
-            for batch in self._batches(list(columns)):
-                yield np.column_stack([self._floats(batch, name) for name in columns])
+            for batch in self._batches(list(columns), dated):
+                yield np.column_stack([
+                    self._stamps(batch, name, rows) if name == dated else self._floats(batch, name)
+                    for name in columns
+                ])  # fmt: skip
+                rows += batch.num_rows
 
-    def _batches(self, columns: list[str]) -> Iterator[Any]:
+    def _batches(self, columns: list[str], dated: str) -> Iterator[Any]:
         import pyarrow as pa
 
         if self._columnar:
@@ -89,6 +97,7 @@ class File:
             return
         import pyarrow.csv as reader_of_csv
 
+        kinds = {name: pa.string() if name == dated else pa.float64() for name in columns}
         with self._text() as stream:
             reader = reader_of_csv.open_csv(
                 stream,
@@ -98,7 +107,7 @@ class File:
                 ),
                 parse_options=reader_of_csv.ParseOptions(delimiter=self.separator),
                 convert_options=reader_of_csv.ConvertOptions(
-                    include_columns=columns, column_types=dict.fromkeys(columns, pa.float64()),
+                    include_columns=columns, column_types=kinds,
                     null_values=list(NOTHING), decimal_point=self.decimal,
                 ),
             )  # fmt: skip
@@ -109,6 +118,18 @@ class File:
 
         return pa.input_stream(str(self.path), compression="detect")
 
+    def _stamps(self, batch: Any, name: str, rows: int) -> Array:
+        import pyarrow as pa
+
+        column = batch.column(name)
+        if pa.types.is_timestamp(column.type):
+            return self._floats(batch, name)
+        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+            problem = f"column {shown(name)} is of the type {column.type}, must be dates"
+            raise InputError(str(self.path), problem)
+        cells = (text or "" for text in column.to_pylist())
+        return np.array([stamp(cell, NOTHING, name, rows + k) for k, cell in enumerate(cells, 1)])
+
     def _floats(self, batch: Any, name: str) -> Array:
         import pyarrow as pa
         import pyarrow.compute as compute
@@ -116,8 +137,10 @@ class File:
         column = batch.column(name)
         kind = column.type
         if pa.types.is_timestamp(kind):
-            column = compute.divide(column.cast(pa.timestamp("ns")).cast(pa.int64()), 1)
-            return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(False)) * 1e-9
+            ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
+            whole, rest = np.divmod(ticks.to_numpy(zero_copy_only=False), 10**9)  # rounded once
+            known = column.is_valid().to_numpy(zero_copy_only=False)
+            return np.where(known, whole + rest / 1e9, np.nan)
         if not (
             pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
             or pa.types.is_null(kind)

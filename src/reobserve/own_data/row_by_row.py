@@ -12,6 +12,7 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.observers.unchecked import unchecked_step
+from reobserve.own_data.dates import seconds
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.gaps import MEASURED, STATUSES
 from reobserve.own_data.writing import line, text
@@ -27,7 +28,9 @@ class RowByRow:
         layout, sampling = estimation.layout, estimation.specification.sampling
         self.width = len(header)
         self.places = [header.index(title) for title in layout.titles]
-        self.factors = [(way.factor, way.offset) for way in layout.conversions]
+        readers = [seconds if layout.dated else float] + [float] * len(self.places)
+        self.cells = list(zip(readers, self.places, strict=False))
+        self.factors: list[tuple[float, float]] = []  # known once the short way may be gone
         self.separator = estimation.specification.columns.separator
         self.period, self.slack = sampling.period, sampling.jitter * sampling.period
         self.short = (
@@ -55,8 +58,8 @@ class RowByRow:
             raise InputError(self.estimation.place, problem)
         if self.short:
             try:
-                numbers = [float(cells[place]) for place in self.places]
-            except ValueError:
+                numbers = [number(cells[place]) for number, place in self.cells]
+            except (ValueError, OverflowError):
                 return self._long(cells)
             if "_" not in row and self._regular(numbers):
                 return self._short(numbers)
@@ -70,6 +73,9 @@ class RowByRow:
             return False
         if len(made.interpolation.asked) or not math.isfinite(sum(numbers)):
             return False
+        if not self.factors:
+            ways = (made.layout.conversion(c, account) for c in range(len(numbers)))
+            self.factors = [(way.factor, way.offset) for way in ways]
         factor, offset = self.factors[0]
         time = numbers[0]
         if factor != 1.0:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from reobserve.errors import InputError, located, shown
+from reobserve.own_data.dates import ISO
 from reobserve.own_data.kinds import Observer
 from reobserve.own_data.quantities import check_unit, conversion
 from reobserve.plain_data.files import read_text
@@ -57,13 +58,17 @@ Name = Annotated[str, _name]
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The stamps; without ``column`` there are none, and rows are a sampling period apart."""
+    """The stamps; without ``column`` there are none, and rows are a sampling period apart.
+
+    The ``unit`` is one of time, or iso8601 for dates with times of day.
+    """
 
     column: str = ""
     unit: str = ""
 
     def __post_init__(self) -> None:
-        conversion("unit", self.unit or "s", "s")
+        if self.unit != ISO:
+            conversion("unit", self.unit or "s", "s")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,130 @@
+"""Stamps that are dates: the same bits as seconds, whatever offset from UTC they have."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.dates import seconds, spelled
+from reobserve.own_data.estimation import Estimation
+from reobserve.own_data.row_by_row import RowByRow
+from reobserve.own_data.specification import Specification
+from reobserve.own_data.state_file import load_state, save_state
+from reobserve.own_data.writing import header
+from tests.own_data.records import specification
+
+PERIOD = 1 / 64  # [s], of which microseconds and doubles since 1970 know every multiple
+START = datetime(2026, 3, 29, 0, 59, 58, 250_000, tzinfo=UTC)
+ROWS = 200
+VALUES = np.sin(np.arange(ROWS) / 10)
+CHANGE = timezone(timedelta(hours=2)), timezone(timedelta(hours=1))  # of clocks, after 1.75 s
+
+
+def chosen(unit: str) -> Specification:
+    columns = {"time": {"column": "t", "unit": unit}, "measurements": [{"column": "v"}]}
+    sampling = {"period": PERIOD, "missing": "interpolate", "gap": 0.1, "at_gap": "restart"}
+    return specification("levant", columns=columns, sampling=sampling)
+
+
+def moments() -> list[datetime]:
+    return [START + timedelta(seconds=PERIOD * k) for k in range(ROWS) if not 100 <= k < 120]
+
+
+def rows(stamps: list[str]) -> list[str]:
+    places = [k for k in range(ROWS) if not 100 <= k < 120]
+    return [f"{text},{float(VALUES[k])!r}\n" for text, k in zip(stamps, places, strict=True)]
+
+
+def local(moment: datetime) -> str:
+    summer, winter = CHANGE
+    return moment.astimezone(summer if moment.hour >= 1 else winter).isoformat()
+
+
+SPELLINGS = {
+    "UTC": [moment.isoformat().replace("+00:00", "Z") for moment in moments()],
+    "naive": [f'"{moment.replace(tzinfo=None)}"' for moment in moments()],
+    "summer time comes": [local(moment) for moment in moments()],
+}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = tmp_path_factory.mktemp("seconds")
+    second = START.replace(microsecond=0)
+    stamps = [repr((moment - second).total_seconds()) for moment in moments()]
+    (folder / "r.csv").write_text("t,v\n" + "".join(rows(stamps)))
+    estimate_file(chosen("s"), folder / "r.csv", folder / "e.csv")
+    return (folder / "e.csv").read_bytes()
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_dates_give_the_bits_of_seconds(spelling: str, expected: bytes, tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(SPELLINGS[spelling])))
+    made = estimate_file(
+        chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv", report=tmp_path / "r.json",
+        block=1000,
+    )  # fmt: skip
+    assert (tmp_path / "e.csv").read_bytes() == expected
+    assert made.account.first == 0.25
+    assert json.loads((tmp_path / "r.json").read_text())["origin"] == "2026-03-29T00:59:58Z"
+
+
+@pytest.mark.parametrize("kind", ["timestamps", "texts"])
+def test_parquet_holds_dates_too(kind: str, expected: bytes, tmp_path: Path) -> None:
+    places = [k for k in range(ROWS) if not 100 <= k < 120]
+    stamps = pa.array(moments()) if kind == "timestamps" else pa.array(SPELLINGS["UTC"])
+    table = pa.table({"t": stamps, "v": VALUES[places]})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    estimate_file(chosen("iso8601"), tmp_path / "r.parquet", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+
+
+def test_a_stream_of_dates_stops_and_goes_on(expected: bytes, tmp_path: Path) -> None:
+    estimation = Estimation(chosen("iso8601"), ["t", "v"], "r")
+    reader, out = RowByRow(estimation, ["t", "v"]), header(estimation.titles)
+    for k, line in enumerate(rows(SPELLINGS["summer time comes"])):
+        if k == 60:
+            reader.settle()
+            save_state(tmp_path / "s.json", estimation, "it", None)
+            estimation = Estimation(chosen("iso8601"), ["t", "v"], "r")
+            load_state(tmp_path / "s.json", estimation, "it")
+            reader = RowByRow(estimation, ["t", "v"])
+        out += reader.read(line)
+    assert (out + reader.finish()).encode() == expected
+
+
+def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t [iso8601],v\n" + "".join(rows(SPELLINGS["UTC"])))
+    estimate_file(chosen(""), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_bytes() == expected
+
+
+@pytest.mark.parametrize("cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01"])
+def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
+    stamps = SPELLINGS["UTC"][:30]
+    text = "t,v\n" + "".join(f"{stamp},1.0\n" for stamp in [*stamps, cell])
+    (tmp_path / "r.csv").write_text(text)
+    problem = f"row 31 is '{cell}', must be a date with a time, as 2026-03-29T01:59:58Z"
+    with pytest.raises(InputError, match=problem):
+        estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")
+    assert not (tmp_path / "e.csv").exists()
+    reader = RowByRow(Estimation(chosen("iso8601"), ["t", "v"], "r"), ["t", "v"])
+    *good, bad = text.splitlines()[1:]
+    for line in good:
+        reader.read(line)
+    with pytest.raises(InputError, match=problem):
+        reader.read(bad)
+
+
+def test_seconds_since_1970() -> None:
+    assert seconds("1970-01-02T00:00:00.5+00:00") == 86400.5
+    assert seconds("2000-01-01T01:00:00+01:00") == 946684800.0  # as `date -u -d 2000-01-01 +%s`
+    assert spelled(946684800.0) == "2000-01-01T00:00:00Z"
