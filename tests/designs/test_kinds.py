@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -175,6 +176,8 @@ def test_modes_of_a_bank_are_sampled_each_by_itself() -> None:
         assert pytest.approx(whole[:2, :2], abs=1e-14) == one.model.A
         assert pytest.approx(whole[:2, 2:], abs=1e-14) == one.model.B
     assert built.certify()["samples_in_worn"] == pytest.approx(1000)
+    built = replace(built, certificate=built.certify())
+    assert built.summary()[-1] == "worn: stays for 10 s on average"
     names = [signal.name for signal in built.estimates["probability"]]
     assert names == ["sound_probability", "worn_probability"]
     with pytest.raises(InputError, match=r"modes.worn.A: has shape \(1, 1\), must be \(2, 2\)"):

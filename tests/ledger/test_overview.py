@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli import main
+from reobserve.ledger.ledger import Ledger
 from tests.evidence.report.project import make_project
 
 Capture = pytest.CaptureFixture[str]
@@ -47,6 +48,18 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
         "",
         "1 entries, 0 of them assumed: the paper does not give them.",
     ]
+
+
+def test_parameters_of_a_build_are_those_it_was_made_of(project: Path, capsys: Capture) -> None:
+    ledger = Ledger.load(project, "toy", {"scenarios": {"push": {"disturbance": 3.0}}})
+    path = project / "results/toy/ledger.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(ledger.text())
+    stated, built = (
+        printed(capsys, "params", "toy", "scenarios", *option)[2] for option in ([], ["--built"])
+    )
+    assert stated == "scenarios.push.disturbance 2 1/s Section 2"
+    assert built == "scenarios.push.disturbance 3 1/s user override"
 
 
 def test_signals_choices_and_ranges_are_spelled(

@@ -154,6 +154,8 @@ def test_an_alarm_has_the_threshold_that_was_said_or_learned(tmp_path: Path) -> 
     assert told["threshold"] == pytest.approx(limit, rel=1e-9)
     assert told["mean"] == pytest.approx(mean, rel=1e-6)
     assert told["first"] == time[found["alarm odd"] == 1.0][0]
+    for name in ("leak", "odd"):
+        assert made.account.alarms[name]["rows"] == (found[f"alarm {name}"] == 1.0).sum() > 0
 
 
 def test_what_would_mislead_is_told(tmp_path: Path) -> None:

@@ -120,6 +120,16 @@ def test_constant_matrices_have_their_eigenvalues_for_exponents() -> None:
     np.testing.assert_allclose(exponents, [-0.3, -0.5, -0.5], atol=1e-10)
 
 
+def test_a_fundamental_matrix_that_overflows_is_refused() -> None:
+    cycle = van_der_pol_cycle()
+    huge = np.broadcast_to(1e90 * np.eye(2), (4, 2, 2))
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(InputError, match="the fundamental matrix is not"),
+    ):
+        floquet_exponents(cycle, huge)
+
+
 def test_a_cycle_that_is_a_circle() -> None:
     """x' = J x + x (1 - |x|^2) turns once in 2 pi on the unit circle and comes to it as e^-2t."""
     circle = system(

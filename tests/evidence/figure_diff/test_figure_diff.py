@@ -350,6 +350,12 @@ def test_what_does_not_agree_is_said_and_shown(
     assert all(f"<summary>made {name}</summary>" in page for name in others)
 
 
+def test_the_same_picture_is_shown_once_where_numbers_moved(project: Path) -> None:
+    rewrite_metric("0.6")(project)
+    assert main(["figdiff"]) == 1
+    assert (project / "figdiff/index.html").read_text().count("data:image/png") == 2  # of 2 figures
+
+
 def test_numbers_within_tolerance_are_quiet(project: Path) -> None:
     rewrite_metric("0.5000000000004")(project)
     series = Series(TIME, {"x": Channel(np.cos(TIME) + 9e-13, "1")})
