@@ -134,7 +134,5 @@ def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> No
             color=style_of(data.job.observers[name]).color, transform=told.get_xaxis_transform(),
         )  # fmt: skip
         bars += 1
-    if bars:
-        told.annotate(
-            "← gain off", (0.08, 0.05), xycoords="axes fraction", fontsize=points(7), color="0.3"
-        )
+    if bars:  # in words above the panel, since in a narrow one they would lie under a bar
+        told.set_title(f"{told.get_title(loc='left')}; bars: its gain is off")
