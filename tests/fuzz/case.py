@@ -45,8 +45,8 @@ class ImproperError(Exception):
     """The command line refused in another way than it should."""
 
 
-def command(*arguments: object) -> None:
-    """Run ``reobserve`` in this process.
+def command(*arguments: object, parse_only: bool = False) -> None:
+    """Run ``reobserve`` in this process, or its parser alone.
 
     Raises
     ------
@@ -55,13 +55,14 @@ def command(*arguments: object) -> None:
     ImproperError
         If it fails in any other way.
     """
-    from reobserve.cli import main
+    from reobserve.cli import _parser, main
 
     out, err = io.StringIO(), io.StringIO()
     code: object
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            code = main([str(argument) for argument in arguments])
+            line = [str(argument) for argument in arguments]
+            code = main(line) if not parse_only else int(not _parser().parse_args(line))
         except SystemExit as stop:
             code = stop.code
     if code == 0:

@@ -199,11 +199,11 @@ def test_distances_from_a_filter_that_is_right_and_a_filter_that_is_not() -> Non
         (lambda: cusum([1.0], -1.0), "start", "-1 must be 0 or more"),
         (lambda: cusum(["a"]), "increments", "is not a number or an array of numbers"),
         (lambda: inflation_glr([1.0, -2.0], 1, [1]), "distances", "-2 at row 1 must be 0 or more"),
-        (lambda: inflation_glr([1.0], 0, [1]), "outputs", "0 must be a whole number, 1 or more"),
-        (lambda: inflation_glr([1.0], 1, []), "lengths", "must be whole numbers from 1 on"),
-        (lambda: inflation_glr([1.0], 1, [0, 1]), "lengths", "must be whole numbers from 1 on"),
-        (lambda: inflation_glr([1.0], 1, [1.5]), "lengths", "must be whole numbers from 1 on"),
-        (lambda: inflation_glr([1.0], 1, [np.nan]), "lengths", "must be whole numbers from 1 on"),
+        (lambda: inflation_glr([1.0], 0, [1]), "outputs", "0 must be a whole number, from 1 to"),
+        (lambda: inflation_glr([1.0], 1, []), "lengths", "must be whole numbers from 1 to"),
+        (lambda: inflation_glr([1.0], 1, [0, 1]), "lengths", "must be whole numbers from 1 to"),
+        (lambda: inflation_glr([1.0], 1, [1.5]), "lengths", "must be whole numbers from 1 to"),
+        (lambda: inflation_glr([1.0], 1, [np.nan]), "lengths", "must be whole numbers from 1 to"),
     ],
 )
 def test_what_is_no_record_is_told(call: Any, parameter: str, said: str) -> None:

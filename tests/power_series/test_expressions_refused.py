@@ -13,6 +13,7 @@ import pytest
 import sympy
 
 from reobserve.errors import InputError
+from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.power_series.expressions import from_expressions
 from reobserve.power_series.univariate import power, taylor
@@ -149,6 +150,24 @@ def test_orders_and_degrees_beyond_reach_are_refused(how: dict[str, Any]) -> Non
     given = {"order": 3, "sampling_period": 0.1, "poles": [-1.3, -2.1], **how}
     with pytest.raises(InputError, match=r"^(degree|order|expanded): .*(100|too high)"):
         normal_form_observer(["b", "-sin(a) - b"], ["a"], ["a", "b"], **given)
+
+
+@pytest.mark.parametrize(
+    ("text", "degree", "exact"),
+    [("+".join(f"sin({k}*a*b)" for k in range(1, 400)), 60, False), ("(a + b)**1000", 60, False),
+     ("(a + b)**1000", 30, True)],
+)  # fmt: skip
+def test_what_would_take_minutes_is_refused(text: str, degree: int, exact: bool) -> None:
+    with pytest.raises(InputError, match=r"^f\[0\]: takes too many products of series up to deg"):
+        expanded(text, degree, exact=exact)
+
+
+def test_a_right_hand_side_that_would_compile_for_minutes_is_refused() -> None:
+    long = "+".join(f"sin({k}*b)" for k in range(1, 780))
+    with pytest.raises(InputError, match=r"^drift\[1\]: has \d{4} operations, in all .* 1000 or f"):
+        triangular_model(["a", "b"], ["0", long], "1")
+    with pytest.raises(InputError, match=r"^input_gain: has \d+ operations, in all .* 1000 or f"):
+        triangular_model(["b", "a"], ["0", "-a"], long)
 
 
 def test_arguments_of_other_types_are_refused() -> None:

@@ -97,10 +97,12 @@ def save_design(path: str | Path, design: DesignKind) -> DesignKind:
     Raises
     ------
     InputError
-        As `Design.certify`; or if the file cannot be written.
+        As `Design.certify`; or if it is no design, or the file cannot be written.
     """
+    name = next((name for name in KINDS if kind_of(name) is type(design)), None)
+    if name is None:
+        raise InputError("design", f"{shown(design)} must be a design of a kind that there is")
     certified = replace(design, certificate=design.certify())
-    name = next(name for name in KINDS if kind_of(name) is type(design))
     tree = {
         "format": FORMAT,
         "schema": SCHEMA,

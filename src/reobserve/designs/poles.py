@@ -29,6 +29,8 @@ def as_pole_list(place: str, value: list[Any]) -> list[complex]:
 
 def parse_poles(text: str, place: str = "poles") -> list[complex]:
     """Poles in one text, with commas or spaces in between; `InputError` as `as_pole_list`."""
+    if not isinstance(text, str):
+        raise InputError(place, f"{shown(text)} must be a text, as '-2, -1+3j, -1-3j'")
     return as_pole_list(place, text.replace(",", " ").split())
 
 

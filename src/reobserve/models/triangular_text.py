@@ -15,6 +15,8 @@ from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
 from reobserve.power_series.grammar import check_size, parse
 
+_MOST_OPERATIONS = 1000  # of all right-hand sides: compiling takes some milliseconds for each
+
 
 @dataclass(frozen=True, eq=False)
 class TextModel(TriangularModel):
@@ -43,7 +45,8 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     Raises
     ------
     InputError
-        If one of them cannot be read or names another variable, or there are not n of them.
+        If one of them cannot be read or names another variable, if there are not n of them, or if
+        they have more operations than can be compiled in some seconds.
     """
     sympy = package("sympy", "read expressions")
     for name, given in (("variables", variables), ("drift", drift)):
@@ -58,18 +61,26 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     if not isinstance(input_gain, str):
         raise InputError("input_gain", f"{shown(input_gain)} must be a text")
     symbols = {name: sympy.Symbol(name, real=True) for name in variables}
-    rows = []
-    for i, text in enumerate(drift):
-        rows.append(_code(f"drift[{i}]", text, symbols, list(variables)[: i + 1]))
-    gain = _code("input_gain", input_gain, symbols, list(variables)[:1])
+    rows, operations = [], 0
+    places = [f"drift[{i}]" for i in range(len(drift))] + ["input_gain"]
+    for i, (place, text) in enumerate(zip(places, [*drift, input_gain], strict=True)):
+        code, more = _code(place, text, symbols, variables[: i + 1 if i < len(drift) else 1])
+        operations += more
+        if operations > _MOST_OPERATIONS:
+            problem = f"has {more} operations, in all there must be {_MOST_OPERATIONS} or fewer"
+            raise InputError(place, problem)
+        rows.append(code)
+    *rows, gain = rows
     return TextModel(
         len(variables), _compiled("drift", rows), _compiled("input_gain", [gain]), np.zeros(0),
         tuple(rows), gain,
     )  # fmt: skip
 
 
-def _code(place: str, text: str, symbols: dict[str, Any], allowed: list[str]) -> str:
-    """An expression as Python writes it, of the numbers ``x[i]``."""
+def _code(
+    place: str, text: str, symbols: dict[str, Any], allowed: Sequence[str]
+) -> tuple[str, int]:
+    """An expression as Python writes it, of the numbers ``x[i]``, and its number of operations."""
     import sympy
 
     expression = parse(place, text, symbols)
@@ -88,7 +99,7 @@ def _code(place: str, text: str, symbols: dict[str, Any], allowed: list[str]) ->
         code = "Not supported"
     if "Not supported" in code or "mpmath" in code:
         raise InputError(place, f"{shown(text)} has no form that can be compiled")
-    return code
+    return code, int(expression.count_ops())
 
 
 def _compiled(name: str, rows: list[str]) -> Any:

@@ -25,6 +25,8 @@ from reobserve.numerics.matrices import as_numbers, as_scalar
 
 Array = NDArray[np.float64]
 
+_MOST = 1_000_000_000  # samples, or entries of one
+
 
 def cusum(increments: ArrayLike, start: float = 0.0) -> Array:
     """Page's cumulative sum g(k) = max(0, g(k-1) + s(k)), shape (k,).
@@ -70,16 +72,17 @@ def inflation_glr(distances: ArrayLike, outputs: int, lengths: ArrayLike) -> Arr
     Raises
     ------
     InputError
-        If a distance is negative or infinite, or a number is not whole or less than 1.
+        If a distance is negative or infinite, or a number is not whole, less than 1 or huge.
     """
     record = _as_record("distances", distances)
     if (record < 0).any():
         row = int(np.argmax(record < 0))
         raise InputError("distances", f"{record[row]:g} at row {row} must be 0 or more")
-    m = as_whole("outputs", outputs, 1)
+    m = as_whole("outputs", outputs, 1, _MOST)
     given = as_numbers("lengths", lengths)
-    if given.ndim != 1 or not len(given) or (given < 1).any() or (given != np.floor(given)).any():
-        raise InputError("lengths", f"{shown(lengths)} must be whole numbers from 1 on")
+    wrong = (given < 1) | (given > _MOST) | (given != np.floor(given))
+    if given.ndim != 1 or not len(given) or wrong.any():
+        raise InputError("lengths", f"{shown(lengths)} must be whole numbers from 1 to {_MOST}")
     return _inflation_glr(record, m, given.astype(np.int64))
 
 

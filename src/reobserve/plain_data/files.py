@@ -34,8 +34,10 @@ def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
     Raises
     ------
     InputError
-        If the file is missing, cannot be read, is no regular file or has more than ``most`` bytes.
+        If the file is missing, cannot be read, is no regular file or has more than ``most`` bytes;
+        or the path is no path.
     """
+    _check_path(path)
     try:
         handle = os.open(path, os.O_RDONLY | _AS_IT_IS)
         with open(handle, "rb") as stream:
@@ -50,6 +52,11 @@ def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
     if len(content) > most:
         raise InputError(str(path), f"has more than {most} bytes, which is too large to be read")
     return content
+
+
+def _check_path(path: object) -> None:
+    if not isinstance(path, str | Path):
+        raise InputError("path", f"{shown(path)} must be the name of a file")
 
 
 def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
@@ -71,9 +78,10 @@ def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
     Raises
     ------
     InputError
-        If ``path`` is something else than a regular file that may be written, or the folder cannot
-        be written.
+        If ``path`` is no path, or something else than a regular file that may be written, or the
+        folder cannot be written.
     """
+    _check_path(path)
     path = Path(path)
     try:
         check_replaceable(path)

@@ -6,7 +6,7 @@ argument are expanded about the value that their argument has at the origin.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
 from math import comb
@@ -32,6 +32,9 @@ from reobserve.power_series.univariate import DIGITS, power, taylor
 # A product of two series takes as many steps as there are products of their monomials, and a system
 # some thousand products: above this they take minutes.
 _MOST_PRODUCTS = 2_000_000
+# Of all series of a call, some seconds; a product of fractions takes twenty times as long.
+_MOST_STEPS = 200_000_000
+_EXACT_STEPS = 20
 _HIGHEST_DEGREE = 100
 _LONGEST_WHOLE = 1024  # bits
 
@@ -68,9 +71,10 @@ def from_expressions(
     if comb(2 * len(symbols) + degree, degree) > _MOST_PRODUCTS:
         raise InputError("degree", f"{degree} is too high for series in {len(symbols)} variables")
     basis = monomials(len(symbols), degree)
-    rows = []
+    rows, steps = [], comb(2 * len(symbols) + degree, degree) * (_EXACT_STEPS if exact else 1)
+    left = iter(range(_MOST_STEPS // steps))
     for k, expression in enumerate(expressions):
-        walk = _Walk(f"{name}[{k}]", basis, symbols, exact)
+        walk = _Walk(f"{name}[{k}]", basis, symbols, exact, left)
         read = _read(walk.place, expression, names)
         check_size(walk.place, read)
         check_values(walk.place, read, symbols)
@@ -101,10 +105,16 @@ def _text(expression: Any) -> str:
 
 
 class _Walk:
-    """The series of one expression and, on the way, of all its parts."""
+    """The series of one expression and, on the way, of all its parts.
 
-    def __init__(self, place: str, basis: Monomials, symbols: Sequence[Any], exact: bool) -> None:
+    Each product of two series takes a number from ``left``, as long as there are any.
+    """
+
+    def __init__(
+        self, place: str, basis: Monomials, symbols: Sequence[Any], exact: bool, left: Iterator[int]
+    ) -> None:
         self.place, self.basis, self.symbols, self.exact = place, basis, symbols, exact
+        self.left = left
 
     def series(self, expression: Any) -> Coefficients:
         """The coefficients of an expression, shape (N,)."""
@@ -198,6 +208,12 @@ class _Walk:
         return [self._number(value, expression) for value in found[: degree + 1]]
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
+        if next(self.left, None) is None:
+            raise InputError(
+                self.place,
+                f"takes too many products of series up to degree {self.basis.degree}; a shorter "
+                "expression or a lower degree may do",
+            )
         out = zeros((1, len(a)), a)
         for d in range(self.basis.degree + 1):
             for r in range(d + 1):

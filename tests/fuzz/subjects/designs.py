@@ -1,12 +1,17 @@
-"""Designs of extended state observers and normal forms, and their proofs."""
+"""Designs of extended state observers and normal forms, their proofs, and designs as files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from reobserve.designs.file import kind_of, load_design, save_design
+from reobserve.designs.poles import parse_poles
 from reobserve.models.polynomial import PolynomialSystem
+from reobserve.plain_data.yaml_reader import parse_yaml
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 from reobserve.synthesis.extended_state import pd_pi, pi, structured
@@ -19,6 +24,7 @@ from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
+from .. import material
 from .models import van_der_pol
 from .observers import augmented, gains
 from .subject import Subject, subject
@@ -43,6 +49,17 @@ def subjects() -> Iterator[Subject]:
     yield subject(ball_matrix, [[-2.0, 1.0], [1.0, -2.0]])
     yield subject(prove_negative_definite, [[-2.0, 1.0], [1.0, -2.0]])
     yield from _normal_forms()
+    yield from _files()
+
+
+def _files() -> Iterator[Subject]:
+    path = material.scratch("design.json")
+    kind: Any = kind_of("luenberger")
+    made = save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
+    yield subject(load_design, path)
+    yield subject(save_design, Path("again.json"), made)
+    yield subject(kind_of, "luenberger")
+    yield subject(parse_poles, "-2, -1+3j, -1-3j")
 
 
 def _normal_forms() -> Iterator[Subject]:

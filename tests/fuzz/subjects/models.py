@@ -10,6 +10,7 @@ from reobserve.models.linear import LinearModel
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.models.rigid_body import RigidBody
 from reobserve.models.triangular import TriangularModel
+from reobserve.models.triangular_text import triangular_model
 from reobserve.numerics.discretisation import interpolating_hold, polynomial_hold, zero_order_hold
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl, poles_for
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
@@ -89,6 +90,7 @@ def subjects() -> Iterator[Subject]:
     # A model of a user's own; its functions have to be compiled.
     lag = first_order_lag()
     yield subject(TriangularModel, 1, lag.drift, lag.input_gain, np.array([1.0, 1.0]))
+    yield subject(triangular_model, ["a", "b"], ["0", "-a"], "1")
     system = van_der_pol()
     yield subject(PolynomialSystem, system.dynamics, system.output)
     texts = (["-w", "a - (1 - a**2)*w"], ["a"], ["a", "w"], 3)
