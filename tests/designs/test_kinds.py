@@ -93,6 +93,8 @@ def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
     assert np.all(size <= bound)
     with pytest.raises(InputError, match=r"rho: 6 1/s is too low for the bounds of lipschitz"):
         design("high-gain", gains={"rho": 6}).certify()
+    with pytest.raises(InputError, match=r"lipschitz.rate.rate: -1 must be finite, 0 or more"):
+        design("high-gain", lipschitz={"rate": {"rate": -1.0}})
     with pytest.raises(InputError, match=r"rho: makes a rate of 300 1/s, which with steps"):
         design("high-gain", gains={"rho": 300}).certify()
     with pytest.raises(InputError, match=r"drift.angle: 'rate' names rate, must name nothing but"):

@@ -291,6 +291,23 @@ def test_resonance_is_refused_from_its_degree_on(poles: tuple[int, int], degree:
     assert max(sum(m) for p in S for m in p.monoms()) == degree - 1
 
 
+@pytest.mark.parametrize(("off", "refused"), [(1e-4, False), (1e-6, False), (1e-10, True)])
+def test_half_of_all_digits_may_be_lost_and_no_more(off: float, refused: bool) -> None:
+    """x' = -x and z' = -(2 + off) z + x^2, of which S = z - x^2 / off, to as many digits."""
+    system = PolynomialSystem.from_expressions(
+        ["-x", f"-(2 + {off!r})*z + x**2"], ["z"], ["x", "z"], 2
+    )
+    injection = PolynomialMap.linear(np.zeros((2, 1)))
+    if refused:
+        with pytest.raises(
+            InputError, match=r"resonance; choose other poles, or a degree below 2$"
+        ):
+            normal_form(system, 2, injection=injection)
+    else:
+        S = normal_form(system, 2, injection=injection).S.coefficients
+        assert S[1, 3] == pytest.approx(-1.0 / off, rel=1e-14 / off)
+
+
 def test_a_row_in_which_everything_cancels_is_resonance_too() -> None:
     """F = A = diag(-1, -3): -3 = 3 * -1, so the coefficient of x1^3 in the second row is free."""
     matrix = np.array([[Fraction(-1), Fraction(0)], [Fraction(0), Fraction(-3)]], dtype=object)
