@@ -16,9 +16,10 @@ def tree(text: str) -> dict[str, Any]:
     from reobserve.plain_data.json_data import parse_json
 
     try:
-        found = parse_json(sys.stdin.read() if text == "-" else text, "the overrides")
+        found = parse_json(sys.stdin.read() if text == "-" else text, "")
     except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+        said = str(error).lstrip(".: ")  # the place is that of the argument, which is told anyway
+        raise argparse.ArgumentTypeError(said) from None
     if not isinstance(found, dict):
         raise argparse.ArgumentTypeError("must be a JSON object")
     return found

@@ -28,6 +28,7 @@ class PlainLoader(*_BASES):  # type: ignore[misc]
         _BASES[-1].__init__(self, text)
         Composer.__init__(self)
         self._depth = self._nodes = self._aliases = 0
+        self._open: list[str] = []  # the anchors of what is being read
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """A node, once it is known that there are not too many."""
@@ -42,8 +43,12 @@ class PlainLoader(*_BASES):  # type: ignore[misc]
             raise _refused(event, f"nested deeper than {DEPTH} levels")
         if isinstance(event, ScalarEvent | CollectionStartEvent) and event.tag is not None:
             raise _refused(event, f"the tag {event.tag}; only plain values are taken")
+        if isinstance(event, AliasEvent) and event.anchor in self._open:
+            raise _refused(event, f"the alias *{one_line(event.anchor, 100)} inside what it names")
         self._depth += 1
+        self._open.append(event.anchor)
         node = super().compose_node(parent, index)
+        self._open.pop()
         self._depth -= 1
         return node
 
@@ -51,6 +56,8 @@ class PlainLoader(*_BASES):  # type: ignore[misc]
         """A mapping whose keys are text, each of them once."""
         found = set()
         for key, _ in node.value:
+            if key.tag == "tag:yaml.org,2002:merge":
+                raise _refused(key, "the key <<, which merges; write out what it adds")
             if key.tag != "tag:yaml.org,2002:str":
                 raise _refused(key, "a key that is no text; put it in quotes")
             if key.value in found:
