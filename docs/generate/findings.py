@@ -106,7 +106,7 @@ def _about(paper: Paper) -> str:
         f"{', '.join(lines)}.\n\n"
         f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
         f"{told}\n\n"
-        f"**What stood in the way.** {ticks(paper.registry.in_the_way)}"
+        f"**Obstacles.** {ticks(paper.registry.obstacles)}"
     )
 
 

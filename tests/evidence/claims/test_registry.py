@@ -35,7 +35,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
     (tmp_path / "config/claims").mkdir(parents=True, exist_ok=True)
     shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas", dirs_exist_ok=True)
     tree = {
-        "in_the_way": "Nothing.",
+        "obstacles": "Nothing.",
         "choices": {"gains": ["observers.sampled.K2", "observers.*.update_interval"]},
         "claims": claims,
     }
@@ -122,9 +122,9 @@ def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
     [
         (None, "cannot be read (No such file or directory)"),
         ("- a list\n", "must be a mapping of keys to values"),
-        ("claims: {a: {}}\n", "claims.ilo: 'in_the_way' is a required property"),
+        ("claims: {a: {}}\n", "claims.ilo: 'obstacles' is a required property"),
         (
-            "in_the_way: x\nclaims: {a: {}}\nchoice: {}\n",
+            "obstacles: x\nclaims: {a: {}}\nchoice: {}\n",
             "claims.ilo.choice: unknown key; did you mean 'choices'?",
         ),
     ],
@@ -143,8 +143,8 @@ def test_a_registry_that_is_none_is_one_sentence(
 
 
 def test_wording_decides_nothing() -> None:
-    tree = {"in_the_way": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
-    other = {**tree, "in_the_way": "c", "claims": {"one": {**GOOD, "says": "d", "why": "e"}}}
+    tree = {"obstacles": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
+    other = {**tree, "obstacles": "c", "claims": {"one": {**GOOD, "says": "d", "why": "e"}}}
     assert decisive(tree) == decisive(other)
     stricter = [{"value": "fig1 sampled relative_rms_error", "below": 0.04}]
     assert decisive(tree) != decisive({**tree, "claims": {"one": {**GOOD, "checks": stricter}}})

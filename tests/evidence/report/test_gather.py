@@ -41,7 +41,7 @@ def test_a_whole_build_has_no_gaps(project: Path) -> None:
     report, paper = gathered(project)
     assert report.gaps == ()
     assert (paper.name, paper.short, paper.doi) == ("toy", "Example (2000)", "10.0000/toy")
-    assert paper.in_the_way == "The gains of one observer are not given."
+    assert paper.obstacles == "The gains of one observer are not given."
 
 
 def test_a_figure_is_told_with_its_caption_files_and_claims(project: Path) -> None:
@@ -239,7 +239,7 @@ def test_a_missing_file_is_one_gap_in_its_place(
         ("results/toy/robustness.json", "[]", "must be a mapping"),
         ("results/toy/ledger.json", "{}", "paper: is missing; the stored ledger needs it"),
         ("results/claims.csv", "a,b\n", "results/claims.csv: has the columns"),
-        ("config/claims/toy.yaml", "claims: {}", "has no key 'in_the_way'"),
+        ("config/claims/toy.yaml", "claims: {}", "has no key 'obstacles'"),
         ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "sign: has no key 'printed'"),
         ("config/errata/toy.yaml", "errata: [", "is not YAML"),
         ("logs/toy/push/slow.log", "nothing", "does not begin with the command that ran"),

@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.evidence.report.errata import read_errata, read_in_the_way
+from reobserve.evidence.report.errata import read_errata, read_obstacles
 from reobserve.evidence.report.model import Gap
 from reobserve.evidence.report.reading import Project
 
@@ -36,7 +36,7 @@ def case(paper: str, tree: Any, told: str) -> Case:
     def run() -> None:
         project = Project(material.here(), material.here() / "report.html")
         found = read_errata(project, paper)
-        assert isinstance(read_in_the_way(project, paper), Gap)
+        assert isinstance(read_obstacles(project, paper), Gap)
         if isinstance(found, Gap):
             raise InputError("errata", found.sentence)
 

@@ -14,7 +14,7 @@ from reobserve.ledger.config import Tree, check_schema, read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.stages import AGELESS
 
-HEADLINES = (2, 4)  # so many claims of a paper may be its main ones
+HEADLINES = (2, 4)  # so many claims of a paper may be its headlines
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,9 @@ class Claim:
 
 @dataclass(frozen=True)
 class Registry:
-    """The claims of a paper, and what stood in the way of replicating it."""
+    """The claims of a paper, and the obstacles to replicating it."""
 
-    in_the_way: str = ""
+    obstacles: str = ""
     claims: list[Claim] = field(default_factory=list)
 
 
@@ -86,7 +86,7 @@ def read_registry(project: Path, ledger: Ledger) -> Registry:
     check_schema(project, "claims", tree, f"claims.{ledger.paper}")
     groups = tree.get("choices", {})
     claims = [_read(project, ledger, name, body, groups) for name, body in tree["claims"].items()]
-    return Registry(" ".join(tree["in_the_way"].split()), claims)
+    return Registry(" ".join(tree["obstacles"].split()), claims)
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from reobserve.plain_data.files import read_text, write_text
 
 
 def table(rows: Sequence[Mapping[str, str]]) -> str:
-    """Papers, their titles in the way of ReScience, and how many claims got which verdict."""
+    """Papers, their titles in the manner of ReScience, and how many claims got which verdict."""
     lines = [
         f"| paper | replication | claims | {' | '.join(VERDICTS)} |",
         f"|---|---|{'---:|' * (len(VERDICTS) + 1)}",

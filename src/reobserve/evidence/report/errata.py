@@ -1,4 +1,4 @@
-"""The errata of a paper, and what stood in the way of replicating it."""
+"""The errata of a paper, and the obstacles to replicating it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def read_errata(project: Project, paper: str) -> tuple[Erratum, ...] | Gap:
         return project.gaps.add(f"{paper}-errata", error)
 
 
-def read_in_the_way(project: Project, paper: str) -> str | Gap:
-    """What stood in the way, in the words of the paper's claims file."""
+def read_obstacles(project: Project, paper: str) -> str | Gap:
+    """The obstacles to replicating a paper, in the words of its claims file."""
     path = f"config/claims/{paper}.yaml"
     try:
-        return line(need(path, project.yaml(path), "in_the_way")["in_the_way"])
+        return line(need(path, project.yaml(path), "obstacles")["obstacles"])
     except InputError as error:
         return project.gaps.add(f"{paper}", error)

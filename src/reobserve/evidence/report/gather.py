@@ -12,7 +12,7 @@ from reobserve.evidence.meanings import Meanings, meanings
 from reobserve.evidence.report.assumptions import entries
 from reobserve.evidence.report.drawings import drawing
 from reobserve.evidence.report.environment import environment, package_versions
-from reobserve.evidence.report.errata import read_errata, read_in_the_way
+from reobserve.evidence.report.errata import read_errata, read_obstacles
 from reobserve.evidence.report.jobs import Runs, stage_code
 from reobserve.evidence.report.markup import first_sentence, to_html, without_title
 from reobserve.evidence.report.model import (
@@ -131,7 +131,7 @@ class _Parts:
         tree, name = self.ledger.tree, self.ledger.paper
         about = tree["about"]
         runs = Runs(self.project, self.graph)
-        in_the_way = read_in_the_way(self.project, name)
+        obstacles = read_obstacles(self.project, name)
         figures = tuple(
             self._figure(figure, body, runs.behind("plot", figure=figure))
             for figure, body in tree["figures"].items()
@@ -151,7 +151,7 @@ class _Parts:
             authors=tuple(about["authors"]),
             year=about.get("year"),
             doi=about.get("doi", ""),
-            in_the_way=in_the_way,
+            obstacles=obstacles,
             gaps=gaps,
             figures=figures,
             tables=tables,

@@ -222,7 +222,7 @@ class Paper:
     authors: tuple[str, ...]
     year: int | None
     doi: str
-    in_the_way: str | Gap
+    obstacles: str | Gap
     gaps: tuple[Gap, ...]
     figures: tuple[Figure, ...]
     tables: tuple[PaperTable, ...]
