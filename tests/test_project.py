@@ -72,6 +72,24 @@ def test_imports_run_downhill() -> None:
         assert not inside(closure, *never), path
 
 
+# Rooms without a folder of tests of their own, and where they are tested instead.
+TESTED_ELSEWHERE = {
+    "errors": "tests/fuzz",  # every room raises them; the fuzzer reads the sentences
+    "extras": "tests/package",  # only an installed package lacks one
+    "stages": "tests/pipeline",  # a stage runs as a job of a build
+    "command_line": "tests/pipeline",  # what is typed is run in copies of the project
+    "cli": "tests/pipeline",
+    "__main__": "tests/pipeline",
+}
+
+
+def test_tests_mirror_the_rooms() -> None:
+    mirrored = {room for room in ROOMS if any((ROOT / "tests" / room).rglob("test_*.py"))}
+    assert mirrored.isdisjoint(TESTED_ELSEWHERE)
+    assert mirrored | set(TESTED_ELSEWHERE) == set(ROOMS)
+    assert all(any((ROOT / folder).rglob("test_*.py")) for folder in TESTED_ELSEWHERE.values())
+
+
 # What draws; captions do without.
 DRAWING = ("look", "figures", "fitting", "formats", "pgf")
 

@@ -10,9 +10,7 @@ import pytest
 
 from reobserve.errors import InputError, shown
 from reobserve.models.linear import LinearModel
-from reobserve.models.polynomial import PolynomialSystem
 from reobserve.models.rigid_body import RigidBody
-from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.numerics.matrices import (
     as_floats,
@@ -26,11 +24,8 @@ from reobserve.numerics.matrices import (
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
 from reobserve.observers.extended_state import ExtendedStateObserver
-from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.plants.first_order_lag import first_order_lag
-from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.timeseries.signals import Signal
 
@@ -131,13 +126,8 @@ def test_arrays_of_another_shape_are_refused(call: Any, said: str) -> None:
     assert told.value.problem.startswith(said)
 
 
-def test_what_models_and_holds_cannot_be_made_of() -> None:
-    lag = first_order_lag()
-    one, two = (PolynomialMap.linear(np.eye(n)) for n in (1, 2))
+def test_what_holds_and_times_cannot_be() -> None:
     calls: list[tuple[Any, str]] = [
-        (lambda: TriangularModel(1, lag.drift, lag.input_gain, [[1.0, 1.0]]), "parameters"),
-        (lambda: TriangularModel(1, lag.drift, np.sin, [1.0, 1.0]), "input_gain"),
-        (lambda: PolynomialSystem(two, one), "output"),
         (lambda: zero_order_hold([[1e3]], [[1.0]], 1.0), "period"),
         (lambda: Signal.parse("fault", [], 1)([0.0, -1.0]), "time"),
     ]
@@ -189,7 +179,6 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: KalmanFilter(body), "model"),
         (lambda: ExtendedStateObserver(system, {"L": gain, "Ld": gain}, 0.01), "gains"),
         (lambda: ExtendedStateObserver(gain, Gains(gain, gain), 0.01), "system"),
-        (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
         (lambda: vector_field(3), "function"),
         (lambda: vector_field(lambda x, p, f: open("y", encoding="utf-8")), "function"),  # noqa: SIM115
     ]
@@ -197,15 +186,6 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         with pytest.raises(InputError, match=rf"^{name}: ") as told:
             call()
         assert len(str(told.value)) < 300
-
-
-def test_parameters_of_a_model_may_be_a_list() -> None:
-    lag = first_order_lag(1.5, 2.0)
-    listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
-    y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
-    first, second = (HighGainObserver(model, 2.0, 0.01) for model in (lag, listed))
-    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
-    assert np.array_equal(found, wanted)
 
 
 def test_a_signal_beyond_numbers_is_refused() -> None:

@@ -10,8 +10,8 @@ from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay.theory_gains import lag_per_rate
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
-from tests.papers.delay.test_delay_theory import bound, remainder
 from tests.papers.delay.test_errata import delay_error, seconds
+from tests.papers.delay.test_proofs import bound, remainder
 from tests.plants.test_delayed_plants import PENDULUM, RAMP, SINE
 
 Array = NDArray[np.float64]

@@ -1,0 +1,38 @@
+"""Models of right-hand sides, compiled or polynomial: parameters as a list, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.errors import InputError
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.models.triangular import TriangularModel
+from reobserve.observers.high_gain import HighGainObserver
+from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.power_series.maps import PolynomialMap
+
+
+def test_parameters_of_a_model_may_be_a_list() -> None:
+    lag = first_order_lag(1.5, 2.0)
+    listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
+    y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
+    first, second = (HighGainObserver(model, 2.0, 0.01) for model in (lag, listed))
+    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
+    assert np.array_equal(found, wanted)
+
+
+def test_what_models_cannot_be_made_of() -> None:
+    lag = first_order_lag()
+    one, two = (PolynomialMap.linear(np.eye(n)) for n in (1, 2))
+    calls: list[tuple[Any, str]] = [
+        (lambda: TriangularModel(1, lag.drift, lag.input_gain, [[1.0, 1.0]]), "parameters"),
+        (lambda: TriangularModel(1, lag.drift, np.sin, [1.0, 1.0]), "input_gain"),
+        (lambda: TriangularModel(1, lambda x, p, f: None, lambda y, p, g: None, [1.0]), "drift"),
+        (lambda: PolynomialSystem(two, one), "output"),
+    ]
+    for call, name in calls:
+        with pytest.raises(InputError, match=rf"^{name}: "):
+            call()
