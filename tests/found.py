@@ -29,7 +29,8 @@ def of_ilo() -> Iterator[str]:
         scores = [percent(figure[observer, "relative_rms_error"]) for figure in figures]
         yield f"| `{observer}` | {' | '.join(scores)} |"
     fig4 = golden_metrics("ilo", "fig4")
-    yield f"errs by {percent(fig4['adaptive', 'relative_rms_error'], 3)} with the least gains"
+    worst = percent(fig4["adaptive", "relative_rms_error"], 3)
+    yield f"an error of {worst} with the smallest gains"
     matching = golden_metrics("ilo", "fig4_matched")
     matched, greatest = (
         percent(matching["integral", f"relative_rms_error integral_gain={gain}"])
@@ -37,8 +38,8 @@ def of_ilo() -> Iterator[str]:
     )
     law = Ledger.load(ROOT, "ilo").section("observers", "continuous")
     assert law["K2"] / law["update_interval"] == 200_000
-    yield f"by {matched} with the integral gain of the learning observer and by {greatest} with"
-    yield f"which is another law, by {percent(fig4['matched', 'relative_rms_error'])}."
+    yield f"{matched} with the integral gain of the learning observer and {greatest} with"
+    yield f"which is another law, the error is {percent(fig4['matched', 'relative_rms_error'])}."
 
 
 def of_lie() -> Iterator[str]:
@@ -129,7 +130,7 @@ def _of_layers_that_switch() -> Iterator[str]:
             for name in ("whole", "held")}  # fmt: skip
     kalman = found["kalman_retuned", "leakage_after"]
     switching = (leak["whole"] - leak["held"]) / (leak["whole"] - kalman)
-    yield f"{100 * switching:.2g} % of the thin layers' lead over the KF-IMM is switching"
+    yield f"{100 * switching:.2g} % of the thin layers' lead over the KF-IMM is due to switching"
 
 
 def of_eso() -> Iterator[str]:
@@ -157,7 +158,7 @@ def of_eso() -> Iterator[str]:
         theory[name, "noise_in_sensor_fault"] / theory["noise", "deviation"]
         for name in ("pd_pi", "least_gamma")
     ]
-    yield f"{passes[0]:.2g} of it passes into the sensor fault"
+    yield f"a fraction of {passes[0]:.2g} reaches the estimated sensor fault"
     yield f"all of it ({passes[1]:.3g}), as the paper says"
 
 
