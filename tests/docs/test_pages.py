@@ -29,9 +29,8 @@ def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
 @pytest.mark.parametrize("file", ["README.md", "docs/pages/project/index.md"])
 def test_the_floor_plan_has_every_room_in_its_order(file: str) -> None:
     """From the roof down, one room or several a line."""
-    plan = re.findall(r"```text\n(.*?)```", (ROOT / file).read_text(encoding="utf-8"), re.DOTALL)[
-        -1
-    ]
+    text = (ROOT / file).read_text(encoding="utf-8")
+    plan = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[-1]
     told = [room for line in plan.splitlines() for room in line.partition("  ")[0].split(", ")]
     assert told == [room for room in ROOMS[::-1] if not room.startswith("__")]
 
