@@ -81,7 +81,7 @@ def _against_c(
 
 def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
-    compiled, law = bank._bank, bank._linear[0].law
+    compiled, law = bank._bank, bank._linear[0].compiled_law
     assert compiled is not None
     rows, work = new_bank_rows(len(z), 3, 4, 1), new_work(4, 1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -54,6 +54,18 @@ def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any
     compiled._cache = cache_for(function, _cache_folder())
     compiled.compile()
     return compiled
+
+
+class Law:
+    """A function that kernels are handed, compiled when it is first asked for and not on import."""
+
+    def __init__(self, signature: str, function: Callable[..., Any]) -> None:
+        self._signature, self._function = signature, function
+
+    @cached_property
+    def compiled(self) -> Any:
+        """As `compiled_with_signature`."""
+        return compiled_with_signature(self._signature, self._function)
 
 
 @cache

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.kernel import compiled_with_signature, kernel
+from reobserve.numerics.kernel import Law, kernel
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.fixed_step import Samples
 from reobserve.timeseries.input_history import InputHistory, past_input
@@ -52,13 +52,13 @@ class Work(NamedTuple):
     after: Array
 
 
-def law(function: Any) -> Any:
-    """Compile the derivative of an estimator's values, so that the loop can be handed it."""
-    return compiled_with_signature(_LAW, function)
+def law(function: Any) -> Law:
+    """The derivative of an estimator's values as the loop is handed it."""
+    return Law(_LAW, function)
 
 
 def run_law(
-    law: Any,
+    law: Law,
     parameters: list[float],
     estimator: DelayEstimator,
     output: Samples,
@@ -80,7 +80,7 @@ def run_law(
         history.left,
         first,
     )
-    return _run(law, task, rows)
+    return _run(law.compiled, task, rows)
 
 
 @kernel

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.errors import InputError
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.kernel import Law
 from reobserve.numerics.matrices import as_floats, spectral_radius
 from reobserve.observers.linear_filter import LinearFilter, State
 from reobserve.observers.linear_filter_loop import gain_law
@@ -75,7 +76,7 @@ class FixedGainObserver(LinearFilter):
         return poles[np.argsort(-np.abs(poles), kind="stable")]
 
     @property
-    def law(self) -> Any:
+    def law(self) -> Law:
         """The gain as it was given."""
         return _given_gain
 

@@ -234,8 +234,8 @@ class IMM(Observer[State]):
             good = self._run_one_by_one(beliefs, record.y, held, fresh, rows)
         else:
             good = run_bank(
-                (0,) * n, (0,) * m, self._bank, self._linear[0].law, beliefs, record.y, held,
-                fresh, new_work(n, m), rows,
+                (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_law, beliefs, record.y,
+                held, fresh, new_work(n, m), rows,
             )  # fmt: skip
         moved = tuple(Belief(*(part[j].copy() for part in beliefs[:3])) for j in range(r))
         last = np.concatenate([record.y[-1], record.u[-1]])

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.models.linear import LinearModel, as_covariance
 from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.kernel import Law
 from reobserve.numerics.matrices import as_numbers, as_row, as_samples, as_vector
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.linear_filter_loop import (
@@ -133,9 +134,14 @@ class LinearFilter(Observer[State]):
         return self.model.inputs
 
     @property
-    def law(self) -> Any:
-        """The law of the gain, made by `gain_law`."""
+    def law(self) -> Law | None:
+        """The law of the gain, made by `gain_law`; None for Kalman's, which the loop knows."""
         raise NotImplementedError
+
+    @property
+    def compiled_law(self) -> Any:
+        """The law as the loop is handed it."""
+        return None if self.law is None else self.law.compiled
 
     @property
     def law_parameters(self) -> Array:
@@ -214,7 +220,7 @@ class LinearFilter(Observer[State]):
             return Correction(belief, innovation, factor, 0.0)
         after = _copy(belief)
         log_likelihood = correct(
-            states, outputs, self.model.arrays, self.law, self.law_parameters, taken, held,
+            states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken, held,
             after.mean, after.covariance, after.error, innovation, factor,
             new_work(len(states), m),
         )  # fmt: skip
@@ -244,7 +250,7 @@ class LinearFilter(Observer[State]):
         means, variances = np.empty((k, n)), np.empty((k, n))
         innovations, log_likelihoods = np.empty((k, m)), np.empty(k)
         good = run_filter(
-            states, outputs, self.model.arrays, self.law, self.law_parameters, record.y,
+            states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, record.y,
             held_inputs(state.sample, record), fresh, after.mean, after.covariance, after.error,
             np.empty((m, m)), new_work(n, m), means, variances, innovations, log_likelihoods,
         )  # fmt: skip

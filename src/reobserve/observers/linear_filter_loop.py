@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.models.linear import ModelArrays
-from reobserve.numerics.kernel import compiled_with_signature, inlined_kernel, kernel
+from reobserve.numerics.kernel import Law, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 Size = tuple[int, ...]
@@ -29,15 +29,15 @@ _TALL, _FLAT = "float64[:, ::1]", "float64[::1]"
 _SIGNATURE = f"void({_TALL}, {_TALL}, {_FLAT}, {_FLAT}, {_FLAT}, {_TALL})"
 
 
-def gain_law(function: Callable[..., None]) -> Any:
-    """Compile ``function(cross, factor, innovation, error, parameters, gain)``.
+def gain_law(function: Callable[..., None]) -> Law:
+    """A law for the gain, ``function(cross, factor, innovation, error, parameters, gain)``.
 
     It writes the gain K, shape (n, m), to its last argument. ``cross`` is P H', shape (n, m), of
     the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
     shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
     e(k|k), both of shape (m,), and ``parameters`` what the filter put there.
     """
-    return compiled_with_signature(_SIGNATURE, function)
+    return Law(_SIGNATURE, function)
 
 
 class Work(NamedTuple):

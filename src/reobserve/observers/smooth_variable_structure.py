@@ -21,14 +21,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.models.linear import LinearModel
-from reobserve.numerics.kernel import inlined_kernel
+from reobserve.numerics.kernel import Law, inlined_kernel
 from reobserve.numerics.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
@@ -102,7 +102,7 @@ class SmoothVariableStructureFilter(LinearFilter):
         object.__setattr__(self, "memory", gamma)
 
     @property
-    def law(self) -> Any:
+    def law(self) -> Law:
         """The switching gain, with a right inverse of H (Gadsden et al. 2011, (15))."""
         return _switching_gain if self.inverse == "pseudo" else _weighted_gain
 

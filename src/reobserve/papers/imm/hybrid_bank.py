@@ -94,7 +94,7 @@ def run_hybrid(
     gains = np.zeros((r, n, m))
     edges = np.full(m, np.inf) if unsaturated is None else unsaturated
     good = _run(
-        (0,) * n, (0,) * m, loop, filters[0].law, gain, covariance, edges,
+        (0,) * n, (0,) * m, loop, filters[0].compiled_law, gain, covariance, edges,
         np.array([belief.mean for belief in state.beliefs]), np.array([spread, spread]),
         np.zeros((r, m)), state.log_probabilities.copy(), measured, held[:, None],
         new_work(n, m), probability, innovation, gains,
