@@ -12,8 +12,9 @@ import pyarrow.parquet as parquet
 import pytest
 
 from reobserve.errors import InputError
+from reobserve.own_data.account import Account
 from reobserve.own_data.commands import estimate_file
-from reobserve.own_data.dates import seconds, spelled
+from reobserve.own_data.dates import nanoseconds, spelled
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.row_by_row import RowByRow
 from reobserve.own_data.specification import Specification
@@ -21,11 +22,11 @@ from reobserve.own_data.state_file import load_state, save_state
 from reobserve.own_data.writing import header
 from tests.own_data.records import specification
 
-PERIOD = 1 / 64  # [s], of which microseconds and doubles since 1970 know every multiple
-START = datetime(2026, 3, 29, 0, 59, 58, 250_000, tzinfo=UTC)
+PERIOD = 0.01  # [s]
+START = datetime(2026, 3, 29, 0, 59, 58, 580_000, tzinfo=UTC)
 ROWS = 200
 VALUES = np.sin(np.arange(ROWS) / 10)
-CHANGE = timezone(timedelta(hours=2)), timezone(timedelta(hours=1))  # of clocks, after 1.75 s
+CHANGE = timezone(timedelta(hours=2)), timezone(timedelta(hours=1))  # of clocks, after 1.42 s
 
 
 def chosen(unit: str) -> Specification:
@@ -35,7 +36,7 @@ def chosen(unit: str) -> Specification:
 
 
 def moments() -> list[datetime]:
-    return [START + timedelta(seconds=PERIOD * k) for k in range(ROWS) if not 100 <= k < 120]
+    return [START + timedelta(milliseconds=10 * k) for k in range(ROWS) if not 100 <= k < 120]
 
 
 def rows(stamps: list[str]) -> list[str]:
@@ -73,7 +74,8 @@ def test_dates_give_the_bits_of_seconds(spelling: str, expected: bytes, tmp_path
         block=1000,
     )  # fmt: skip
     assert (tmp_path / "e.csv").read_bytes() == expected
-    assert made.account.first == 0.25
+    assert made.account.first == 0.58
+    assert made.account.jitter < 1e-12
     assert json.loads((tmp_path / "r.json").read_text())["origin"] == "2026-03-29T00:59:58Z"
 
 
@@ -107,7 +109,9 @@ def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -
     assert (tmp_path / "e.csv").read_bytes() == expected
 
 
-@pytest.mark.parametrize("cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01"])
+@pytest.mark.parametrize(
+    "cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01", "20260329"]
+)
 def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
     stamps = SPELLINGS["UTC"][:30]
     text = "t,v\n" + "".join(f"{stamp},1.0\n" for stamp in [*stamps, cell])
@@ -124,7 +128,36 @@ def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
         reader.read(bad)
 
 
-def test_seconds_since_1970() -> None:
-    assert seconds("1970-01-02T00:00:00.5+00:00") == 86400.5
-    assert seconds("2000-01-01T01:00:00+01:00") == 946684800.0  # as `date -u -d 2000-01-01 +%s`
-    assert spelled(946684800.0) == "2000-01-01T00:00:00Z"
+def test_fifty_kilohertz_are_even() -> None:
+    account = Account()
+    moments = [START + timedelta(microseconds=20 * k) for k in range(1000)]
+    times = [account.clock(nanoseconds(moment.isoformat())) for moment in moments]
+    assert times == [(580_000 + 20 * k) / 1e6 for k in range(1000)]
+    assert account.clock(None) != account.clock(None)  # nan
+
+
+def test_nanoseconds_since_1970() -> None:
+    assert nanoseconds("1970-01-02T00:00:00.5+00:00") == 86_400_500_000_000
+    assert nanoseconds("20000101T010000+0100") == 946_684_800 * 10**9  # by `date -d ... +%s`
+    assert spelled(946_684_800) == "2000-01-01T00:00:00Z"
+
+
+def test_whoever_forgets_the_unit_is_told(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("t,v\n0.5,1.0\n" + "".join(rows(SPELLINGS["UTC"])))
+    with pytest.raises(InputError, match=r"row 2 is '2026-.*Z', must be a number; of dates the un"):
+        estimate_file(chosen("s"), tmp_path / "r.csv", tmp_path / "e.csv")
+    reader = RowByRow(Estimation(chosen("s"), ["t", "v"], "r"), ["t", "v"])
+    with pytest.raises(InputError, match=r"row 1 is '2026-.*Z', must be a number; of dates the un"):
+        reader.read(rows(SPELLINGS["UTC"])[0])
+    table = pa.table({"t": pa.array(moments()), "v": np.zeros(len(moments()))})
+    parquet.write_table(table, tmp_path / "r.parquet")
+    with pytest.raises(InputError, match=r"'t' holds dates; as stamps their unit is iso8601"):
+        estimate_file(chosen("ms"), tmp_path / "r.parquet", tmp_path / "e.csv")
+
+
+def test_a_clock_that_goes_back_is_told(tmp_path: Path) -> None:
+    stamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
+    texts = [stamp.replace(tzinfo=None).isoformat() for stamp in stamps]
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))
+    with pytest.raises(InputError, match=r"row 123: the stamp goes back, at .* without an offset"):
+        estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")

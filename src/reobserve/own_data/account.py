@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from reobserve.own_data.dates import spelled
+from reobserve.own_data.dates import SECOND, spelled
 
 MOST_LISTED = 50  # gaps and other events that are told one by one
 
@@ -17,7 +18,7 @@ class Account:
 
     ``intervals`` are those between stamps that follow one another, ``jitter`` the farthest that
     one was off its place, in sampling periods. ``origin`` [s since 1970] is what times count from
-    if stamps are dates.
+    if stamps are dates: the whole second at or before the first one.
     """
 
     rows: int = 0
@@ -42,7 +43,15 @@ class Account:
     estimates: int = 0
     alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
-    origin: float | None = None
+    origin: int | None = None
+
+    def clock(self, stamp: int | None) -> float:
+        """The time [s] of a stamp [ns since 1970], nan for none; the first one sets the origin."""
+        if stamp is None:
+            return math.nan
+        if self.origin is None:
+            self.origin = stamp // SECOND
+        return (stamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
 
     def count(self, table: dict[str, int], name: str, more: int) -> None:
         """Add to one of the tables."""

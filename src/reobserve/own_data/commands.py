@@ -126,7 +126,8 @@ def estimate_file(
 def _blocks(estimation: Estimation, file: File, picture: Picture | None) -> Iterator[Estimated]:
     head = estimation.head = Head()
     layout = estimation.layout
-    for raw in file.blocks(layout.titles, layout.titles[0] if layout.dated else ""):
+    dated = layout.titles[0] if layout.dated else ""
+    for raw in file.blocks(layout.titles, dated, estimation.account):
         block = estimation.feed(raw)
         if picture is not None:
             picture.add(block)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.own_data.account import Account
-from reobserve.own_data.dates import ISO, origin_of, stamp
+from reobserve.own_data.dates import ISO, looks_dated
 from reobserve.own_data.kinds.setup import Setup
 from reobserve.own_data.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.own_data.specification import Column, Columns
@@ -29,7 +29,7 @@ class Layout:
 
     ``titles`` are those of the header, ``names`` without units. ``units`` are those that the
     observer reads, in which ranges are meant no more: these are in the file's. Where the time is
-    ``dated``, its cells are dates.
+    ``dated``, its cells are dates, whose times are given for them.
     """
 
     titles: tuple[str, ...]
@@ -42,13 +42,6 @@ class Layout:
     measurements: int
     decimal: str
     dated: bool = False
-
-    def conversion(self, column: int, account: Account) -> Conversion:
-        """How a cell's number becomes what is read; of dates once there is an origin for them."""
-        if self.dated and column == 0:
-            assert account.origin is not None
-            return Conversion(1.0, -account.origin)
-        return self.conversions[column]
 
     def values(self, raw: Array, account: Account) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
@@ -65,9 +58,6 @@ class Layout:
                 f"row {account.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
                 "if it is missing",
             )
-        if self.dated and account.origin is None:
-            known = raw[~np.isnan(raw[:, 0]), 0]
-            account.origin = origin_of(known[0]) if len(known) else None
         columns = [self._column(raw[:, c].copy(), c, account) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
         values = np.column_stack(columns[self.timed :])
@@ -84,9 +74,7 @@ class Layout:
             account.count(account.saturated, self.names[c], outside.sum())
             if self.lost_at_range[c]:
                 cells[outside] = np.nan
-        if self.dated and account.origin is None:
-            return cells  # no stamp yet: all are nan
-        converted: Array = self.conversion(c, account).of(cells)
+        converted: Array = self.conversions[c].of(cells)
         return converted
 
     def number(self, cell: str, row: int, column: int) -> float:
@@ -97,8 +85,6 @@ class Layout:
         InputError
             If it spells something else.
         """
-        if self.dated and column == 0:
-            return stamp(cell, NOTHING, self.titles[0], row)
         text = cell.strip().strip('"')
         if self.decimal == ",":
             text = text.replace(",", ".")
@@ -109,10 +95,14 @@ class Layout:
         except ValueError:
             if text in NOTHING:
                 return math.nan
-            raise InputError(
-                self.titles[column], f"row {row} is {shown(cell)}, must be a number"
-            ) from None
+            raise InputError(self.titles[column], no_number(row, cell, text)) from None
         return value
+
+
+def no_number(row: int, cell: str, text: str) -> str:
+    """What is told of a cell that spells none."""
+    hint = f"; of dates the unit is {ISO}" if looks_dated(text) else ""
+    return f"row {row} is {shown(cell)}, must be a number{hint}"
 
 
 def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -> Layout:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,13 +15,15 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError, shown
 from reobserve.extras import package
-from reobserve.own_data.dates import stamp
-from reobserve.own_data.layout import NOTHING
+from reobserve.own_data.account import Account
+from reobserve.own_data.dates import ISO, SECOND, stamp
+from reobserve.own_data.layout import NOTHING, no_number
 from reobserve.plain_data.files import reason
 
 Array = NDArray[np.float64]
 
 BLOCK = 4 * 2**20  # bytes of text, and about as many of numbers
+_NO_NUMBER = re.compile(r"Row #(\d+): CSV conversion error to double: invalid value '(.*)'$")
 _ENDINGS = (".csv", ".csv.gz", ".parquet")
 
 
@@ -66,23 +69,28 @@ class File:
                     first += chunk
             return titles(bytes(first).partition(b"\n")[0], self.separator)
 
-    def blocks(self, columns: Sequence[str], dated: str = "") -> Iterator[Array]:
+    def blocks(
+        self, columns: Sequence[str], dated: str = "", account: Account | None = None
+    ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
-        Those of the column ``dated`` are dates, which become seconds since 1970.
+        Those of the column ``dated`` are dates, which become times by the clock of the account.
 
         Raises
         ------
         InputError
             If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
-        rows = 0
+        rows, account = 0, account or Account()
         with self._told():
             for batch in self._batches(list(columns), dated):
-                yield np.column_stack([
-                    self._stamps(batch, name, rows) if name == dated else self._floats(batch, name)
+                read = [
+                    self._times(batch, name, rows, account)
+                    if name == dated
+                    else self._floats(batch, name)
                     for name in columns
-                ])  # fmt: skip
+                ]
+                yield np.column_stack(read)
                 rows += batch.num_rows
 
     def _batches(self, columns: list[str], dated: str) -> Iterator[Any]:
@@ -118,29 +126,34 @@ class File:
 
         return pa.input_stream(str(self.path), compression="detect")
 
-    def _stamps(self, batch: Any, name: str, rows: int) -> Array:
-        import pyarrow as pa
-
-        column = batch.column(name)
-        if pa.types.is_timestamp(column.type):
-            return self._floats(batch, name)
-        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
-            problem = f"column {shown(name)} is of the type {column.type}, must be dates"
-            raise InputError(str(self.path), problem)
-        cells = (text or "" for text in column.to_pylist())
-        return np.array([stamp(cell, NOTHING, name, rows + k) for k, cell in enumerate(cells, 1)])
-
-    def _floats(self, batch: Any, name: str) -> Array:
+    def _times(self, batch: Any, name: str, rows: int, account: Account) -> Array:
         import pyarrow as pa
         import pyarrow.compute as compute
 
         column = batch.column(name)
+        if pa.types.is_timestamp(column.type):
+            ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
+            stamps = ticks.to_numpy(zero_copy_only=False)
+            known = column.is_valid().to_numpy(zero_copy_only=False)
+            if not known.any():
+                return np.full(len(known), np.nan)
+            account.clock(int(stamps[known.argmax()]))
+            assert account.origin is not None
+            return np.where(known, (stamps - account.origin * SECOND) / SECOND, np.nan)
+        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+            problem = f"column {shown(name)} is of the type {column.type}, must be dates"
+            raise InputError(str(self.path), problem)
+        cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
+        return np.array([account.clock(stamp(cell, NOTHING, name, row)) for row, cell in cells])
+
+    def _floats(self, batch: Any, name: str) -> Array:
+        import pyarrow as pa
+
+        column = batch.column(name)
         kind = column.type
         if pa.types.is_timestamp(kind):
-            ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
-            whole, rest = np.divmod(ticks.to_numpy(zero_copy_only=False), 10**9)  # rounded once
-            known = column.is_valid().to_numpy(zero_copy_only=False)
-            return np.where(known, whole + rest / 1e9, np.nan)
+            problem = f"column {shown(name)} holds dates; as stamps their unit is {ISO}"
+            raise InputError(str(self.path), problem)
         if not (
             pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
             or pa.types.is_null(kind)
@@ -160,6 +173,9 @@ class File:
             raise
         except (OSError, ValueError, KeyError, MemoryError, EOFError, pa.ArrowException) as error:
             said = reason(error).splitlines() or [type(error).__name__]
+            if found := _NO_NUMBER.search(said[0]):
+                row, cell = int(found[1]) - 1, found[2]  # it counts the header, too
+                raise InputError(str(self.path), no_number(row, cell, cell)) from None
             raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
 
 

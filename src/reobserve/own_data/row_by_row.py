@@ -12,9 +12,10 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.observers.unchecked import unchecked_step
-from reobserve.own_data.dates import seconds
+from reobserve.own_data.dates import nanoseconds, stamp
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.gaps import MEASURED, STATUSES
+from reobserve.own_data.layout import NOTHING
 from reobserve.own_data.writing import line, text
 
 _PATIENCE = 20  # rows that all go the long way, on which the sampling period is judged
@@ -28,9 +29,9 @@ class RowByRow:
         layout, sampling = estimation.layout, estimation.specification.sampling
         self.width = len(header)
         self.places = [header.index(title) for title in layout.titles]
-        readers = [seconds if layout.dated else float] + [float] * len(self.places)
+        readers = [self._time if layout.dated else float] + [float] * len(self.places)
         self.cells = list(zip(readers, self.places, strict=False))
-        self.factors: list[tuple[float, float]] = []  # known once the short way may be gone
+        self.factors = [(way.factor, way.offset) for way in layout.conversions]
         self.separator = estimation.specification.columns.separator
         self.period, self.slack = sampling.period, sampling.jitter * sampling.period
         self.short = (
@@ -65,6 +66,9 @@ class RowByRow:
                 return self._short(numbers)
         return self._long(cells)
 
+    def _time(self, cell: str) -> float:
+        return self.estimation.account.clock(nanoseconds(cell))
+
     def _regular(self, numbers: list[float]) -> bool:
         """Whether a row stands a period after the one before, and all of it was measured."""
         made = self.estimation
@@ -73,9 +77,6 @@ class RowByRow:
             return False
         if len(made.interpolation.asked) or not math.isfinite(sum(numbers)):
             return False
-        if not self.factors:
-            ways = (made.layout.conversion(c, account) for c in range(len(numbers)))
-            self.factors = [(way.factor, way.offset) for way in ways]
         factor, offset = self.factors[0]
         time = numbers[0]
         if factor != 1.0:
@@ -135,11 +136,15 @@ class RowByRow:
 
     def _long(self, cells: list[str]) -> str:
         self.settle()
-        layout, rows = self.estimation.layout, self.estimation.account.rows
+        layout, row = self.estimation.layout, self.estimation.account.rows + 1
+        dated = int(layout.dated)
         numbers = [
-            layout.number(cells[place], rows + 1, column)
-            for column, place in enumerate(self.places)
+            layout.number(cells[place], row, column)
+            for column, place in enumerate(self.places[dated:], dated)
         ]
+        if dated:
+            read = stamp(cells[self.places[0]], NOTHING, layout.titles[0], row)
+            numbers.insert(0, self.estimation.account.clock(read))
         return text(self.estimation.feed(np.array([numbers])))
 
     def finish(self) -> str:

@@ -76,7 +76,9 @@ class Stamps:
     def _refuse(self, steps: Array, time: Array, rows: int) -> None:
         at = int(np.argmax(steps <= 0)) + len(time) - len(steps)
         now, said = float(time[at]), "goes back" if steps.min() < 0 else "stands still"
-        raise InputError(self.place, f"row {rows + at + 1}: the stamp {said}, at {now:.9g} s")
+        hint = "" if self.account.origin is None else "; a date without an offset is one of UTC"
+        problem = f"row {rows + at + 1}: the stamp {said}, at {now:.9g} s{hint}"
+        raise InputError(self.place, problem)
 
     def _look(self, steps: Array) -> None:
         """Judge the period once there are enough intervals."""
