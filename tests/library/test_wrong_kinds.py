@@ -25,6 +25,8 @@ LABELS = {
 SAID = {
     "terms": "fault",  # what the signal is called
     "value": "x",  # what the caller calls it
+    "name": "kind",  # of design, as above
+    "text": "poles",  # as above
     "step": "sampling_period",  # of the observer that is made
     "faults": "fault_matrix",  # all four are matrices
     "matrix": "values",
