@@ -16,7 +16,6 @@ from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import Beliefs, new_bank_rows, run_bank
-from reobserve.observers.linear_filter_loop import new_work
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]
@@ -83,14 +82,14 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
     compiled, law = bank._bank, bank._linear[0].compiled_law
     assert compiled is not None
-    rows, work = new_bank_rows(len(z), 3, 4, 1), new_work(4, 1)
+    rows = new_bank_rows(len(z), 3, 4, 1)
 
     def call() -> int:
         covariances = np.tile(np.eye(4), (3, 1, 1))
         beliefs = Beliefs(
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
-        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, work, rows)
+        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, rows)
 
     return call
 

@@ -142,7 +142,7 @@ def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
     [
         ({"observer": None}, "is damaged"),
         ({"observer": {"belief": 3}}, "is damaged"),
-        ({"schema": 2}, "is no state of schema 1"),
+        ({"schema": 1}, "is no state of schema 2"),
         ({"begun": "x"}, "begun: 'x' must be a list of numbers"),
         ({"alarms": []}, "is damaged"),
     ],

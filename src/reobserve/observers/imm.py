@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -43,27 +43,35 @@ from reobserve.observers.linear_filter import (
     Belief,
     LinearFilter,
     ModeFilter,
-    check_belief,
     check_sample,
     held_inputs,
     sample_before,
 )
-from reobserve.observers.linear_filter_loop import new_work
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All the bank remembers: a belief of each filter, and the logarithms of mu, shape (r,).
+    """All the bank remembers: what each filter believes, and the logarithms of mu, shape (r,).
 
-    ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
+    Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
+    one behind the other, as the compiled loop takes them. ``sample`` and ``count`` are as in
+    `reobserve.observers.contract.ObserverState`; y may be nan.
     """
 
-    beliefs: tuple[Belief, ...]
+    means: Array
+    covariances: Array
+    errors: Array
     log_probabilities: Array
     sample: Array | None = None
     count: int = 0
+
+    @property
+    def beliefs(self) -> tuple[Belief, ...]:
+        """The belief of each filter."""
+        parts = zip(self.means, self.covariances, self.errors, strict=True)
+        return tuple(Belief(*part) for part in parts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,40 +202,35 @@ class IMM(Observer[State]):
                 "probabilities",
                 f"{shown(mu.tolist())} must be 0 or more and sum to 1, not {mu.sum():g}",
             )
-        beliefs = tuple(
-            Belief(each[j].copy(), as_covariance("covariances", wide[j], n), np.zeros(m))
-            for j in range(r)
-        )
+        spreads = np.array([as_covariance("covariances", one, n) for one in wide])
         with np.errstate(divide="ignore"):
-            return State(beliefs, np.log(mu), sample_before(u, m, inputs))
+            logarithms = np.log(mu)
+        held = sample_before(u, m, inputs)
+        return State(each.copy(), spreads, np.zeros((r, m)), logarithms, held)
 
     def _checked(self, state: Any) -> State:
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
-        given = check_state(state, State, "")
-        beliefs = given.beliefs
-        if not isinstance(beliefs, list | tuple) or len(beliefs) != r:
-            count = len(beliefs) if isinstance(beliefs, list | tuple) else "no"
-            raise InputError("state", f"has {count} beliefs, must have {r}")
-        checked = tuple(
-            check_belief(f"state.beliefs[{j}]", belief, n, m) for j, belief in enumerate(beliefs)
-        )
+        shapes = [np.shape(getattr(state, part, ())) for part in ("means", "covariances", "errors")]
+        given = check_state(
+            state, State,
+            f"has arrays of shapes {', '.join(map(str, shapes))}, must be of {r} filters of {n} "
+            f"states and {m} outputs",
+            means=(r, n), covariances=(r, n, n), errors=(r, m),
+        )  # fmt: skip
         logarithms = as_numbers("state.log_probabilities", given.log_probabilities)
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
         sample = check_sample(given.sample, m, inputs)
-        kept = all(one is other for one, other in zip(checked, beliefs, strict=True))
-        if kept and logarithms is given.log_probabilities and sample is given.sample:
+        if logarithms is given.log_probabilities and sample is given.sample:
             return given
-        return State(checked, logarithms, sample, given.count)
+        return replace(given, log_probabilities=logarithms, sample=sample)
 
     def _fill(self, state: State, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         beliefs = Beliefs(
-            np.array([belief.mean for belief in state.beliefs]),
-            np.array([belief.covariance for belief in state.beliefs]),
-            np.array([belief.error for belief in state.beliefs]),
+            state.means.copy(), state.covariances.copy(), state.errors.copy(),
             state.log_probabilities.copy(),
-        )
+        )  # fmt: skip
         held, fresh = held_inputs(state.sample, record), state.sample is None
         rows = new_bank_rows(k, r, n, m)
         if self._bank is None:
@@ -235,11 +238,10 @@ class IMM(Observer[State]):
         else:
             good = run_bank(
                 (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_law, beliefs, record.y,
-                held, fresh, new_work(n, m), rows,
+                held, fresh, rows,
             )  # fmt: skip
-        moved = tuple(Belief(*(part[j].copy() for part in beliefs[:3])) for j in range(r))
         last = np.concatenate([record.y[-1], record.u[-1]])
-        after = State(moved, beliefs.log_probabilities, last, state.count + k - fresh)
+        after = State(*beliefs, last, state.count + k - fresh)
         names = ("state", "covariance", "probability", "innovation", "log_likelihood")
         return Rows(dict(zip(names, rows, strict=True)), good, after)
 

@@ -18,11 +18,11 @@ from reobserve.models.linear import ModelArrays
 from reobserve.numerics.kernel import inlined_kernel, kernel
 from reobserve.observers.linear_filter_loop import (
     Size,
-    Work,
     assign,
     correct,
     fill,
     is_missing,
+    new_work,
     predict,
 )
 
@@ -196,7 +196,6 @@ def run_bank(
     measurements: Array,
     held: Array,
     fresh: bool,
-    work: Work,
     rows: BankRows,
 ) -> int:
     """Filter a record: fill the rows, move the beliefs, and return the number of good rows.
@@ -209,7 +208,7 @@ def run_bank(
     r = len(beliefs.means)
     n, m = len(states), len(outputs)
     weights, predicted = np.empty((r, r)), np.empty(r)
-    told = np.empty(r)
+    told, work = np.empty(r), new_work(n, m)
     mixed, spread, factor = np.empty((r, n)), np.empty((r, n, n)), np.empty((m, m))
     for k in range(len(measurements)):
         moves = k > 0 or not fresh

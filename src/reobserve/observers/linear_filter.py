@@ -252,7 +252,7 @@ class LinearFilter(Observer[State]):
         good = run_filter(
             states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, record.y,
             held_inputs(state.sample, record), fresh, after.mean, after.covariance, after.error,
-            np.empty((m, m)), new_work(n, m), means, variances, innovations, log_likelihoods,
+            means, variances, innovations, log_likelihoods,
         )  # fmt: skip
         estimates = {
             "state": means,

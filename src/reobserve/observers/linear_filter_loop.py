@@ -50,6 +50,7 @@ class Work(NamedTuple):
     scaled: Array
 
 
+@inlined_kernel
 def new_work(states: int, outputs: int) -> Work:
     """Scratch for `predict` and `correct`."""
     tall = (states, outputs)
@@ -313,8 +314,6 @@ def run_filter(
     mean: Array,
     covariance: Array,
     error: Array,
-    factor: Array,
-    work: Work,
     means: Array,
     variances: Array,
     innovations: Array,
@@ -325,7 +324,8 @@ def run_filter(
     ``held`` are the inputs held up to each row. A ``fresh`` belief is meant at the first row,
     which then corrects it as it stands; else it is meant a period before.
     """
-    n = len(states)
+    n, m = len(states), len(outputs)
+    factor, work = np.empty((m, m)), new_work(n, m)
     for k in range(len(measurements)):
         if k > 0 or not fresh:
             predict(states, model, held[k], mean, covariance, mean, covariance, work)

@@ -46,55 +46,81 @@ class Outputs:
 
     def numbers(self, y: Array, estimates: Mapping[str, Array]) -> Array:
         """The columns' values, shape (k, columns)."""
-        found = np.empty((len(y), len(self.columns)))
-        residual = None if self.setup.residual is None else self.setup.residual(y, estimates)
-        for c, column in enumerate(self.columns):
-            if column.estimate == RESIDUAL:
-                assert residual is not None
-                values = residual[:, column.place]
-            elif column.deviation:
-                variance = estimates[self.setup.sigmas[column.estimate]]
-                if variance.ndim == 3:
-                    values = np.sqrt(variance[:, column.place, column.place])
-                else:
-                    values = np.sqrt(variance[:, column.place])
-            else:
-                whole = estimates[column.estimate]
-                values = whole if whole.ndim == 1 else whole[:, column.place]
-            factor, offset = column.conversion
-            found[:, c] = values
-            if factor != 1.0:
-                found[:, c] *= factor
-            if offset and not column.deviation:
-                found[:, c] += offset
+        plan, rows = self._plan(estimates), len(y)
+        parts = [estimates[name].reshape(rows, -1) for name in plan.estimates]
+        if self.setup.residual is not None:
+            parts.append(self.setup.residual(y, estimates))
+        found: Array = np.concatenate(parts, axis=1)[:, plan.places]
+        with np.errstate(invalid="ignore"):  # a variance below zero has no root
+            found[:, plan.deviations] = np.sqrt(found[:, plan.deviations])
+        for column, factor in plan.factors:
+            found[:, column] *= factor
+        for column, offset in plan.offsets:
+            found[:, column] += offset
         return found
 
     def row(self, y: Array, estimates: Mapping[str, Array]) -> list[float]:
         """The same numbers for one row, shape (1, p), where each microsecond counts."""
-        residual: list[float] = []
+        plan = self._plan(estimates)
+        flat: list[float] = []
+        for name in plan.estimates:
+            flat += estimates[name].ravel().tolist()
         if self.setup.residual is not None:
-            residual = self.setup.residual(y, estimates)[0].tolist()
-        found, parts = [], {}
-        for _, _, estimate, index, deviation, (factor, offset) in self.columns:
-            if estimate == RESIDUAL:
-                value = residual[index]
-            elif deviation:
-                name = self.setup.sigmas[estimate]
-                if name not in parts:
-                    parts[name] = estimates[name][0].tolist()
-                variance = parts[name][index]
-                value = math.sqrt(variance if isinstance(variance, float) else variance[index])
-            else:
-                if estimate not in parts:
-                    parts[estimate] = estimates[estimate][0].tolist()
-                whole = parts[estimate]
-                value = whole if isinstance(whole, float) else whole[index]
-            if factor != 1.0:
-                value *= factor
-            if offset and not deviation:
-                value += offset
-            found.append(value)
+            flat += self.setup.residual(y, estimates)[0].tolist()
+        found = [flat[place] for place in plan.places]
+        for column in plan.deviations:
+            found[column] = math.sqrt(found[column]) if found[column] >= 0.0 else math.nan
+        for column, factor in plan.factors:
+            found[column] *= factor
+        for column, offset in plan.offsets:
+            found[column] += offset
         return found
+
+    def _plan(self, estimates: Mapping[str, Array]) -> _Plan:
+        """Where the columns stand; the same for all rows, since shapes do not change."""
+        made: _Plan | None = vars(self).get("plan")
+        if made is None:
+            made = _planned(self, estimates)
+            vars(self)["plan"] = made
+        return made
+
+
+class _Plan(NamedTuple):
+    """Columns as places in the flattened ``estimates`` and the residual, one behind the other."""
+
+    estimates: tuple[str, ...]
+    places: list[int]
+    deviations: list[int]  # columns of which the root is taken
+    factors: list[tuple[int, float]]
+    offsets: list[tuple[int, float]]
+
+
+def _planned(made: Outputs, estimates: Mapping[str, Array]) -> _Plan:
+    sigmas = made.setup.sigmas
+    sources = [sigmas[one.estimate] if one.deviation else one.estimate for one in made.columns]
+    names = tuple(dict.fromkeys(name for name in sources if name != RESIDUAL))
+    starts, size = {}, 0
+    for name in names:
+        starts[name] = size
+        size += estimates[name][0].size
+    starts[RESIDUAL] = size
+    places = []
+    for column, source in zip(made.columns, sources, strict=True):
+        matrix = column.deviation and estimates[source].ndim == 3
+        step = estimates[source].shape[2] + 1 if matrix else 1  # along the diagonal
+        places.append(starts[source] + column.place * step)
+    ways = list(enumerate(made.columns))
+    return _Plan(
+        names,
+        places,
+        [c for c, column in ways if column.deviation],
+        [(c, column.conversion.factor) for c, column in ways if column.conversion.factor != 1.0],
+        [
+            (c, column.conversion.offset)
+            for c, column in ways
+            if column.conversion.offset and not column.deviation
+        ],
+    )
 
 
 def outputs(

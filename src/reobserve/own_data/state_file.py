@@ -19,7 +19,7 @@ from reobserve.plain_data.json_data import parse_json
 from reobserve.plain_data.typed_tree import parse
 
 FORMAT = "reobserve estimate state"
-SCHEMA = 1
+SCHEMA = 2
 _VALUES = 5_000_000
 
 # What changes from row to row; the rest of these is the specification's.

@@ -268,10 +268,10 @@ def test_a_state_is_needed_and_one_of_another_filter_is_refused() -> None:
     with pytest.raises(InputError, match=f"^{said}"):
         kalman.correct(other.belief, [1.0], [0.0])
     state = bank(2).init([0.0, 0.0], 1.0)
-    with pytest.raises(InputError, match=r"^state: has 2 beliefs, must have 3$"):
+    with pytest.raises(InputError, match=r"must be of 3 filters of 2 states and 1 outputs$"):
         bank(3).run([[1.0]], [[0.0]], state=state)
     filters = IMM([KalmanFilter(NO_INPUT)] * 2, np.eye(2))
-    with pytest.raises(InputError, match=r"^state.beliefs\[0\]: has arrays of shapes "):
+    with pytest.raises(InputError, match=r"^state: has arrays of shapes \(2, 2\)"):
         filters.run([[1.0]], state=state)
 
 

@@ -26,11 +26,11 @@ def bank(observer: IMM, state: State) -> Program:
     program = Program("Interacting multiple model", first.outputs, first.inputs)
     models, law = _constants(program, filters)
     chain = program.constant("Chain", observer.transition, r"\Pi", gain=True)
-    means = program.remember("means", [one.mean for one in state.beliefs], r"\hat x")
-    spreads = program.remember("spreads", [one.covariance for one in state.beliefs], "P")
+    means = program.remember("means", state.means, r"\hat x")
+    spreads = program.remember("spreads", state.covariances, "P")
     errors = None
     if law is not None:
-        errors = program.remember("errors", [one.error for one in state.beliefs], "e^+")
+        errors = program.remember("errors", state.errors, "e^+")
     logarithms = np.maximum(state.log_probabilities, _LEAST)
     chances = program.remember("log_chance", logarithms, r"\log\mu")
     held = linear.remember_inputs(program, first, state)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from reobserve.errors import InputError, located
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.numerics.kernel import kernel
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
@@ -315,14 +316,15 @@ def _innovation(y: Array, estimates: Estimates) -> Array:
 
 def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
     """What the modes did not foretell, weighed by their probabilities."""
-    probability, innovation = estimates["probability"], estimates["innovation"]
-    if len(y) == 1:  # the same sums in the same order, without the price of small arrays
-        weights, told = probability[0].tolist(), innovation[0].tolist()
-        sums = [weights[0] * value for value in told[0]]
-        for weight, values in zip(weights[1:], told[1:], strict=True):
-            sums = [total + weight * value for total, value in zip(sums, values, strict=True)]
-        return np.array([sums])
-    total = probability[:, 0, None] * innovation[:, 0]
-    for mode in range(1, probability.shape[1]):
-        total = total + probability[:, mode, None] * innovation[:, mode]
-    return total
+    return _weighed(estimates["probability"], estimates["innovation"])
+
+
+@kernel
+def _weighed(probability: Array, innovation: Array) -> Array:
+    rows, modes, size = innovation.shape
+    found = np.zeros((rows, size))
+    for k in range(rows):
+        for mode in range(modes):
+            for place in range(size):
+                found[k, place] += probability[k, mode] * innovation[k, mode, place]
+    return found

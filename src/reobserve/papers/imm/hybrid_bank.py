@@ -89,15 +89,14 @@ def run_hybrid(
         bank.mixing,
     )
     (n, m), r, k = (filters[0].model.states, filters[0].model.outputs), len(filters), len(measured)
-    spread = np.array([belief.covariance for belief in state.beliefs])
     probability, innovation = np.empty((k, r)), np.empty((k, r, m))
     gains = np.zeros((r, n, m))
     edges = np.full(m, np.inf) if unsaturated is None else unsaturated
     good = _run(
         (0,) * n, (0,) * m, loop, filters[0].compiled_law, gain, covariance, edges,
-        np.array([belief.mean for belief in state.beliefs]), np.array([spread, spread]),
+        state.means.copy(), np.array([state.covariances, state.covariances]),
         np.zeros((r, m)), state.log_probabilities.copy(), measured, held[:, None],
-        new_work(n, m), probability, innovation, gains,
+        probability, innovation, gains,
     )  # fmt: skip
     return HybridRun(probability[:good], innovation[:good], gains / max(good, 1))
 
@@ -180,7 +179,6 @@ def _run(
     log_probabilities: Array,
     measured: Array,
     held: Array,
-    work: Work,
     probability: Array,
     innovation: Array,
     gains: Array,
@@ -192,7 +190,7 @@ def _run(
     r, n, m = len(means), len(states), len(outputs)
     weights, predicted, likelihood = np.empty((r, r)), np.empty(r), np.empty(r)
     mixed, spread = np.empty((2, r, n)), np.empty((2, r, n, n))
-    factor, chosen = np.empty((m, m)), np.empty((n, m))
+    factor, chosen, work = np.empty((m, m)), np.empty((n, m)), new_work(n, m)
     for k in range(len(measured)):
         mixing_probabilities(bank.transition, log_probabilities, weights, predicted)
         for kind in range(2):
