@@ -22,6 +22,9 @@ examples, each a specification and a record to run it on:
   reobserve estimate --example kalman --out kalman.yaml --data kalman.csv
   reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png
   reobserve estimate kalman.yaml --stream < kalman.csv
+
+Stamps may be numbers (unit: s, ms, min, ...) or dates as 2026-03-29T01:59:58.250Z (unit: iso8601);
+times of results are then seconds after an origin that is told and stands in the report.
 """
 
 
@@ -41,8 +44,10 @@ def add_own_data(commands: Any) -> None:
         "data", nargs="?", type=Path, metavar="DATA", help=".csv, .csv.gz or .parquet"
     )
     estimate.add_argument(
-        "--out", type=Path, metavar="FILE", help="estimates: .csv, .csv.gz or .parquet"
-    )
+        "--out", type=Path, metavar="FILE",
+        help="estimates: .csv, .csv.gz or .parquet; with --example the specification: .yaml. "
+        "Folders are made",
+    )  # fmt: skip
     estimate.add_argument("--plot", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
     estimate.add_argument(
         "--report", type=Path, metavar="FILE", help="what became of the record, as JSON"

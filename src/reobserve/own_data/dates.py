@@ -1,7 +1,7 @@
 """Stamps that are dates with times of day, as ISO 8601 spells them: ``2026-03-29T01:59:58.250Z``.
 
 They are read as whole nanoseconds since 1970, and what an observer is given counts from an origin
-near the first of them, so that no digit is lost.
+near the first of them, so that no digit is lost. In text, digits beyond a microsecond are cut.
 """
 
 from __future__ import annotations

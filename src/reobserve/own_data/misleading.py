@@ -38,7 +38,7 @@ _SEED = 20
 def misleading(estimation: Estimation, head: Head) -> list[str]:
     """Sentences on what would mislead in these results; none if nothing does."""
     if head.rows < _LEAST_ROWS:
-        told = f"the first stretch has {head.rows} rows, too few to judge noise or settling"
+        told = f"too few rows to judge noise or settling by: {head.rows} in the first stretch"
         return [told] if head.rows else []
     y, u = np.concatenate(head.y), np.concatenate(head.u)
     try:
