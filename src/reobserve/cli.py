@@ -12,6 +12,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
@@ -92,6 +93,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+@cache  # a process that forks its jobs reads many command lines
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="reobserve",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def _files() -> Iterator[Subject]:
     kind: Any = kind_of("luenberger")
     made = save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
     yield subject(load_design, path)
-    yield subject(save_design, material.scratch("again.json"), made)
+    yield subject(save_design, Path("again.json"), made)
     yield subject(kind_of, "luenberger")
     yield subject(parse_poles, "-2, -1+3j, -1-3j")
 
