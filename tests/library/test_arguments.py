@@ -32,6 +32,7 @@ from reobserve.timeseries.signals import Signal
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 READ_ONLY = ROWS.copy()
 READ_ONLY.flags.writeable = False
+PLAIN = LinearModel([[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0]], 0.1, 0.2)
 
 
 class Odd:
@@ -150,8 +151,7 @@ def test_messages_are_short_whatever_was_given() -> None:
 
 
 def test_records_of_other_kinds_compile_nothing_and_give_the_same_bits() -> None:
-    model = LinearModel([[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0]], 0.1, 0.2)
-    kalman = KalmanFilter(model)
+    kalman = KalmanFilter(PLAIN)
     start = kalman.init([0, 0], 1)
     z, u = np.arange(12.0)[:, None] % 5, np.ones((12, 1))
     wanted = kalman.run(z, u, state=start)["state"]
@@ -186,6 +186,20 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         with pytest.raises(InputError, match=rf"^{name}: ") as told:
             call()
         assert len(str(told.value)) < 300
+
+
+def test_an_array_beyond_memory_is_told_with_its_shape() -> None:
+    large = np.broadcast_to(0.0, (10**6, 10**6))
+    with pytest.raises(InputError, match=r"^x: of shape \(1000000, 1000000\) does not fit "):
+        as_numbers("x", large)
+
+
+def test_an_estimate_is_asked_for_by_its_name() -> None:
+    kalman = KalmanFilter(PLAIN)
+    run = kalman.run([[1.0]], [[0.0]], state=kalman.init([0.0, 0.0], 1.0))
+    for name in ("sate", 0, [1], None):
+        with pytest.raises(InputError, match=r"^estimate: there is no .+"):
+            run[name]  # type: ignore[index]
 
 
 def test_a_signal_beyond_numbers_is_refused() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from reobserve.errors import InputError
 from reobserve.models.polynomial import PolynomialSystem
 from reobserve.models.triangular import TriangularModel
+from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.power_series.maps import PolynomialMap
@@ -36,3 +38,34 @@ def test_what_models_cannot_be_made_of() -> None:
     for call, name in calls:
         with pytest.raises(InputError, match=rf"^{name}: "):
             call()
+
+
+CODE = "__import__('os').system('touch {}')"
+
+
+@pytest.mark.parametrize(
+    ("variables", "drift", "input_gain"),
+    [
+        (["a", "b"], ["0", CODE], "1"),
+        (["a", "b"], ["0", "0"], CODE),
+        (["a", CODE], ["0", "0"], "1"),
+        (["a", "b"], ["0", "0\n    " + CODE], "1"),
+        (["a", "b"], ["0", "().__class__.__bases__[0]"], "1"),
+        (["a", "b"], ["0", "open('{}', 'w')"], "1"),
+    ],
+)
+def test_code_in_a_triangular_model_does_not_run(
+    variables: list[str], drift: list[str], input_gain: str, tmp_path: Path
+) -> None:
+    target = tmp_path / "ran"
+    texts = [[one.format(target) for one in each] for each in (variables, drift, [input_gain])]
+    with pytest.raises(InputError, match=r"^(variables|drift\[1\]|input_gain): "):
+        triangular_model(texts[0], texts[1], texts[2][0])
+    assert not target.exists()
+
+
+def test_names_of_variables_are_no_names_of_functions() -> None:
+    """What is compiled names numbers and functions of math alone, whatever the user's names are."""
+    model = triangular_model(["math", "out"], ["-sin(math)", "math*out"], "exp(math)")
+    assert model.drift_code == ("-math.sin(x[0])", "x[0]*x[1]")
+    assert model.gain_code == "math.exp(x[0])"

@@ -40,6 +40,8 @@ def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
         if array.dtype.kind not in "iuf":
             raise TypeError
         return np.require(array, np.float64, ["C", "A", "W"])
+    except MemoryError:
+        raise InputError(name, f"of shape {np.shape(value)} does not fit into memory") from None
     except Exception:  # rows of different lengths, too many of them, or an object's own error
         raise InputError(name, f"{shown(value)} is not a number or an array of numbers") from None
 

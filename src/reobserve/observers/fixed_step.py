@@ -48,6 +48,7 @@ class Samples(NamedTuple):
         rows = slice(2 * first, 2 * last + 1)
         return Samples(self.right[rows], self.left[rows])
 
+    @np.errstate(over="ignore", invalid="ignore")  # whose sums are not finite diverges, and says so
     def halved(self) -> Samples:
         """Twice as many steps, with parabolas through the three samples of each one."""
         right, left = self.right, self.left
@@ -128,6 +129,7 @@ def steps_between(last: Array | None, record: Record) -> Steps:
     return Steps(y, u)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _samples(
     last: Array | None, rows: Array, before: Array | None, middle: Array | None, *, held: bool
 ) -> Samples:

@@ -102,6 +102,7 @@ def latest(recent: Array, values: Array) -> Array:
     return np.concatenate([recent, values])[-len(recent) :]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite diverges, and says so
 def _with_derivatives(values: Array, recent: Array, known: int, period: float) -> Array:
     order = len(recent) - 1
     samples = np.concatenate([recent, values])

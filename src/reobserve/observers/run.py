@@ -96,6 +96,6 @@ class Run(Generic[StateKind]):
 
 
 def _named(estimates: Mapping[str, Array], name: str) -> Array:
-    if name not in estimates:
-        raise InputError("estimate", f"there is no {shown(name)}{nearest(name, estimates)}")
+    if not isinstance(name, str) or name not in estimates:
+        raise InputError("estimate", f"there is no {shown(name)}{nearest(str(name), estimates)}")
     return estimates[name]

@@ -48,7 +48,7 @@ def examples() -> Iterator[Case]:
 
 
 def case(paper: str, content: bytes, told: str, *, cut: bool = False) -> Case:
-    """Let the observer of the paper read it, or one of a paper with short records."""
+    """Let an observer of the paper read it."""
     observer, design = material.OBSERVERS[paper][1:]
     chosen = [] if design is None else ["--design-file", material.design(paper, design)]
     ledger = material.ledger_file(paper)
