@@ -81,7 +81,7 @@ def high_gain() -> Made:
     """All that text may hold, from the middle of a record."""
     drift = ["cosh(a)/7 - a**3", "sqrt(1 + w^2)*tan(a/3) - pi*w", "erf(s)**5 - 2*s - (w^2 + 3)^-1"]
     model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
-    made = HighGainObserver(model, 6.0, 0.01)
+    made = HighGainObserver(model, 0.01, 6.0)
     y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
 

@@ -177,8 +177,8 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: SampledILO(3, 0.01, 0.5, 10.0, 30.0, 0.1), "model"),
         (lambda: SampledILO(body, 0.01, {}, 10.0, 30.0, 0.1), "K1"),
         (lambda: KalmanFilter(body), "model"),
-        (lambda: ExtendedStateObserver(system, {"L": gain, "Ld": gain}, 0.01), "gains"),
-        (lambda: ExtendedStateObserver(gain, Gains(gain, gain), 0.01), "system"),
+        (lambda: ExtendedStateObserver(system, 0.01, {"L": gain, "Ld": gain}), "gains"),
+        (lambda: ExtendedStateObserver(gain, 0.01, Gains(gain, gain)), "system"),
         (lambda: vector_field(3), "function"),
         (lambda: vector_field(lambda x, p, f: open("y", encoding="utf-8")), "function"),  # noqa: SIM115
     ]

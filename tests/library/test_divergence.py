@@ -155,7 +155,7 @@ def still(columns: int | None, steps: int) -> Array:
 
 
 def high_gain(rho: float, step: float) -> Callable[[], Any]:
-    observer = HighGainObserver(MODEL, rho, step)
+    observer = HighGainObserver(MODEL, step, rho)
     record = np.zeros(3001)
     return lambda: observer.run(record, record, state=observer.init([1.0, 0.0]))
 
@@ -262,7 +262,7 @@ def of_levant(**how: Any) -> Any:
 
 def of_extended_state(**how: Any) -> Any:
     placed = place_poles(SYSTEM.A_tilde.T, SYSTEM.C_tilde.T, [-30.0, -40.0, -50.0]).gain_matrix.T
-    observer = ExtendedStateObserver(SYSTEM, Gains(placed, np.zeros((3, 1))), 0.1)
+    observer = ExtendedStateObserver(SYSTEM, 0.1, Gains(placed, np.zeros((3, 1))))
     y = np.zeros((9, 1))
     y[4:6, 0] = 1.7e308, -1.7e308
     return observer.run(y, y, **how)

@@ -21,7 +21,7 @@ def test_parameters_of_a_model_may_be_a_list() -> None:
     lag = first_order_lag(1.5, 2.0)
     listed = TriangularModel(lag.states, lag.drift, lag.input_gain, lag.parameters.tolist())
     y, u = np.linspace(0.0, 1.0, 9), np.ones(9)
-    first, second = (HighGainObserver(model, 2.0, 0.01) for model in (lag, listed))
+    first, second = (HighGainObserver(model, 0.01, 2.0) for model in (lag, listed))
     found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (second, first))
     assert np.array_equal(found, wanted)
 

@@ -43,7 +43,7 @@ def high_gain() -> Case:
             lambda _, v, k=k: [v[1], gain * u[k] - stiffness * np.sin(v[0]) - friction * v[1]],
             (0, PERIOD), x[k], method="DOP853", rtol=1e-10, atol=1e-12,
         ).y[:, -1]  # fmt: skip
-    observer = HighGainObserver(model, 5.0, PERIOD)
+    observer = HighGainObserver(model, PERIOD, 5.0)
     return Case(
         observer, x[:, 0], u, observer.init(x[0]), {"state": x}, {"state": 2e-3}, 0, 50.0, 1e308
     )
@@ -95,10 +95,10 @@ def normal_form(kind: str) -> Case:
     steps, step = 500, 0.01
     x = plant(step, steps)[::2]
     series = form(with_cubic=True)
-    observer: Any = IdentityObserver(series, 4, step, "jacobian")
+    observer: Any = IdentityObserver(series, step, 4, "jacobian")
     truth = {"state": x}
     if kind == "transformed":
-        observer = TransformedObserver(series, 4, step)
+        observer = TransformedObserver(series, step, 4)
         truth["coordinates"] = np.column_stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3])
     bounds = dict.fromkeys(truth, 2e-4)
     return Case(observer, x[:, 0], None, observer.init(x[0]), truth, bounds, 0, 100.0)

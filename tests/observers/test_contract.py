@@ -196,11 +196,28 @@ def test_an_observer_needs_neither_plots_nor_frames(module: str) -> None:
 def test_what_is_printed_is_one_short_line(case: Case) -> None:
     run = part(case, 0, SHORT, case.state)
     _, estimate = case.observer.step(run.state, *row_of(case, SHORT))
-    for shown in (repr(case.observer), repr(run), repr(estimate)):
+    for shown in (repr(case.observer), repr(run), repr(run.state), repr(estimate)):
         assert len(shown) < 300
         assert "\n" not in shown
     assert repr(case.observer).startswith(f"{type(case.observer).__name__}(")
     assert "sampling_period=" in repr(case.observer)
+
+
+def test_observers_and_states_equal_nothing_but_themselves(case: Case) -> None:
+    state = part(case, 0, 3, case.state).state
+    for one in (case.observer, state):
+        assert one == one  # noqa: PLR0124
+        assert one != pickle.loads(pickle.dumps(one))
+        assert {one: "kept"}[one] == "kept"
+
+
+def test_the_plant_comes_first_then_the_sampling_period_then_what_is_tuned() -> None:
+    """Filters have the period in their model; of a differentiator's plant there is but a bound."""
+    plant = {"model", "system", "normal_form", "decay", "input_gain", "delay_bounds", "L"}
+    for make in CASES.values():
+        names = [field.name for field in fields(make().observer) if field.init]
+        if "sampling_period" in names:
+            assert set(names[: names.index("sampling_period")]) <= plant
 
 
 def test_what_is_pickled_goes_on_with_the_same_bits(case: Case) -> None:

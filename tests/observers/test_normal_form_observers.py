@@ -135,7 +135,7 @@ ORDERS += [("series", 2), ("series", 7), ("jacobian", 7)]
 def test_identity_form_against_an_independent_integration(kind: str, order: int) -> None:
     step, steps = 1e-3, 3000
     states = integrated(identity_right(kind, order), ESTIMATE, np.arange(steps + 1) * step)
-    observer = IdentityObserver(form(), order, step, kind)
+    observer = IdentityObserver(form(), step, order, kind)
     run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
     assert run.diverged_at is None
     assert run.state.count == steps
@@ -156,7 +156,7 @@ def test_transformed_form_against_an_independent_integration(with_cubic: bool) -
         start,
         np.arange(steps + 1) * step,
     )[:, 2:]
-    observer = TransformedObserver(chosen, 4, step)
+    observer = TransformedObserver(chosen, step, 4)
     run = run_on_halves(observer, plant(step, steps)[:, :1], state=observer.init(ESTIMATE))
     assert np.max(np.abs(run["coordinates"] - z)) < 1e-9
     read = as_function(T)
@@ -167,8 +167,8 @@ def test_transformed_form_against_an_independent_integration(with_cubic: bool) -
 def built(name: str, step: float, *, with_cubic: bool = False) -> NormalFormObserver:
     chosen = form(with_cubic=with_cubic)
     if name == "transformed":
-        return TransformedObserver(chosen, 4, step)
-    return IdentityObserver(chosen, 4, step, name)
+        return TransformedObserver(chosen, step, 4)
+    return IdentityObserver(chosen, step, 4, name)
 
 
 @pytest.mark.parametrize("name", [*GAINS, "transformed"])
@@ -218,7 +218,7 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
     for k in range(power):
         chain[2 + k, 3 + k] = power - k
     start = np.concatenate([ESTIMATE, np.zeros(power), [1.0]])
-    observer = TransformedObserver(form(1), 0, step)
+    observer = TransformedObserver(form(1), step, 0)
     y = (np.arange(2 * steps + 1) * 0.5 * step) ** power
     run = run_on_halves(observer, y, state=observer.init(ESTIMATE))
     wanted = np.array([(expm(chain * k * step) @ start)[:2] for k in range(steps + 1)])
@@ -227,7 +227,7 @@ def test_transformed_form_is_exact_for_a_parabola(power: int) -> None:
 
 def test_order_zero_is_the_constant_gain_however_it_is_read() -> None:
     y = plant(0.01, 300)[:, :1]
-    observers = [IdentityObserver(form(), 0, 0.01, kind) for kind in GAINS]
+    observers = [IdentityObserver(form(), 0.01, 0, kind) for kind in GAINS]
     runs = [run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in observers]
     assert len({rows.tobytes() for rows in runs}) == 1
 
@@ -244,7 +244,7 @@ def test_the_error_is_exactly_linear_in_z() -> None:
     step, steps = 1e-3, 20_000
     x = plant(step, steps)
     z = np.stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3], axis=1)[::2]
-    observer = TransformedObserver(form(3, with_cubic=True), 2, step)
+    observer = TransformedObserver(form(3, with_cubic=True), step, 2)
     run = run_on_halves(observer, x[:, :1], state=observer.init(ESTIMATE))
     error = run["coordinates"] - z
     every = range(0, steps + 1, 250)
@@ -256,7 +256,7 @@ def test_divergence_is_reported_at_its_time_and_the_state_kept() -> None:
     """Order 2 leaves every bound at about 9.736 s; an integrator with error control agrees."""
     step, steps = 2e-3, 10_000
     y = plant(step, steps)[:, :1]
-    observer = IdentityObserver(form(), 2, step)
+    observer = IdentityObserver(form(), step, 2)
     start = observer.init([0.0, 0.0])
     run = run_on_halves(observer, y, state=start, on_divergence="return")
     assert run.diverged_at == pytest.approx(9.736, abs=0.01)
@@ -290,7 +290,7 @@ _far.terminal = True  # type: ignore[attr-defined]
 
 def test_an_estimate_that_overflows_at_the_start() -> None:
     """z is finite, T(z) is not: no row is left, and the state is the one to begin with."""
-    observer = TransformedObserver(form(5), 4, 0.1)
+    observer = TransformedObserver(form(5), 0.1, 4)
     start = replace(observer.init([0.0, 0.0]), values=np.array([1e100, 1e100]))
     run = observer.run(np.zeros((3, 1)), state=start, on_divergence="return")
     assert run.diverged_at == 0.0
@@ -308,6 +308,6 @@ def test_without_a_state_a_run_starts_from_the_origin(name: str) -> None:
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_series_of_fractions_run_as_floats_do(kind: Any) -> None:
     y = plant(0.01, 300)[:, :1]
-    floats, fractions = (kind(form(5, exact=exact), 4, 0.01) for exact in (False, True))
+    floats, fractions = (kind(form(5, exact=exact), 0.01, 4) for exact in (False, True))
     one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in (floats, fractions))
     np.testing.assert_allclose(np.asarray(other, dtype=np.float64), one, rtol=0, atol=1e-12)

@@ -75,7 +75,7 @@ def pendulum(**options: Any) -> Callable[[Columns], Run[Any]]:
 
 def high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["angle", "rate"], ["0", "-9.81*sin(angle) - 0.5*rate"], "4")
-    observer = ro.HighGainObserver(model, 8.0, PERIOD)
+    observer = ro.HighGainObserver(model, PERIOD, 8.0)
     y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
     return observer.run(y, u, state=observer.init([0.0, 0.0]))
 
@@ -114,7 +114,7 @@ def eso() -> ro.ExtendedStateObserver:
     L = [[23.3, 494.0], [6.4, 206.0], [132.0, -103.0], [-30.3, 420.0], [1.96, 166.0]]
     Ld = [[0.337, 6.95], [0.168, 2.70], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32]]
     gains = Gains(np.array([*L, [133.0, -457.0]]), np.array([*Ld, [2.06, -6.75]]))
-    return ro.ExtendedStateObserver(system, gains, PERIOD)
+    return ro.ExtendedStateObserver(system, PERIOD, gains)
 
 
 def svsf(friction: float = 10.0) -> ro.SmoothVariableStructureFilter:

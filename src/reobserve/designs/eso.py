@@ -162,7 +162,7 @@ class EsoDesign(Design):
     def observer(self) -> ExtendedStateObserver:
         """The observer."""
         gains = Gains(self.gains.L, self.gains.Ld)
-        return ExtendedStateObserver(self.system.augmented, gains, self.system.sampling_period)
+        return ExtendedStateObserver(self.system.augmented, self.system.sampling_period, gains)
 
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:

@@ -57,7 +57,7 @@ class HighGainDesign(Design):
     def observer(self) -> HighGainObserver:
         """The observer."""
         system = self.system
-        return HighGainObserver(system.model, self.gains.rho, system.sampling_period)
+        return HighGainObserver(system.model, system.sampling_period, self.gains.rho)
 
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design
 from reobserve.designs.kalman import NoisySystem
-from reobserve.designs.signals import Signal, check_signals, covariances
+from reobserve.designs.signals import Signal, check_signals, covariances, variances
 from reobserve.errors import InputError, located
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
@@ -133,6 +133,7 @@ class ImmDesign(Design):
         modes = tuple(self.system.modes)
         return {
             "state": self.states,
+            "variance": variances(self.states),
             "covariance": covariances(self.states),
             "probability": tuple(Signal(f"{mode}_probability", "1") for mode in modes),
             "innovation": tuple(

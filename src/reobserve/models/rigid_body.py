@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from reobserve.numerics.matrices import Matrix, as_matrix, as_positive_definite
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RigidBody:
     """J w' = -w x J w + B u + B_f u_f (Chen & Saif 2007, (1) and (2)).
 

@@ -45,7 +45,7 @@ class Constants(NamedTuple):
     step: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveObserver(RigidBodyObserver):
     """Fault estimation by an integrator, with or without a proportional part.
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -27,6 +27,7 @@ from reobserve.errors import DivergenceError, InputError, shown
 from reobserve.numerics.arguments import as_word
 from reobserve.numerics.matrices import all_finite, as_numbers, as_samples
 from reobserve.observers.run import Estimate, Run
+from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
@@ -95,7 +96,7 @@ class Rows(NamedTuple):
         return among
 
 
-class Observer(ABC, Generic[StateKind]):
+class Observer(Value, ABC, Generic[StateKind]):
     """What all observers share: `step`, `run`, and the checks of what they are given.
 
     What derives from it is a frozen dataclass with a ``sampling_period`` [s] and says what it
@@ -308,14 +309,6 @@ class Observer(ABC, Generic[StateKind]):
                 f"on by the sampling period of {self.sampling_period:g} s",
             )
         return stamps.copy()
-
-    def __repr__(self) -> str:
-        said = (
-            f"{field.name}={shown(getattr(self, field.name), 60)}"
-            for field in fields(self)  # type: ignore[arg-type]
-            if field.repr
-        )
-        return f"{type(self).__name__}({', '.join(said)})"
 
 
 def raises(on_divergence: Any) -> bool:

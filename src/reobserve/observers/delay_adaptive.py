@@ -44,7 +44,7 @@ from reobserve.timeseries.input_history import InputHistory
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveDelayEstimator(DelayEstimator):
     """Adaptive identification of a delay; a reconstruction, see the module.
 

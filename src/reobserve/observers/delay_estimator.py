@@ -24,6 +24,7 @@ from reobserve.numerics.matrices import as_positive, as_scalar, as_vector
 from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps, steps_between
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest, rows_before
+from reobserve.observers.value import Value
 from reobserve.timeseries.input_history import InputHistory
 
 Array = NDArray[np.float64]
@@ -32,8 +33,8 @@ Array = NDArray[np.float64]
 STABLE_STEP = 2.78
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All an estimator remembers: a value that may be stored, copied and stepped again.
 
     ``values`` belong to the algorithm, the estimate of the delay [s] first; ``history`` is the
@@ -49,7 +50,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DelayEstimator(FixedStepObserver[State]):
     """An estimator of the delay of x' = -a x + b u(t - tau).
 

@@ -49,7 +49,7 @@ from reobserve.timeseries.input_history import InputHistory
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LeastSquaresDelayEstimator(DelayEstimator):
     """Output-error recursive least squares for a delay; a reconstruction, see the module.
 

@@ -55,7 +55,7 @@ Array = NDArray[np.float64]
 RELAYS = ("delay", "inverse")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class VariableStructureDelayEstimator(DelayEstimator):
     """A relay that moves a delay; a reconstruction, see the module.
 

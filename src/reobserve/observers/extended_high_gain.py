@@ -33,6 +33,7 @@ from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
+from reobserve.observers.value import Value
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 
 Array = NDArray[np.float64]
@@ -46,8 +47,8 @@ class SwitchedOffWarning(UserWarning):
     """The threshold is above |xi^| for the whole record: the delay was never observed."""
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ and tau^ in one vector, shape (n + 1,); ``recent`` is u at the latest m + 1
@@ -61,7 +62,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ExtendedHighGainObserver(FixedStepObserver[State]):
     """The observer for a model of any size and any Taylor order.
 

@@ -33,6 +33,7 @@ from reobserve.numerics.matrices import as_floats, as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.extended_state_loop import run_observer
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.value import Value
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]
@@ -41,8 +42,8 @@ Array = NDArray[np.float64]
 _NODES = (0.0, 1.0, 0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``filtered`` is xz, shape (p,), and ``estimate`` x^, shape (N,), at the last row; the rest is as
@@ -71,10 +72,10 @@ class ExtendedStateObserver(FixedStepObserver[State]):
     ----------
     system
         The plant as the observer knows it, with the filter.
-    gains
-        L and Ld; with Ld = 0 it is the PI observer (6).
     sampling_period
         [s].
+    gains
+        L and Ld; with Ld = 0 it is the PI observer (6).
 
     Raises
     ------
@@ -84,8 +85,8 @@ class ExtendedStateObserver(FixedStepObserver[State]):
     """
 
     system: AugmentedSystem
-    gains: Gains
     sampling_period: float
+    gains: Gains
 
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("state", "actuator_fault", "sensor_fault"), ""

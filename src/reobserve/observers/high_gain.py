@@ -23,6 +23,7 @@ from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.value import Value
 from reobserve.synthesis.high_gain import high_gain
 
 Array = NDArray[np.float64]
@@ -37,8 +38,8 @@ class Record(NamedTuple):
     input_before: Array
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All the observer remembers: a value that may be stored, copied and stepped again.
 
     ``estimate`` is x^, shape (n,); the rest is as in `reobserve.observers.contract.ObserverState`.
@@ -49,7 +50,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HighGainObserver(FixedStepObserver[State]):
     """The standard observer, integrated by the classical Runge-Kutta method.
 
@@ -63,10 +64,10 @@ class HighGainObserver(FixedStepObserver[State]):
     ----------
     model
         The plant as the observer knows it; n is its number of states.
-    rho
-        [1/s]; all eigenvalues of Lambda - S^-1 C^T C are -rho.
     sampling_period
         [s], and the step of the method.
+    rho
+        [1/s]; all eigenvalues of Lambda - S^-1 C^T C are -rho.
 
     Raises
     ------
@@ -75,8 +76,8 @@ class HighGainObserver(FixedStepObserver[State]):
     """
 
     model: TriangularModel
-    rho: float
     sampling_period: float
+    rho: float
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 1

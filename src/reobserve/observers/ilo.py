@@ -54,7 +54,7 @@ class Constants(NamedTuple):
     step: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class IloGains(RigidBodyObserver):
     """The parameters of (3), whichever way v is updated.
 
@@ -119,7 +119,7 @@ class IloGains(RigidBodyObserver):
         )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ILO(IloGains):
     """The law with v learning at every instant: a delay system, by the method of steps.
 

@@ -26,7 +26,7 @@ from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SampledILO(IloGains):
     """The law with v updated at multiples of tau and held (Chen & Saif 2007, (3)).
 

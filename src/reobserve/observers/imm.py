@@ -47,12 +47,13 @@ from reobserve.observers.linear_filter import (
     held_inputs,
     sample_before,
 )
+from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All the bank remembers: what each filter believes, and the logarithms of mu, shape (r,).
 
     Means (r, n), covariances (r, n, n) and a posteriori output errors (r, m) of all filters stand
@@ -79,9 +80,10 @@ class IMM(Observer[State]):
     """A bank of filters and a Markov chain of modes (Gadsden et al. 2011, after (23)).
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
-    (23); ``probability``, (k, r), which is mu; ``innovation``, (k, r, m), what each filter did not
-    foretell, nan where the measurement is missing; and ``log_likelihood``, (k,), of the measurement
-    over all modes, zero where it is missing.
+    (23), with ``variance``, (k, n), on its diagonal; ``probability``, (k, r), which is mu;
+    ``innovation``, (k, r, m), what each filter did not foretell, nan where the measurement is
+    missing; and ``log_likelihood``, (k,), of the measurement over all modes, zero where it is
+    missing.
 
     Parameters
     ----------
@@ -109,7 +111,8 @@ class IMM(Observer[State]):
     reads_between: ClassVar[bool] = False
     reads_missing: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = {
-        "state": "", "covariance": "", "probability": "1", "innovation": "", "log_likelihood": "",
+        "state": "", "variance": "", "covariance": "", "probability": "1", "innovation": "",
+        "log_likelihood": "",
     }  # fmt: skip
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
@@ -242,8 +245,15 @@ class IMM(Observer[State]):
             )  # fmt: skip
         last = np.concatenate([record.y[-1], record.u[-1]])
         after = State(*beliefs, last, state.count + k - fresh)
-        names = ("state", "covariance", "probability", "innovation", "log_likelihood")
-        return Rows(dict(zip(names, rows, strict=True)), good, after)
+        estimates = {
+            "state": rows.means,
+            "variance": rows.covariances.diagonal(axis1=1, axis2=2),
+            "covariance": rows.covariances,
+            "probability": rows.probabilities,
+            "innovation": rows.innovations,
+            "log_likelihood": rows.log_likelihoods,
+        }
+        return Rows(estimates, good, after)
 
     def _run_one_by_one(
         self, beliefs: Beliefs, measurements: Array, held: Array, fresh: bool, rows: BankRows

@@ -27,6 +27,7 @@ from reobserve.numerics.arguments import as_flag, as_whole
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers.contract import Observer, Record, Rows, check_state
+from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 
@@ -46,8 +47,8 @@ class Law(NamedTuple):
     taylor: Array
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All the differentiator remembers: a value that may be stored, copied and stepped again.
 
     ``derivatives`` holds z0 to zn, shape (n+1,), at the last sample, or at the first one if there
@@ -59,7 +60,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LevantDifferentiator(Observer[State]):
     """For samples at a fixed period, in its homogeneous discretisation.
 

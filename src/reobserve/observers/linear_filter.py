@@ -33,12 +33,13 @@ from reobserve.observers.linear_filter_loop import (
     predict,
     run_filter,
 )
+from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Belief:
+@dataclass(frozen=True, eq=False, repr=False)
+class Belief(Value):
     """What a filter holds to be true: a value that may be stored, copied and used again.
 
     ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
@@ -50,8 +51,8 @@ class Belief:
     error: Array
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All a filter remembers: a value that may be stored, copied and stepped again.
 
     ``sample`` and ``count`` are as in `reobserve.observers.contract.ObserverState`; y may be nan.
@@ -62,8 +63,8 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Correction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Correction(Value):
     """A belief after a measurement, and how well that was foretold.
 
     ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the

@@ -52,7 +52,7 @@ class Work(NamedTuple):
     matrix: Array
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class IdentityObserver(NormalFormObserver):
     """The identity form, integrated by the classical Runge-Kutta method.
 

@@ -17,6 +17,7 @@ from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps
 from reobserve.observers.run import Run
+from reobserve.observers.value import Value
 from reobserve.synthesis.normal_form.convergence import convergence, warning
 from reobserve.synthesis.normal_form.design import NormalForm
 
@@ -27,8 +28,8 @@ class ConvergenceWarning(UserWarning):
     """A trajectory leaves the domain in which the series of its observer converges."""
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``values`` are x^ or, for the transformed form, z, shape (n,); the rest is as in
@@ -40,7 +41,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NormalFormObserver(FixedStepObserver[State]):
     """An observer that measures y of a system, knows its inputs if there are any, and estimates x.
 
@@ -51,11 +52,11 @@ class NormalFormObserver(FixedStepObserver[State]):
     ----------
     normal_form
         The series, of a degree above the order.
+    sampling_period
+        [s], and the step of the method.
     order
         The degree up to which the gain L is kept, as the paper counts; S and T are kept up to
         one degree more. Order 0 is the constant gain.
-    sampling_period
-        [s], and the step of the method.
 
     Raises
     ------
@@ -65,8 +66,8 @@ class NormalFormObserver(FixedStepObserver[State]):
     """
 
     normal_form: NormalForm
-    order: int
     sampling_period: float
+    order: int
 
     units: ClassVar[Mapping[str, str]] = {"state": ""}
 

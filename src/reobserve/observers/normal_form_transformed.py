@@ -27,7 +27,7 @@ from reobserve.power_series.maps import PolynomialMap
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransformedObserver(NormalFormObserver):
     """The transformed form with T up to the degree ``order + 1``.
 

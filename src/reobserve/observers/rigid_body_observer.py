@@ -17,6 +17,7 @@ from reobserve.numerics.matrices import Matrix, as_positive, as_vector
 from reobserve.observers import contract
 from reobserve.observers.contract import check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 
@@ -38,8 +39,8 @@ class Rows(NamedTuple):
     fault_before: Matrix
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Value):
     """All an observer remembers: a value that may be stored, copied and stepped again.
 
     ``rate`` is the estimate w^ [rad/s], shape (3,); ``memory`` belongs to the algorithm; the rest
@@ -52,7 +53,7 @@ class State:
     count: int = 0
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RigidBodyObserver(FixedStepObserver[State]):
     """An observer that measures w [rad/s], knows u [N m] and estimates the fault torque.
 

@@ -104,11 +104,7 @@ def _planned(made: Outputs, estimates: Mapping[str, Array]) -> _Plan:
         starts[name] = size
         size += estimates[name][0].size
     starts[RESIDUAL] = size
-    places = []
-    for column, source in zip(made.columns, sources, strict=True):
-        matrix = column.deviation and estimates[source].ndim == 3
-        step = estimates[source].shape[2] + 1 if matrix else 1  # along the diagonal
-        places.append(starts[source] + column.place * step)
+    places = [starts[one] + column.place for one, column in zip(sources, made.columns, strict=True)]
     ways = list(enumerate(made.columns))
     return _Plan(
         names,

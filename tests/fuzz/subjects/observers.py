@@ -74,8 +74,8 @@ def subjects() -> Iterator[Subject]:
     yield from _filters()
     yield from _normal_forms()
     system = augmented()
-    yield subject(ExtendedStateObserver, system, gains(), 0.01)
-    observer = ExtendedStateObserver(system, gains(), 0.01)
+    yield subject(ExtendedStateObserver, system, 0.01, gains())
+    observer = ExtendedStateObserver(system, 0.01, gains())
     state = observer.init(np.zeros(6), np.zeros(2))
     y, u = np.zeros((20, 2)), np.ones((20, 1))
     yield subject(observer.init, np.zeros(6), np.zeros(2), of=observer)
@@ -161,8 +161,8 @@ def _delays() -> Iterator[Subject]:
 def _high_gains() -> Iterator[Subject]:
     model = pendulum(9.81, 0.5, 0.2, 0.3)
     y = 0.1 * np.cos(HALF)
-    yield subject(HighGainObserver, model, 10.0, 0.01)
-    yield from recorded(HighGainObserver(model, 10.0, 0.01), ([0.1, 0.0],), y, 0 * y)
+    yield subject(HighGainObserver, model, 0.01, 10.0)
+    yield from recorded(HighGainObserver(model, 0.01, 10.0), ([0.1, 0.0],), y, 0 * y)
     arguments = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
     yield subject(ExtendedHighGainObserver, *arguments)
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])
@@ -248,7 +248,7 @@ def _normal_forms() -> Iterator[Subject]:
     )
     yield Subject(name, observer, (2, 0.01, [-1.7, -2.3], "identity", "series", 4), ("complex",))
     yield Subject(f"{name}, injected", injected, ([[-3.0], [-1.7]], ["a", "w"]))
-    yield subject(IdentityObserver, series, 2, 0.01, "series")
-    yield subject(TransformedObserver, series, 2, 0.01)
-    for one in (IdentityObserver(series, 2, 0.01), TransformedObserver(series, 2, 0.01)):
+    yield subject(IdentityObserver, series, 0.01, 2, "series")
+    yield subject(TransformedObserver, series, 0.01, 2)
+    for one in (IdentityObserver(series, 0.01, 2), TransformedObserver(series, 0.01, 2)):
         yield from recorded(one, ([0.1, 0.0],), y)

@@ -87,7 +87,7 @@ def test_with_c_transposed_it_is_a_vector_and_all_poles_are_minus_rho(size: int)
         assert gain == pytest.approx(high_gain(size, rho), rel=1e-9)
         polynomial = np.poly(error_matrix(gain))
         assert polynomial == pytest.approx(np.poly(np.full(size, -rho)), rel=1e-9)
-    assert HighGainObserver(PENDULUM.model, 5.0, STEP).gain == pytest.approx([10, 25])
+    assert HighGainObserver(PENDULUM.model, STEP, 5.0).gain == pytest.approx([10, 25])
     assert observer(Case("ramp", 5.0, 2), STEP)._gains(np.zeros(1))[0].tolist() == [15, 75, 125]
 
 
@@ -281,7 +281,7 @@ def test_the_form_that_is_called_upper_triangular_must_be_lower_triangular() -> 
         model = TriangularModel(2, _upper_drift, _swinging_gain, np.array([factor]))
         plant = DelayedInputPlant(model)
         x = plant.simulate([0, 1], signal(sine(1, 1)), signal(constant(0)), 0.5 * STEP, 4000)
-        built = HighGainObserver(model, 5.0, STEP)
+        built = HighGainObserver(model, STEP, 5.0)
         estimate = run_on_halves(built, x[:, 0], known, state=built.init([0, 0]))["state"]
         found.append(np.max(np.abs(estimate[-1] - x[-1])))
     assert found[0] < 1e-8

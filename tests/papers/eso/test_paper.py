@@ -244,7 +244,7 @@ def test_the_other_solver_gives_the_same_gains() -> None:
 
 
 def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
-    observer = ExtendedStateObserver(dc_motor(Az=rate), gains, 1e-3)
+    observer = ExtendedStateObserver(dc_motor(Az=rate), 1e-3, gains)
     y, u = found["output"], found["control"][:, None]
     before = found["output_before"][::2], found["control_before"][::2, None]
     middle = np.insert(y[1::2], 0, 9.0, axis=0), np.insert(u[1::2], 0, 9.0, axis=0)

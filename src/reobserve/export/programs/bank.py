@@ -63,6 +63,7 @@ def bank(observer: IMM, state: State) -> Program:
         program.let(mu[j], call("exp", chances[j]))
     x, P = _combined(program, mu, means, spreads, n)
     program.estimate("state", x)
+    program.estimate("variance", linear.diagonal(program, P, n))
     program.estimate("covariance", P)
     program.estimate("probability", mu)
     program.estimate("innovation", innovations)

@@ -108,9 +108,7 @@ def _filter(
     start(program, held)
     seen_error = correct(program, m, x, P, held, law, error)
     tell_innovation(program, seen_error)
-    variance = program.local("spread_of", (model.states,), r"\operatorname{diag} P")
-    with program.hidden(), program.for_each("row", model.states) as row:
-        program.let(variance[row], P[row, row])
+    variance = diagonal(program, P, model.states)
     if split:
         for prefix, first, last in (("", 0, split), ("unknown_input", split, model.states)):
             tell_part(program, prefix or "state", x, first, last)
@@ -120,6 +118,14 @@ def _filter(
         program.estimate("variance", variance)
     program.estimate("log_likelihood", Name("log_likelihood"))
     remember_row(program, held)
+
+
+def diagonal(program: Program, P: Name, size: int) -> Name:
+    """The variances of a covariance."""
+    variance = program.local("spread_of", (size,), r"\operatorname{diag} P")
+    with program.hidden(), program.for_each("row", size) as row:
+        program.let(variance[row], P[row, row])
+    return variance
 
 
 def move(m: Matrices, x: Name, held: Name | None) -> Expression:

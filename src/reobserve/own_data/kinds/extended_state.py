@@ -63,7 +63,7 @@ class Eso:
             system = AugmentedSystem(**parts)
         Ld = np.zeros((system.size, system.outputs)) if self.gains.Ld is None else self.gains.Ld
         with located("gains"):
-            observer = ExtendedStateObserver(system, Gains(self.gains.L, Ld), period)
+            observer = ExtendedStateObserver(system, period, Gains(self.gains.L, Ld))
         start = self.start or EsoStart()
         with located("start"):
             observer.init(start.estimate, start.filtered)

@@ -268,8 +268,8 @@ class Imm:
 def imm_setup(observer: IMM, start: Callable[[Array], Any]) -> Setup:
     """The setup of a bank."""
     return Setup(
-        observer, start, _mixed_innovation, sigmas={"state": "covariance"},
-        left_out=("covariance", "innovation", "log_likelihood"),
+        observer, start, _mixed_innovation, sigmas={"state": "variance"},
+        left_out=("variance", "covariance", "innovation", "log_likelihood"),
     )  # fmt: skip
 
 

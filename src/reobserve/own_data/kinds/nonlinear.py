@@ -100,7 +100,7 @@ class HighGain:
 
     def set_up(self, period: float) -> Setup:
         """The observer."""
-        observer = HighGainObserver(self.model.made(), self.rho, period)
+        observer = HighGainObserver(self.model.made(), period, self.rho)
         with located("start"):
             observer.init(self.start.state)
         made = high_gain_setup(observer, lambda y: observer.init(self.start.state))

@@ -65,7 +65,7 @@ def build_standard(job: Job) -> HighGainObserver:
     observer = job.observer
     model = build_model(job.plant, observer.model)
     _check_start(job, model.states)
-    return HighGainObserver(model, observer.rho, observer.sampling_period)
+    return HighGainObserver(model, observer.sampling_period, observer.rho)
 
 
 def build_estimator(job: Job) -> DelayEstimator:

@@ -130,8 +130,8 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
     """
     as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
     if isinstance(observer, keys.Identity):
-        return IdentityObserver(form, observer.order, observer.sampling_period, observer.gain)
-    return TransformedObserver(form, observer.order, observer.sampling_period)
+        return IdentityObserver(form, observer.sampling_period, observer.order, observer.gain)
+    return TransformedObserver(form, observer.sampling_period, observer.order)
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:

@@ -69,7 +69,7 @@ def _observers(
     for order in study.orders:
         with located("studies.ensemble.orders"):
             found += [
-                *((gain, order, IdentityObserver(form, order, step, gain)) for gain in GAINS),
-                ("transformed", order, TransformedObserver(form, order, step)),
+                *((gain, order, IdentityObserver(form, step, order, gain)) for gain in GAINS),
+                ("transformed", order, TransformedObserver(form, step, order)),
             ]
     return found

@@ -42,7 +42,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     for gain in GAINS:
         for order in study.orders:
             with located("studies.orders"):
-                observer = IdentityObserver(form, order, model.sampling_period, gain)
+                observer = IdentityObserver(form, model.sampling_period, order, gain)
             rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
             rows.append(_exponent(cycle, where, form, gain, order, gain))
     for name, body in observers.items():

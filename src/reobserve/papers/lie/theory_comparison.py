@@ -40,9 +40,9 @@ def measure(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
     with located("compared_order"):
         observers = {
-            "constant": IdentityObserver(form, 0, step),
-            "identity": IdentityObserver(form, theory.compared_order, step, theory.compared_gain),
-            "transformed": TransformedObserver(form, theory.compared_order, step),
+            "constant": IdentityObserver(form, step, 0),
+            "identity": IdentityObserver(form, step, theory.compared_order, theory.compared_gain),
+            "transformed": TransformedObserver(form, step, theory.compared_order),
         }
     plant = PolynomialPlant(build_system(job.plant))
     estimate = np.array(body.initial_estimate)
