@@ -98,7 +98,7 @@ def test_one_call(case: str) -> None:
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_an_order_that_the_series_do_not_reach(kind: Any, order: int) -> None:
     with pytest.raises(InputError, match=rf"^order: {order} must be from 0 to 12, one less"):
-        kind(form(), order, 0.01)
+        kind(form(), 0.01, order)
 
 
 def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
@@ -140,7 +140,7 @@ BAD_RECORDS: dict[str, tuple[Callable[[], Any], str]] = {
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_records(kind: Any, case: str) -> None:
     make, sentence = BAD_RECORDS[case]
-    observer = kind(form(), 4, 0.01)
+    observer = kind(form(), 0.01, 4)
     start = observer.init([0.0, 0.0])
     with pytest.raises(InputError, match=f"^y: {sentence}"):
         observer.run(make(), state=start)
@@ -153,7 +153,7 @@ def test_records(kind: Any, case: str) -> None:
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_initial_estimates_and_states(kind: Any) -> None:
-    observer = kind(form(), 4, 0.01)
+    observer = kind(form(), 0.01, 4)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\), must be a list of"):
         observer.init([0, 0, 0])
     with pytest.raises(InputError, match=r"^state: .* not finite"):
