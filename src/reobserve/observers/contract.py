@@ -6,8 +6,9 @@
 
 Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
 seconds after the row before; u is the input from that sample on. The estimate of a row is made
-from the rows up to it. An observer is a frozen dataclass, its state a value; `run` is one compiled
-loop over the arithmetic of `step`, so that both give the same bits.
+from the rows up to it. An observer is a frozen dataclass of the plant as it knows it, the sampling
+period and then its gains; its state is a value; `run` is one compiled loop over the arithmetic of
+`step`, so that both give the same bits.
 
 What a method needs between samples it has by a rule of its own, which each observer states; who
 knows more of it gives it as ``middle`` and ``before``.
