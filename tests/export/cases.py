@@ -146,6 +146,8 @@ CASES: dict[str, Callable[[], Made]] = {
     "extended_unswitched": lambda: extended(order=1, threshold=0.0),
     "extended_alone": alone,
     "squares": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5, begun=True),
+    # Between rows 42 and 43 its delay turns round below the least one, and is held on the way.
+    "squares_held": lambda: delay(LeastSquaresDelayEstimator, 30.0, 0.5, least=0.018333),
     "squares_alone": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5),
     "filtered": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0),
     "filtered_alone": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0, begun=True),
