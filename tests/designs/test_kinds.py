@@ -67,6 +67,8 @@ def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
         design("normal-form", dynamics={"angle": "rate", "rate": "-speed"})
     with pytest.raises(InputError, match=r"dynamics.rat: is of no signal; did you mean 'rate'"):
         design("normal-form", dynamics={"angle": "rate", "rat": "-angle"})
+    with pytest.raises(InputError, match=r"injection.rat: is of no state; did you mean 'rate'"):
+        design("normal-form", injection={"rat": "angle**2"})
 
 
 def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> None:
@@ -77,6 +79,10 @@ def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> 
     assert poles(built) == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
         design("adaptive", sampling_period=10.0).certify()
+    # With damping + Kp = -10 errors grow, on a ball as the roots of 5 s^2 - 10 s + 200.
+    gains["proportional_gain"] = -40.0
+    with pytest.raises(InputError, match=r"^damping: .* errors with the poles 1[+-]6.2\d*j"):
+        design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
 
 
 def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:

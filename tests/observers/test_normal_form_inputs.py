@@ -78,6 +78,17 @@ def test_what_is_injected_is_what_theory_says() -> None:
     assert terms == pytest.approx({(0, (0, 1)): 1.0, (1, (0, 1)): -0.5, (1, (2, 1)): 1.0})
 
 
+def test_an_input_that_enters_by_a_power_is_injected_by_that_power() -> None:
+    # S'(x) b has x1^2 u^4: of degree 2 in x, as S' is, and of 6 in all.
+    built = normal_form_observer(
+        ["x2 + u**4", "-x1 + x2 - x1**2*x2 - u/2"], ["x1"], ["x1", "x2"], inputs=["u"],
+        poles=np.linalg.eigvals(A), order=2, expanded=4, higher=["y1**3/3"] * 2,
+        sampling_period=STEP,
+    )  # fmt: skip
+    terms = {(c, powers): value for c, powers, value in built.normal_form.known.terms()}
+    assert terms == pytest.approx({(0, (0, 4)): 1.0, (1, (0, 1)): -0.5, (1, (2, 4)): 1.0})
+
+
 def test_steps_give_the_bits_of_a_run_with_inputs_held() -> None:
     built = observer()
     x, known = plant()

@@ -122,6 +122,7 @@ def test_trees_that_others_parsed_are_checked() -> None:
         ({"a": b"x"}, r"^config.a: is a bytes; only"),
         ({"a": [0, {3}]}, r"^config.a.1: is a set; only"),
         ({"a": 10**5000}, r"^config.a: is an integer beyond 2\^53"),
+        ({"a" * 5000: {3}}, r"^config.a{1,70} … a{1,40}: is a set; only numbers"),
         (nested(100_000), rf"nested deeper than {DEPTH} levels$"),
         (recursive, rf"nested deeper than {DEPTH} levels$"),
         (shared, r"^config: holds more values or text than"),

@@ -93,10 +93,13 @@ def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
         ([[0.0, 1.0], [0.0, 0.0]], "0"),
         ([[0.0, 1.0], [-4.0, 0.0]], r"-?0[+-]2j"),
         ([[0.5, 0.0], [0.0, -1.5]], "-1.5"),
+        ([[-0.5, 1.0, 0.0], [-1.0, -0.5, 0.0], [0.0, 0.0, -0.8]], r"-0.5[+-]1j"),
         (continuous("normal")[0], r"-379.7"),
         (continuous("leakage")[0], r"-.*j"),
     ],
-    ids=["stable", "double integrator", "oscillator", "flips", "normal", "leakage"],
+    ids=[
+        "stable", "double integrator", "oscillator", "flips", "spirals", "normal", "leakage",
+    ],
 )
 def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> None:
     n = len(A)

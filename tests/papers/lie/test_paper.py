@@ -224,6 +224,20 @@ def test_all_ten_printed_coefficients_agree() -> None:
     assert all(float(row["computed"]) == pytest.approx(float(row["decimal"])) for row in rows)
 
 
+def test_a_table_goes_up_to_the_degree_of_its_design_and_no_further() -> None:
+    def of_degree(degree: int) -> Callable[[dict[str, Any]], None]:
+        def change(settings: dict[str, Any]) -> None:
+            settings["design"]["degree"] = 5
+            settings["table"]["degree"] = degree
+
+        return change
+
+    rows = table_rows(of_degree(5))
+    assert {"z1^5", "x1^5"} <= {row["term"] for row in rows}
+    with pytest.raises(InputError, match="^degree: 6 is beyond that of the design, 5$"):
+        table_rows(of_degree(6))
+
+
 def test_exact_coefficients_by_another_arithmetic() -> None:
     """T as the inverse of S, worked out on polynomials of sympy."""
     S = exact_series(5)[0]

@@ -103,9 +103,10 @@ class Check:
         InputError
             If a reference is none, the lists differ in length, or it is not one relation.
         """
-        asked = [word for word in RELATIONS if word in body]
+        relations = (*RELATIONS, *_OF_LISTS)
+        asked = [word for word in relations if word in body]
         if len(asked) != 1:
-            listed = ", ".join(RELATIONS)
+            listed = ", ".join(relations)
             raise InputError("checks", f"{len(asked)} relations given, must be one of {listed}")
         if "over" in body and "minus" in body:
             raise InputError("checks", "has both over and minus, must have one of them")
@@ -115,7 +116,7 @@ class Check:
             if len(other) != 1:
                 raise InputError(how, f"has {len(other)} references, must have {len(value)} or 1")
             other *= len(value)
-        if asked[0] in ("falling", "rising") and len(value) < 2:
+        if asked[0] in _OF_LISTS and len(value) < 2:
             raise InputError(asked[0], "asks for a list of two references or more")
         return cls(value, asked[0], body[asked[0]], other, how, body.get("share", 1.0))
 
@@ -152,14 +153,14 @@ class Check:
         Of a sequence that must rise or fall it is the step that does so least.
         """
         values = self.values(numbers)
-        if self.relation in ("falling", "rising"):
+        if self.relation in _OF_LISTS:
             values = [b - a for a, b in pairwise(values)]
         best_first = sorted(values, key=self.margin, reverse=True)
         return float(best_first[math.ceil(self.share * len(values)) - 1])
 
     def satisfied_by(self, number: float, bound: Any = None) -> bool:
         """Whether the check holds where this number decides; with another ``bound`` if given."""
-        if self.relation in ("falling", "rising"):
+        if self.relation in _OF_LISTS:
             return self.margin(number) > 0
         return RELATIONS[self.relation](number, self.bound if bound is None else bound)
 
@@ -167,7 +168,7 @@ class Check:
         """The numbers and what is asked of them, for a reader; of a list the worst."""
         values = self.values(numbers)
         name = self.name
-        if self.relation in ("falling", "rising"):
+        if self.relation in _OF_LISTS:
             listed = ", ".join(f"{value:.3g}" for value in values)
             return f"{name} = {listed}: must be {self.relation}"
         asked = _asked(self.relation, self.bound)
@@ -182,7 +183,7 @@ class Check:
         )
 
     def _satisfied(self, values: list[float]) -> list[bool]:
-        if self.relation in ("falling", "rising"):
+        if self.relation in _OF_LISTS:
             sign = 1 if self.relation == "rising" else -1
             return [sign * b > sign * a for a, b in pairwise(values)]
         return [RELATIONS[self.relation](value, self.bound) for value in values]
@@ -209,10 +210,8 @@ RELATIONS: dict[str, Callable[[float, Any], bool]] = {
     "above": lambda value, bound: value > bound,
     "within": lambda value, bound: bound[0] <= value <= bound[1],
     "exists": _exists,
-    # Of the list, not of its members; see `Check._satisfied`.
-    "falling": lambda value, bound: True,
-    "rising": lambda value, bound: True,
 }
+_OF_LISTS = ("falling", "rising")  # which no member satisfies by itself; see `Check._satisfied`
 
 
 def _references(listed: str | list[str]) -> tuple[Reference, ...]:
