@@ -104,6 +104,23 @@ def test_the_commands_stream_stop_and_go_on(
     assert "is the state of another specification; remove it to start anew" in told
 
 
+def test_what_a_pipe_left_goes_on_with_a_file_and_the_other_way_round(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pipe has no place in a file, so all that a file holds then comes after it."""
+    spec, part = tmp_path / "s.yaml", tmp_path / "part.csv"
+    spec.write_text(specification_text("kalman"))
+    titles, *lines = record(tmp_path / "r.csv", "kalman", 50).read_bytes().splitlines(True)
+    estimate_file(specification("kalman"), tmp_path / "r.csv", tmp_path / "e.csv")
+    state = ["--state", tmp_path / "state.json"]
+    piped, followed = ["estimate", spec, "--stream"], ["estimate", spec, part, "--follow"]
+    out = run([*piped, *state], capsys, monkeypatch, titles + b"".join(lines[:20]))[1]
+    part.write_bytes(titles + b"".join(lines[20:30]))
+    out += run([*followed, "--idle", "0.05", *state], capsys, monkeypatch)[1]
+    out += run([*piped, *state], capsys, monkeypatch, titles + b"".join(lines[30:]))[1]
+    assert out == (tmp_path / "e.csv").read_text()
+
+
 def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
     """Each line is there before the next one is written; a signal ends it, and it goes on."""
     spec, log = tmp_path / "s.yaml", tmp_path / "log.csv"

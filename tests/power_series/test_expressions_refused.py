@@ -218,6 +218,19 @@ def test_taylor_coefficients_at_high_degrees_against_mpmath(degree: int) -> None
         assert [float(c) for c in got] == pytest.approx([float(c) for c in wanted], rel=1e-13)
 
 
+def test_what_is_not_rational_at_the_centre_is_refused_before_any_series(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The series of tan at 1 takes seconds up to degree 12, and minutes beyond."""
+
+    def series(*_: Any) -> None:
+        pytest.fail("a series is made")
+
+    monkeypatch.setattr(sympy, "series", series)
+    with pytest.raises(InputError, match=r"has the coefficient tan\(1\), not rational$"):
+        expanded("tan(1 + a)", 60, exact=True)
+
+
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "sympy", None)
     with pytest.raises(

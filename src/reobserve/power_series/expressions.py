@@ -191,7 +191,7 @@ class _Walk:
         t = sympy.Dummy("t")  # no symbol of the user's
         degree = len(self.basis.first) - 2
         whole = expression.func(centre + t, *expression.args[1:])
-        start = whole.subs(t, 0)
+        start = whole.subs(t, 0)  # asked first: the series of what has none may take minutes
         if start.is_number and start.is_finite and not start.is_Rational:
             self._number(start, expression)
         try:

@@ -175,6 +175,14 @@ def test_the_command_goes_on_and_checks(
     kept = read_kept(project / kept_file("ilo"), "ilo")
     assert [len([d for d in one.draws if d is not None]) for one in kept.values()] == [100, 36]
     draws_command(project, ["ilo"], 100, check=True)
+    other = [claim(621), near.claims[1], replace(claim(5000), name="new")]
+    monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=other))
+    with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
+        draws_command(project, ["ilo"], 30, check=True)
+    assert capsys.readouterr().out.splitlines() == [
+        f"claims.ilo.{name}: no draws are kept of it as it is" for name in ("it", "new")
+    ]
+    monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     code.factor = 1.01
     with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
         draws_command(project, ["ilo"], 30, check=True)

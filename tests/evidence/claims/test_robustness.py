@@ -14,6 +14,7 @@ from reobserve.errors import DivergenceError, InputError
 from reobserve.evidence.claims import outcomes
 from reobserve.evidence.claims.checks import Check
 from reobserve.evidence.claims.choices import find_choice
+from reobserve.evidence.claims.flips import Flip
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness, assess
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
@@ -25,6 +26,8 @@ ROOT = Path(__file__).parents[3]
 ILO = Ledger.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
 DAMPING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
+READING = "metrics.reading"  # the first of these words
+READINGS = ("sampled", "continuous", "forgetting")
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +44,9 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         if figure == "fig3" and gain < 1000:
             raise InputError("K2", "must be 1000 or more")
         share = observers["forgetting"]["K1"]
-        return [Metric("a", "gain", gain, "1"), Metric("a", "share", share, "1")]
+        place = READINGS.index(evaluator.ledger.section("metrics")["reading"])
+        numbers = {"gain": gain, "share": share, "reading": place}
+        return [Metric("a", name, value, "1") for name, value in numbers.items()]
 
     monkeypatch.setattr(outcomes, "metrics_of", metrics_of)
     return calls
@@ -127,6 +132,17 @@ def test_of_two_changes_the_smaller_is_told() -> None:
     assert flip.key == DAMPING
     assert 0.01 / 0.49 <= flip.size < 0.03
     assert flip.end >= 0.91
+
+
+def test_another_word_is_a_change_of_the_whole_range() -> None:
+    one = claim("fig1 a reading", READING, below=1.5)
+    assert found(one, 1).flip == Flip(READING, "1", "sampled", "forgetting", 1.0)
+    assert found(claim("fig1 a reading", READING, below=2.5), 1).flip is None
+    two = claim("fig1 a reading", READING, GAIN, below=1.5)
+    two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a gain", "above": 1900})))
+    flip = found(two, 1).flip
+    assert flip is not None
+    assert flip.key == GAIN  # which moves by less
 
 
 def test_a_claim_that_fails_is_flipped_too_and_one_that_cannot_flip_is_not() -> None:

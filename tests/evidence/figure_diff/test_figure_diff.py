@@ -151,6 +151,7 @@ def test_what_agrees_is_quiet(project: Path, capsys: pytest.CaptureFixture[str])
     assert page.count("the same, pixel by pixel") == 2
     assert page.count("data:image/png") == 2  # each once, as it was accepted
     assert not re.search(r"(?:src|href)=\"(?!data:|#)|https?:|url\(", page)
+    assert "nothing to compare" not in page
 
 
 def test_other_times_versions_and_processors_are_told_and_quiet(project: Path) -> None:
@@ -597,6 +598,23 @@ def test_a_build_goes_on_past_what_fails(tmp_path: Path) -> None:
     assert not build(copy, 1, tmp_path / "build.log")
     assert (copy / "good").exists()
     assert "Error in rule bad" in (tmp_path / "build.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("folder", "said"),
+    [
+        (BUILT, "the figure was not built."),
+        ("tests/reference/made", "there is no reference figure."),
+    ],
+)
+def test_where_one_figure_is_lacking_the_page_says_which(
+    project: Path, folder: str, said: str
+) -> None:
+    (project / folder / "fig1.png").unlink()
+    assert main(["figdiff"]) == 1
+    page = (project / "figdiff/index.html").read_text()
+    assert page.count(f"There is nothing to compare: {said}") == 1
+    assert page.count("nothing to compare") == 1
 
 
 def test_the_nightly_workflow_runs_what_a_person_runs() -> None:

@@ -97,9 +97,7 @@ def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
         (continuous("normal")[0], r"-379.7"),
         (continuous("leakage")[0], r"-.*j"),
     ],
-    ids=[
-        "stable", "double integrator", "oscillator", "flips", "spirals", "normal", "leakage",
-    ],
+    ids=["stable", "integrators", "oscillator", "flips", "spirals", "normal", "leakage"],
 )
 def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> None:
     n = len(A)

@@ -234,7 +234,7 @@ def test_a_table_goes_up_to_the_degree_of_its_design_and_no_further() -> None:
 
     rows = table_rows(of_degree(5))
     assert {"z1^5", "x1^5"} <= {row["term"] for row in rows}
-    with pytest.raises(InputError, match="^degree: 6 is beyond that of the design, 5$"):
+    with pytest.raises(InputError, match=r"^degree: 6 is beyond that of the design, 5$"):
         table_rows(of_degree(6))
 
 
