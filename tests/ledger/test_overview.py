@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from reobserve.cli import main
+from reobserve.cli import _parser, main
 from reobserve.ledger.ledger import Ledger
 from tests.evidence.report.project import make_project
 
@@ -111,3 +114,24 @@ def test_searches_are_listed(capsys: Capture) -> None:
     listed = printed(capsys, "list", "imm")
     row = listed.index("searches")
     assert listed[row + 1].startswith("calibrated ")
+
+
+def options(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Those of a command and of all commands below it."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from options(command)
+
+
+def test_a_default_is_what_the_help_says() -> None:
+    """Words as `all` or `this one` stand for what is not given."""
+    said = {
+        (action.dest, match[1], str(action.default))
+        for action in options(_parser())
+        if (match := re.search(r"\(default: ([^)]*)\)", action.help or ""))
+        and action.default not in (None, False, [], Path())
+    }
+    assert {("most", "40", "40"), ("cores", "2", "2"), ("results", "results", "results")} <= said
+    assert [each for each in said if each[1] != each[2]] == []

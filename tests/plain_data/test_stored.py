@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.lie import keys as lie_keys
 from reobserve.papers.lie.setup import stored_form
 from reobserve.papers.lie.table import rows as table_rows
+from reobserve.pipeline import common
 from reobserve.pipeline.common import compute_design, read_design, rows_from
 from reobserve.plain_data.typed_tree import parse
 from reobserve.stages.records import read_estimates, read_record
@@ -322,6 +324,15 @@ def test_a_design_of_eso_that_is_none_is_refused(change: dict[str, Any], said: s
         rest = {key: value for key, value in ESO.items() if key != name}
         with pytest.raises(InputError, match=r"is missing|has no key"):
             stored_design(eso_plant(), rest)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_design_that_is_not_finite_is_refused(
+    value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(common, "compute", lambda *_: {"gain": [[1.0, value]]})
+    with pytest.raises(InputError, match=r"^lie.designs.linear: gives a number that is not finite"):
+        compute_design(Ledger.load(ROOT, "lie"), "linear")
 
 
 def test_a_design_of_lie_that_is_none_is_refused() -> None:
