@@ -16,7 +16,9 @@ from scipy.signal import place_poles
 from reobserve.errors import DivergenceError, InputError
 from reobserve.models.linear import LinearModel
 from reobserve.models.rigid_body import RigidBody
+from reobserve.observers import halving
 from reobserve.observers.adaptive import AdaptiveObserver
+from reobserve.observers.contract import Rows
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -233,6 +235,21 @@ def test_samples_between_are_those_of_the_parabola() -> None:
     assert found.right[1] == pytest.approx(wanted[1] - 0.125, abs=1e-14)
     assert found.right[3] == pytest.approx(wanted[3] + 0.375, abs=1e-14)
     assert np.array_equal(np.delete(found.left, 4), np.delete(found.right, 4))
+
+
+@pytest.mark.parametrize(("short", "reached"), [(0, True), (1, False)])
+def test_a_last_row_that_the_loop_did_not_reach_is_no_end(short: int, reached: bool) -> None:
+    """What stands in it may be any number, as the loop wrote nothing."""
+
+    class Loop:
+        def _integrate(self, state: Any, part: Steps) -> Rows:
+            rows = np.full((part.y.steps + 1, 1), 3.0)
+            return Rows({"state": rows}, len(rows) - short, state)
+
+    record = Samples(still(1, 4), still(1, 4))
+    loop: Any = Loop()
+    found = halving._end(loop, None, Steps(record, record), 2)
+    assert (found is not None) == reached
 
 
 # --- Every observer and filter: loud by default, and quiet if asked -------------------------------
