@@ -66,7 +66,7 @@ class Account:
 
     def close_gap(self, end: float) -> None:
         """It ends with the sample at ``end``."""
-        if self.gaps and self.gap_count <= MOST_LISTED and self.gaps[-1][1] is None:
+        if self.gaps and self.gaps[-1][1] is None:
             self.gaps[-1][1] = end
 
     @property

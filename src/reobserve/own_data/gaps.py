@@ -123,7 +123,7 @@ class Gaps:
                 self.account.before_start += 1
             return False
         near = float(rows.time[k]) - self.last <= sampling.longest * (1.0 + 1e-9)
-        if sampling.missing == "skip" and near and known and not self.in_gap:
+        if sampling.missing == "skip" and near and known:
             return True
         if final and not self.in_gap and sampling.missing == "interpolate":
             self.account.after_end += 1
