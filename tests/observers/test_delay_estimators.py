@@ -296,25 +296,35 @@ def dipping_delay(t: Array) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("pieces", "delay", "first", "instant", "beyond"),
-    [(PIECES, short_delay, 0.8, 6.0607, 8.9e-5), (DIPPING, dipping_delay, 1.2, 6.301, 3.6e-5)],
+    ("pieces", "delay", "first", "h", "instant", "beyond"),
+    [
+        (PIECES, short_delay, 0.8, 0.04, 6.0607, 8.9e-5),
+        (DIPPING, dipping_delay, 1.2, 0.04, 6.301, 3.6e-5),
+        # Early in the step, so that it ends farther inside than it was at its start.
+        (PIECES, short_delay, 0.8, 0.05, 6.0607, 2e-5),
+    ],
 )
 def test_a_delay_that_leaves_and_returns_within_a_step_is_held_in_between(
-    pieces: list[tuple[float, Delay]], delay: Delay, first: float, instant: float, beyond: float
+    pieces: list[tuple[float, Delay]],
+    delay: Delay,
+    first: float,
+    h: float,
+    instant: float,
+    beyond: float,
 ) -> None:
     """Its highest, or lowest, point is beyond the bound by that much, all within one step."""
-    free, upper = SMOOTH["least squares"](0.04), pieces is PIECES
+    free, upper = SMOOTH["least squares"](h), pieces is PIECES
     fine = run(SMOOTH["least squares"](0.001), FAST, delay, 10.0, first)["delay"]
     bounds = (0.0, fine.max() - beyond) if upper else (fine.min() + beyond, 1.5)
     over = 0.001 * np.flatnonzero((fine < bounds[0]) | (fine > bounds[1]))
-    step = 0.04 * np.floor(instant / 0.04)
-    assert step < over[0] < instant < over[-1] < step + 0.04
+    step = h * np.floor(instant / h)
+    assert step < over[0] <= instant < over[-1] < step + h
     narrow = replace(free, delay_bounds=bounds)
     expected, changes = reference(narrow, FAST, pieces, first, 0.2)
     assert changes == 2, "held and let go once"
     ours, unbounded = (
-        np.max(np.abs(run(one, FAST, delay, 10.0, first)["delay"][::5] - expected[:, 0])[31:])
-        for one in (narrow, free)
+        np.max(np.abs(found[:: round(0.2 / h)] - expected[:, 0])[31:])
+        for found in (run(one, FAST, delay, 10.0, first)["delay"] for one in (narrow, free))
     )
     assert ours < 2e-7
     assert unbounded > 0.5 * beyond, "what is cut off shows"

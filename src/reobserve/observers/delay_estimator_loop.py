@@ -143,10 +143,10 @@ def _to_mode_end(
     high = 1.0
     stays = _stays(law, task, k, high, held, work)
     if stays and held == 0:
-        # A delay that turns round inside the step may have been outside on the way.
+        # A delay that turns round inside the step may have been outside on the way: beyond the
+        # bound that it starts towards, if at its first rate it would come so far.
         rate = work.slopes[0, 0]
-        delay = work.after[0]
-        room = min(delay - task.bounds[0], task.bounds[1] - delay)
+        room = task.bounds[1] - values[0] if rate > 0.0 else values[0] - task.bounds[0]
         if room < abs(rate) * task.step:
             later = _rate(law, task, k, high, work.after, work)
             if rate * later < 0.0:

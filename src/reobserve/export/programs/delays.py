@@ -272,13 +272,12 @@ class _Parts:
     def _turned(self, now: tuple[Name, ...], z: Name, to: Name) -> None:
         """A delay that turns round inside the step may have been outside on the way."""
         program, begin, end = self.program, self.begin, self.end
-        room, other = program.local("room", ()), program.local("other_room", ())
+        room = program.local("room", ())
         reach, product = program.local("reach", ()), program.local("product", ())
         first, last = self.slopes[0][0], self.slopes[1][0]
-        program.let(room, to[0] - Name("least"))
-        program.let(other, Name("most") - to[0])
-        with program.when("other_room < room"):
-            program.let(room, other)
+        program.let(room, z[0] - Name("least"))
+        with program.when("slope_1[0] > 0.0"):
+            program.let(room, Name("most") - z[0])
         program.let(reach, call("fabs", first) * Name("h"))
         with program.when("room < reach"):
             program.apply(self.slopes[1], "slope", *now, end, to)
