@@ -13,7 +13,8 @@ from scipy.interpolate import PchipInterpolator
 from reobserve.errors import DivergenceError, InputError
 from reobserve.own_data.commands import estimate_file
 from reobserve.own_data.estimation import Estimation
-from reobserve.own_data.examples import simulated
+from reobserve.own_data.examples import simulated, specification_text
+from reobserve.plain_data.yaml_reader import parse_yaml
 from tests.own_data.by_hand import motor_model
 from tests.own_data.records import read_results, specification, write_record
 
@@ -210,6 +211,33 @@ def test_what_no_policy_allows_is_refused_and_nothing_is_written(
         estimate_file(chosen, record, tmp_path / "e.csv")
     assert said in str(error.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["r.csv"]
+
+
+STARTS = [
+    ("kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
+    ("augmented-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
+    ("imm-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be (2,) or (2, 2)"),
+    ("imm-svsf", {"probabilities": [0.5, 0.6]}, "probabilities: [0.5, 0.6] must be 0 or more"),
+    ("delay-adaptive", {"delay": 30.0}, "delay: 30 s must be from 0 to 1.5 s"),
+    ("eso", {"estimate": [0.0]}, "estimate: has shape (1,), must be a list of 6 numbers"),
+    ("high-gain", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
+    ("extended-high-gain", {"delay": 30.0}, "delay: 30 s must be inside its bounds, [0, 1.5] s"),
+    ("ilo-sampled", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
+    ("adaptive", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
+    ("levant", {"derivatives": [0.0]}, "derivatives: has shape (1,), must be a list of 3 numbers"),
+    ("normal-form-constant", {"state": [0.0]}, "state: has shape (1,), must be a list of 2 numb"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "start", "said"), STARTS)
+def test_a_wrong_start_is_refused_by_its_key_before_any_row(
+    name: str, start: dict[str, Any], said: str
+) -> None:
+    observer = parse_yaml(specification_text(name), name)["observer"]
+    chosen = specification(name, observer={"start": {**observer.get("start", {}), **start}})
+    with pytest.raises(InputError) as error:
+        Estimation(chosen, list(simulated(name).record()), "the record")
+    assert str(error.value).startswith(f"observer.start.{said}")
 
 
 def test_a_divergence_has_the_time_of_the_record(tmp_path: Path) -> None:

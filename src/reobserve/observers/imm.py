@@ -164,8 +164,8 @@ class IMM(Observer[State]):
 
     def init(
         self,
-        means: ArrayLike,
-        covariances: ArrayLike,
+        mean: ArrayLike,
+        covariance: ArrayLike,
         probabilities: ArrayLike | None = None,
         *,
         u: ArrayLike | None = None,
@@ -174,9 +174,9 @@ class IMM(Observer[State]):
 
         Parameters
         ----------
-        means
+        mean
             Shape (n,) for all filters, or (r, n).
-        covariances
+        covariance
             A number, n numbers or (n, n) for all filters, or (r, n, n).
         probabilities
             mu, shape (r,), all the same if left out.
@@ -191,13 +191,15 @@ class IMM(Observer[State]):
             If one of them is not that, or the probabilities do not sum to one.
         """
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
-        mean, spread = as_floats("means", means), as_floats("covariances", covariances)
-        each = mean if mean.ndim == 2 else np.tile(mean, (r, 1))
+        centre, spread = as_floats("mean", mean), as_floats("covariance", covariance)
+        each = centre if centre.ndim == 2 else np.tile(centre, (r, 1))
         if each.shape != (r, n):
-            raise InputError("means", f"has shape {mean.shape}, must be ({n},) or ({r}, {n})")
+            raise InputError("mean", f"has shape {centre.shape}, must be ({n},) or ({r}, {n})")
         wide = spread if spread.ndim == 3 else [spread] * r
         if len(wide) != r:
-            raise InputError("covariances", f"are {len(wide)}, must be one, or {r} like filters")
+            raise InputError(
+                "covariance", f"has {len(wide)} parts, must be one, or {r} like filters"
+            )
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
         mu = as_vector("probabilities", chosen, r)
         if mu.min() < 0 or abs(mu.sum() - 1) > 1e-9:
@@ -205,7 +207,7 @@ class IMM(Observer[State]):
                 "probabilities",
                 f"{shown(mu.tolist())} must be 0 or more and sum to 1, not {mu.sum():g}",
             )
-        spreads = np.array([as_covariance("covariances", one, n) for one in wide])
+        spreads = np.array([as_covariance("covariance", one, n) for one in wide])
         with np.errstate(divide="ignore"):
             logarithms = np.log(mu)
         held = sample_before(u, m, inputs)

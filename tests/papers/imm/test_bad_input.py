@@ -337,14 +337,17 @@ def test_filters_of_different_sampling_periods_are_refused() -> None:
         ({"probabilities": [1.5, -0.5]}, r"probabilities: \[1.5, -0.5\] must be 0 or more .*"),
         ({"probabilities": [1.0]}, r"probabilities: has shape \(1,\), must be a list of 2 numbers"),
         ({"probabilities": [NAN, 1.0]}, r"probabilities: \[nan, 1.0\] has an entry .* not finite"),
-        ({"means": [0.0]}, r"means: has shape \(1,\), must be \(2,\) or \(2, 2\)"),
-        ({"means": np.zeros((3, 2))}, r"means: has shape \(3, 2\), must be \(2,\) or \(2, 2\)"),
-        ({"covariances": np.ones((3, 2, 2))}, "covariances: are 3, must be one, or 2 like filters"),
-        ({"covariances": [1.0, -1.0]}, "covariances: must be positive semidefinite, .* -1, 1"),
-        ({"covariances": [[1.0, 0.2], [0.1, 1.0]]}, "covariances: .* must be symmetric"),
+        ({"mean": [0.0]}, r"mean: has shape \(1,\), must be \(2,\) or \(2, 2\)"),
+        ({"mean": np.zeros((3, 2))}, r"mean: has shape \(3, 2\), must be \(2,\) or \(2, 2\)"),
+        (
+            {"covariance": np.ones((3, 2, 2))},
+            "covariance: has 3 parts, must be one, or 2 like filters",
+        ),
+        ({"covariance": [1.0, -1.0]}, "covariance: must be positive semidefinite, .* -1, 1"),
+        ({"covariance": [[1.0, 0.2], [0.1, 1.0]]}, "covariance: .* must be symmetric"),
     ],
 )
 def test_wrong_starts_of_a_bank_are_refused(changed: dict[str, Any], said: str) -> None:
-    given: dict[str, Any] = {"means": [0.0, 0.0], "covariances": 1.0, **changed}
+    given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
     with pytest.raises(InputError, match=f"^{said}$"):
         bank().init(**given)

@@ -33,7 +33,7 @@ _KEYS = {
     "Q": "process_noise",
     "R": "measurement_noise",
     "frequency": "state_frequency",
-    "covariances": "initial_covariance",
+    "covariance": "initial_covariance",
 }
 
 
