@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+import llvmlite.binding
 import numpy as np
 import pytest
 
@@ -234,6 +236,20 @@ def test_anew_means_new_digits_and_tolerances(written: Path) -> None:
     assert contents(written) == before
     prepare("ilo", Evidence(found, [found], found), written, anew=True).write()
     assert contents(written)["fig1.series.csv"] != before["fig1.series.csv"]
+
+
+def test_a_processor_is_read_of_as_the_compiler_reads_it() -> None:
+    if platform.system() != "Linux" or platform.machine() != "x86_64":
+        assert not digests.fused_multiply_add()
+        return
+    features = llvmlite.binding.get_host_cpu_features()
+    flags = digests.processor_flags()
+    assert {"fpu", "sse2"} <= flags
+    assert {name: name in flags for name in ("avx", "avx2", "fma", "bmi1")} == {
+        name: features.get(feature, False)
+        for name, feature in {"avx": "avx", "avx2": "avx2", "fma": "fma", "bmi1": "bmi"}.items()
+    }
+    assert digests.fused_multiply_add() is (features["avx2"] and features["fma"])
 
 
 def test_digests_stay_where_another_processor_renews(
