@@ -124,9 +124,9 @@ def _claims(paper: Paper) -> str:
     told = "\n".join(_claim(paper, claim) for claim in paper.claims)
     return (
         "## Claims\n\n"
-        "What the paper says, in other words than its own. A check is true if the paper is right; "
-        "the share is that of draws of the unstated choices in which the claim holds, and what it "
-        "may be: each end is right with 95 % confidence at any number of draws.\n\n"
+        "What the paper says, in our words. A check is true if the paper is right. The share is "
+        "that of draws of the unstated choices in which the claim holds, with the range in which "
+        "it may be: each end holds with 95 % confidence at any number of draws.\n\n"
         f"{glance}\n{told}"
     )
 
@@ -202,10 +202,10 @@ def _errata(paper: Paper) -> str:
     told = "\n".join(map(_erratum, paper.errata))
     return (
         "## Errata\n\n"
-        "Errors of print and places that contradict each other. The test named shows the printed "
-        f"form failing. {certain} of {len(paper.errata)} are certain: they contradict the paper "
-        "itself or a computation. The others are likely, or may be losses of the copy at hand, a "
-        "text taken from pages, in which signs, primes, indices and fraction bars get lost.\n\n"
+        "Misprints, and places that contradict each other. The test named shows that the printed "
+        f"form fails. {certain} of {len(paper.errata)} are certain: they contradict the paper "
+        "itself or a computation. The others are likely, or may be faults of the copy at hand, a "
+        "text extracted from pages, in which signs, primes, indices and fraction bars get lost.\n\n"
         f"{told}"
     )
 

@@ -32,10 +32,10 @@ def _page(paper: Paper) -> Page:
     parts = [
         f"# Ledger of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
         f"[What was found](../../findings/{paper.name}.md)\n",
-        "What the paper gives stands with its place there. What it does not give is assumed, with "
-        "the reason and the range in which another reader could have chosen. Keys that say the "
-        f"same stand together. {code(f'reobserve params {paper.name} --why')} prints this in a "
-        "terminal.\n",
+        "What the paper gives is listed with its place there. What it does not give is assumed, "
+        "with the reason and the range in which another reader could have chosen. Keys with the "
+        f"same entry stand together. {code(f'reobserve params {paper.name} --why')} prints this "
+        "in a terminal.\n",
     ]
     for section, found in groupby(paper.entries, lambda entry: entry.section):
         rows = [_row(paper, entry) for entry in found]
@@ -52,7 +52,7 @@ def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
     if entry.numerical:
         told += " *Numerical: a resolution, no physics.*"
     if entry.chosen_for:
-        told += f" **Chosen so that a claim comes out.** {ticks(entry.chosen_for)}"
+        told += f" **Chosen so that a claim holds.** {ticks(entry.chosen_for)}"
     if entry.claims:
         links = ", ".join(
             f"[{plain(name.replace('_', ' '))}](../../findings/{paper.name}.md#claim-{name})"

@@ -100,7 +100,7 @@ def _parser() -> argparse.ArgumentParser:
         description="State and fault observers from five papers.",
     )
     parser.add_argument(
-        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say which this is"
+        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version"
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)

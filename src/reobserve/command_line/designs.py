@@ -10,7 +10,7 @@ from reobserve.command_line.parts import add_command
 from reobserve.command_line.types import number, whole
 
 _KINDS = """\
-a model to start from, its design, and that as code:
+a model to start from, its design, and its code:
   reobserve design kalman --example pendulum.yaml
   reobserve design kalman pendulum.yaml --out pendulum.json
   reobserve export pendulum.json --to c --out pendulum
@@ -20,24 +20,30 @@ a model to start from, its design, and that as code:
 def add_designs(commands: Any) -> None:
     """`design` and `export`."""
     design = commands.add_parser(
-        "design", help="gains of an observer for a model of your own, certified",
-        description="Find gains, or judge those that are given, and keep them with a certificate.",
+        "design", help="find gains of an observer for a model of your own, and certify them",
+        description="Find gains, or check given ones, and store them with a certificate.",
         epilog=_KINDS, formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     kinds = design.add_subparsers(title="kinds", metavar="KIND", required=True)
     kalman = _add_kind(kinds, "kalman", "a Kalman filter, by the Riccati equation")
     kalman.add_argument(
         "--varying", action="store_true",
-        help="let the gain follow the covariance in time (default: the gain that it comes to)",
+        help="let the gain follow the covariance in time (default: the steady-state gain)",
     )  # fmt: skip
-    luenberger = _add_kind(kinds, "luenberger", "an observer by the poles of its error")
+    luenberger = _add_kind(kinds, "luenberger", "an observer, by the poles of its error")
     _poles(luenberger)
     _add_eso(kinds)
-    normal = _add_kind(kinds, "normal-form", "a normal-form observer, of right-hand sides as text")
+    normal = _add_kind(
+        kinds, "normal-form", "a normal-form observer, from right-hand sides as text"
+    )
     _poles(normal)
-    normal.add_argument("--order", type=whole(0, 20), help="of the gain (default: the model's)")
     normal.add_argument(
-        "--form", choices=("identity", "transformed"), help="(default: the model's)"
+        "--order", type=whole(0, 20), help="order of the gain (default: the model's)"
+    )
+    normal.add_argument(
+        "--form",
+        choices=("identity", "transformed"),
+        help="form of the observer (default: the model's)",
     )
     for name, text in _CHOSEN.items():
         _add_kind(kinds, name, text)
@@ -46,15 +52,19 @@ def add_designs(commands: Any) -> None:
 
 def _add_export(commands: Any) -> None:
     export = add_command(
-        commands, "export", "export.command:run", "a design as C99, Python, LaTeX or JSON"
+        commands, "export", "export.command:run", "write a design as C99, Python, LaTeX or JSON"
     )
-    export.add_argument("design", type=Path, help="a file of `reobserve design`")
+    export.add_argument("design", type=Path, help="a file made by `reobserve design`")
     export.add_argument(
         "--to", choices=("c", "python", "latex", "json"), required=True,
         help="c: a step function without allocation, and its test",
     )  # fmt: skip
     export.add_argument(
-        "--out", type=Path, default=Path(), metavar="FOLDER", help="(default: this one)"
+        "--out",
+        type=Path,
+        default=Path(),
+        metavar="FOLDER",
+        help="where to write it (default: this folder)",
     )
 
 
@@ -65,11 +75,11 @@ _CHOSEN = {
     "levant": "a robust exact differentiator: accuracy",
     "svsf": "a smooth variable structure filter",
     "imm": "a bank of filters, one for each mode of a plant",
-    "high-gain": "a high-gain observer, of right-hand sides as text: poles, decay",
-    "extended-high-gain": "the same that estimates the delay of its input, too",
-    "delay-least-squares": "a delay by recursive least squares: poles for a ramp",
-    "delay-adaptive": "a delay by filtered regressors: poles, decay for a ramp",
-    "delay-variable-structure": "a delay by a relay: its speed, its chatter",
+    "high-gain": "a high-gain observer, from right-hand sides as text: poles, decay",
+    "extended-high-gain": "the same, which also estimates the delay of its input",
+    "delay-least-squares": "a delay estimator by recursive least squares: poles for a ramp",
+    "delay-adaptive": "a delay estimator by filtered regressors: poles, decay for a ramp",
+    "delay-variable-structure": "a delay estimator by a relay: speed, chatter",
 }
 
 
@@ -79,7 +89,7 @@ def _add_kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
     command.add_argument("model", nargs="?", type=Path, metavar="MODEL.yaml", help="the model")
     command.add_argument("--out", type=Path, metavar="FILE", help="the design, JSON")
     command.add_argument(
-        "--example", type=Path, metavar="FILE", help="write a model that runs as it is, no more"
+        "--example", type=Path, metavar="FILE", help="only write a model, which runs as it is"
     )
     return command
 
@@ -88,28 +98,35 @@ def _add_eso(kinds: Any) -> None:
     eso = _add_kind(kinds, "eso", "an extended state observer, by matrix inequalities")
     eso.add_argument(
         "--kind", choices=("pd_pi", "pi"), default="pd_pi",
-        help="with the derivative of the output's error, or without (default: pd_pi)",
+        help="with the derivative of the output error, or without it (default: pd_pi)",
     )  # fmt: skip
     eso.add_argument(
         "--factor", type=number, metavar="F",
-        help="gamma over its floor, above 1, with the smallest matrices (default: 1.05)",
+        help="ratio of gamma to its floor, above 1; with the smallest matrices (default: 1.05)",
     )  # fmt: skip
     eso.add_argument(
         "--decay", type=number, metavar="RATE",
-        help="instead, of kind pi: any gains with poles left of -RATE [1/s]",
+        help="instead, for kind pi: any gains with all poles left of -RATE [1/s]",
     )  # fmt: skip
     eso.add_argument(
         "--bound", type=number, metavar="RATE",
-        help="instead: the least gamma with poles right of -RATE [1/s]",
+        help="instead: the least gamma with all poles right of -RATE [1/s]",
     )  # fmt: skip
     eso.add_argument(
-        "--radius", type=number, metavar="R", help="and matrices within this norm (default: 3000)"
+        "--radius",
+        type=number,
+        metavar="R",
+        help="with --bound: the largest norm of the matrices (default: 3000)",
     )
-    eso.add_argument("--solver", choices=("CLARABEL", "SCS"), help="(default: CLARABEL)")
+    eso.add_argument(
+        "--solver",
+        choices=("CLARABEL", "SCS"),
+        help="for the matrix inequalities (default: CLARABEL)",
+    )
 
 
 def _poles(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--poles", metavar='"P, P"',
-        help='of the error [1/s], as "-1+2j, -1-2j" in quotes (default: the model\'s)',
+        help='of the error [1/s], such as "-1+2j, -1-2j", in quotes (default: the model\'s)',
     )  # fmt: skip

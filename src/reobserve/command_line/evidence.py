@@ -13,20 +13,20 @@ def add_evidence(commands: Any) -> None:
     """The report, the draws of claims, golden numbers and the figure diff."""
     draws = add_command(
         commands, "draws", "evidence.claims.draws_command:draws_command",
-        "go on drawing where claims are not yet decided, and keep the draws in config/draws",
+        "make more draws where claims are undecided, and keep them in config/draws",
     )  # fmt: skip
     draws.add_argument("paper", nargs="*", help="only these papers (default: all)")
     draws.add_argument(
-        "--most", type=whole(1, 1_000_000), default=40, help="at most, for each claim (default: 40)"
+        "--most", type=whole(1, 1_000_000), default=40, help="at most, per claim (default: 40)"
     )
     draws.add_argument(
-        "--check", action="store_true", help="keep nothing: make again what is kept, and compare"
+        "--check", action="store_true", help="keep nothing: repeat the kept draws and compare"
     )
     add_project(draws)
 
     report = add_command(
         commands, "report", "evidence.report:report_command",
-        "the replication report of what is built, gaps shown",
+        "write the replication report of what is built, with its gaps",
     )  # fmt: skip
     default = "(default: those of the config)"
     report.add_argument("--papers", nargs="+", help=f"papers that are built {default}")
@@ -57,27 +57,29 @@ def _add_golden(commands: Any) -> None:
     add_project(check)
     elsewhere = add_command(
         actions, "elsewhere", "evidence.golden.commands:elsewhere_command",
-        "compare all of them on other processors, as far as this one can stand in for them",
+        "compare them as on other processors, as far as this one can stand in for them",
     )  # fmt: skip
     elsewhere.add_argument(
         "--papers", nargs="+", default=[], metavar="PAPER", help="only these (default: as built)"
     )
     elsewhere.add_argument(
         "--part", choices=("all", "gate"), default="all",
-        help="gate: what depends on designs and one figure a paper, on the most telling processors",
+        help="gate: what depends on designs and a figure per paper, on the most telling processors",
     )  # fmt: skip
     update = add_command(
         actions, "update", "evidence.golden.commands:update_command",
-        "renew the golden numbers; prints old and new, refuses in CI and on a dirty tree",
+        "renew the golden numbers; prints old and new ones, refuses in CI and on a dirty tree",
     )  # fmt: skip
     update.add_argument("--reason", required=True, help="why they moved; kept beside them")
     update.add_argument(
         "--anew", action="store_true",
-        help="digits and tolerances, too, of what has not moved beyond rounding",
+        help="also renew digits and tolerances of what has not moved beyond rounding",
     )  # fmt: skip
     update.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (elsewhere, update):
-        command.add_argument("--cores", type=whole(1), default=2, help="processes (default: 2)")
+        command.add_argument(
+            "--cores", type=whole(1), default=2, help="number of processes (default: 2)"
+        )
         add_project(command)
 
 
@@ -97,7 +99,7 @@ def _add_figure_diff(commands: Any) -> None:
         )  # fmt: skip
     diff.add_argument(
         "--build", action="store_true",
-        help="build everything from nothing in a temporary folder, and compare that",
+        help="build everything from scratch in a temporary folder, and compare that",
     )  # fmt: skip
     accept = add_command(
         commands, "accept", "evidence.figure_diff.commands:accept_command",
@@ -106,5 +108,5 @@ def _add_figure_diff(commands: Any) -> None:
     accept.add_argument("--reason", required=True, help="why they moved; kept beside them")
     accept.add_argument("paper", nargs="*", help="only these papers (default: all)")
     for command in (diff, accept):
-        command.add_argument("--cores", type=whole(1), default=2, help="to build with (default: 2)")
+        command.add_argument("--cores", type=whole(1), default=2, help="for building (default: 2)")
         add_project(command)

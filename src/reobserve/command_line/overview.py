@@ -12,7 +12,7 @@ from reobserve.command_line.types import tree, whole
 def add_overview(commands: Any) -> None:
     """`list`, `params`, `equations`, `readme`, `latex` and `check`."""
     listing = add_command(
-        commands, "list", "ledger.overview:show_list", "what there is, and what is built"
+        commands, "list", "ledger.overview:show_list", "show what there is, and what is built"
     )
     listing.add_argument("paper", nargs="*", help="only these papers (default: all)")
     add_project(listing)
@@ -21,23 +21,27 @@ def add_overview(commands: Any) -> None:
         commands,
         "params",
         "ledger.overview:show_params",
-        "a paper's ledger: values, sources, ranges",
+        "show a paper's ledger: values, sources, ranges",
     )
-    params.add_argument("paper", help="a paper of `reobserve list`")
+    params.add_argument("paper", help="a paper, as named by `reobserve list`")
     params.add_argument("match", nargs="?", default="", help="only keys that contain this")
     params.add_argument("--why", action="store_true", help="say why each assumption was made")
     params.add_argument(
-        "--built", action="store_true", help="of the last build, overrides included"
+        "--built", action="store_true", help="show those of the last build, overrides included"
     )
     add_project(params)
 
     equations = add_command(
         commands, "equations", "evidence.equations.command:show_equations",
-        "where an equation of a paper is implemented, and which test shows it",
+        "show where an equation of a paper is implemented, and which test shows it",
     )  # fmt: skip
-    equations.add_argument("paper", nargs="?", default="", help="a paper of `reobserve list`")
     equations.add_argument(
-        "number", nargs="*", help="of one equation, as 9, or a place, as Theorem 1 (default: all)"
+        "paper", nargs="?", default="", help="a paper, as named by `reobserve list`"
+    )
+    equations.add_argument(
+        "number",
+        nargs="*",
+        help="an equation, such as 9, or a place, such as Theorem 1 (default: all)",
     )
     add_project(equations)
 
@@ -53,12 +57,12 @@ def add_overview(commands: Any) -> None:
     latex.add_argument("source", type=Path, help="a caption, .rst, or a table, .csv")
     latex.add_argument(
         "--digits", type=whole(1, 17), metavar="N",
-        help="significant digits of numbers (default: 3 of metrics, in other tables as they stand)",
+        help="significant digits of numbers (default: 3 for metrics; other tables as they are)",
     )  # fmt: skip
-    add_output(latex, "what LaTeX takes with its command input, .tex")
+    add_output(latex, "a file that LaTeX can input, .tex")
 
     check = add_command(
-        commands, "check", "stages.check:run", "check ledgers whole, without writing any"
+        commands, "check", "stages.check:run", "check whole ledgers, without writing any"
     )
     check.add_argument("paper", nargs="*", help="only these papers (default: all)")
     check.add_argument(

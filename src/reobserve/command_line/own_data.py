@@ -23,8 +23,9 @@ examples, each a specification and a record to run it on:
   reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png
   reobserve estimate kalman.yaml --stream < kalman.csv
 
-Stamps may be numbers (unit: s, ms, min, ...) or dates as 2026-03-29T01:59:58.250Z (unit: iso8601);
-times of results are then seconds after an origin that is told and stands in the report.
+Time stamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
+(unit: iso8601); the times of results are then seconds after an origin that is printed and
+written into the report.
 """
 
 
@@ -32,7 +33,7 @@ def add_own_data(commands: Any) -> None:
     """`estimate`."""
     estimate = add_command(
         commands, "estimate", "own_data.commands:run",
-        "run an observer on a record of your own, or on lines as they come",
+        "run an observer on a record of your own, or on lines as they arrive",
     )  # fmt: skip
     estimate.formatter_class = argparse.RawDescriptionHelpFormatter
     estimate.epilog = _MORE
@@ -46,33 +47,37 @@ def add_own_data(commands: Any) -> None:
     estimate.add_argument(
         "--out", type=Path, metavar="FILE",
         help="estimates: .csv, .csv.gz or .parquet; with --example the specification: .yaml. "
-        "Folders are made",
+        "Missing folders are created",
     )  # fmt: skip
-    estimate.add_argument("--plot", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
+    estimate.add_argument("--plot", type=Path, metavar="FILE", help="a plot: .png, .pdf or .svg")
     estimate.add_argument(
-        "--report", type=Path, metavar="FILE", help="what became of the record, as JSON"
+        "--report", type=Path, metavar="FILE", help="what was done to the record, as JSON"
     )
     estimate.add_argument(
         "--stream", action="store_true",
-        help="read standard input, write one line a sample to standard output",
+        help="read standard input, write one line per sample to standard output",
     )  # fmt: skip
     estimate.add_argument(
         "--follow", action="store_true", help="the same with DATA, as it grows, until interrupted"
     )
     estimate.add_argument(
         "--idle", type=_seconds, default=math.inf, metavar="S",
-        help="end --follow after so many seconds without a line",
+        help="end --follow after this many seconds without a new line",
     )  # fmt: skip
     estimate.add_argument(
         "--state", type=Path, metavar="FILE",
-        help="of a stream: go on from there, if there is one, and leave one at the end",
+        help="for a stream: resume from this file if it is there, and write it at the end",
     )  # fmt: skip
     estimate.add_argument(
-        "--warm", action="store_true", help="compile first, and say when a stream may begin"
+        "--warm", action="store_true", help="compile first, and say when a stream can begin"
     )
     estimate.add_argument("--example", metavar="NAME", help="write a specification, see below")
     estimate.add_argument(
-        "--data", dest="record", type=Path, metavar="FILE", help="with --example: a record, too"
+        "--data",
+        dest="record",
+        type=Path,
+        metavar="FILE",
+        help="with --example: also write a record",
     )
 
 

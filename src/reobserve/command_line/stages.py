@@ -39,7 +39,7 @@ def _add_simulation(commands: Any) -> None:
     ledger.add_argument("paper", help="the name of a file in config/papers")
     ledger.add_argument(
         "--overrides", type=tree, default={}, metavar="JSON",
-        help='values to replace, as \'{"observers": {"sampled": {"K2": 1500}}}\'',
+        help='values to replace, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
     ledger.add_argument("--seed", type=whole(0), default=0, help="root of the random streams")
     add_output(ledger, "the ledger, JSON")
@@ -89,14 +89,16 @@ def _add_figures(commands: Any) -> None:
     _design_file(table, required=True)
     add_output(table, "the table, CSV")
 
-    metrics = add_command(commands, "metrics", "stages.metrics:run", "the numbers of a figure")
+    metrics = add_command(
+        commands, "metrics", "stages.metrics:run", "compute the numbers of a figure"
+    )
     _figure_inputs(metrics)
     add_output(metrics, "the table, CSV")
 
     plot = add_command(commands, "plot", "stages.plot:run", "draw a figure and write its caption")
     _figure_inputs(plot)
     plot.add_argument(
-        "--metrics-file", type=Path, required=True, help="by `reobserve stage metrics`"
+        "--metrics-file", type=Path, required=True, help="from `reobserve stage metrics`"
     )
     plot.add_argument("--template", type=Path, required=True, help="the caption's template")
     plot.add_argument("--caption", type=Path, required=True, help="where the caption goes")
@@ -104,18 +106,20 @@ def _add_figures(commands: Any) -> None:
         "--outputs", type=Path, nargs="+", required=True,
         help=f"files, in any of {', '.join(FORMATS)}",
     )  # fmt: skip
-    plot.add_argument("--style", type=Path, metavar="FILE", help="a style sheet of matplotlib's")
+    plot.add_argument("--style", type=Path, metavar="FILE", help="a matplotlib style sheet")
     plot.add_argument(
         "--no-notes", dest="notes", action="store_false", help="put the note into the caption"
     )
 
 
 def _add_evidence(commands: Any) -> None:
-    theory = add_command(commands, "theory", "stages.theory:run", "the numbers of a paper's theory")
+    theory = add_command(
+        commands, "theory", "stages.theory:run", "compute the numbers of a paper's theory"
+    )
     _ledger_file(theory)
     theory.add_argument(
         "--design-files", type=Path, nargs="*", default=[],
-        help="by `reobserve stage design`, in the order of the ledger",
+        help="from `reobserve stage design`, in the order of the ledger",
     )  # fmt: skip
     add_output(theory, "the table, CSV")
 
@@ -124,11 +128,11 @@ def _add_evidence(commands: Any) -> None:
         "decide a paper's claims over draws of what it leaves open",
     )  # fmt: skip
     _ledger_file(robustness)
-    most = "at most, for each claim"
+    most = "at most, per claim"
     robustness.add_argument("--draws", type=whole(1, 1_000_000), required=True, help=most)
     robustness.add_argument(
         "--no-flips", dest="flips", action="store_false",
-        help="do not look for the smallest change that turns a claim over, which takes longest",
+        help="skip the search for the smallest change that flips a claim, which takes longest",
     )  # fmt: skip
     _what_is_known(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
@@ -138,22 +142,22 @@ def _add_evidence(commands: Any) -> None:
         commands, "draw", "stages.draw:run", "make a chunk of these draws, for robustness to gather"
     )
     _ledger_file(draw)
-    draw.add_argument("chunk", help="the first and the last number of a draw, as 50-99")
+    draw.add_argument("chunk", help="the numbers of its first and last draw, such as 50-99")
     _what_is_known(draw)
     add_output(draw, "the draws, JSON")
     add_project(draw)
 
     sensitivity = add_command(
         commands, "sensitivity", "stages.sensitivity:run",
-        "draw specification curves and what decides the claims that depend",
+        "draw specification curves, and what decides the claims that depend on choices",
     )  # fmt: skip
     _ledger_file(sensitivity)
-    sensitivity.add_argument("robustness_file", type=Path, help="by `reobserve stage robustness`")
+    sensitivity.add_argument("robustness_file", type=Path, help="from `reobserve stage robustness`")
     told = "specification and sensitivity, in any of the formats"
     sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=told)
     add_project(sensitivity)
 
-    claims = add_command(commands, "claims", "stages.claims:run", "the verdicts on all claims")
+    claims = add_command(commands, "claims", "stages.claims:run", "decide all claims")
     claims.add_argument("paper", nargs="+", help="papers whose figures are built")
     claims.add_argument(
         "--results", type=Path, default=Path("results"), help="where they are (default: results)"
@@ -164,7 +168,7 @@ def _add_evidence(commands: Any) -> None:
     verdicts = add_command(
         commands, "verdicts", "stages.verdicts:run", "count verdicts; fail if a claim is broken"
     )
-    verdicts.add_argument("claims_file", type=Path, help="by `reobserve stage claims`")
+    verdicts.add_argument("claims_file", type=Path, help="from `reobserve stage claims`")
     add_output(verdicts, "the counts, Markdown")
 
     archive = add_command(
@@ -185,19 +189,21 @@ def _ledger_file(command: argparse.ArgumentParser) -> None:
 
 
 def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
-    text = "by `reobserve stage design`" + ("" if required else ", if the ledger names a design")
+    text = "from `reobserve stage design`" + ("" if required else ", if the ledger names a design")
     command.add_argument("--design-file", type=Path, required=required, metavar="FILE", help=text)
 
 
 def _what_is_known(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--kept", type=Path, help="draws that need not all be made again")
+    command.add_argument(
+        "--kept", type=Path, help="kept draws, not all of which need to be repeated"
+    )
     command.add_argument(
         "--chunk-files", type=Path, nargs="+", default=[], metavar="FILE",
-        help="by `reobserve stage draw`; draws that they lack are made here",
+        help="from `reobserve stage draw`; draws that they lack are made here",
     )  # fmt: skip
     command.add_argument(
         "--study-files", type=Path, nargs="+", default=[], metavar="FILE",
-        help="by `reobserve stage study`, in the order of the ledger; without them they are run",
+        help="from `reobserve stage study`, in the order of the ledger; else they are run here",
     )  # fmt: skip
 
 
@@ -205,12 +211,12 @@ def _figure_inputs(command: argparse.ArgumentParser) -> None:
     _ledger_file(command)
     command.add_argument("figure", help="a figure of the ledger")
     command.add_argument(
-        "--plant-file", type=Path, required=True, help="by `reobserve stage plant`"
+        "--plant-file", type=Path, required=True, help="from `reobserve stage plant`"
     )
     command.add_argument(
         "--estimate-files", type=Path, nargs="+", required=True,
-        help="by `reobserve stage observe`, in the order of the figure's observers",
+        help="from `reobserve stage observe`, in the order of the figure's observers",
     )  # fmt: skip
     command.add_argument(
-        "--study-file", type=Path, help="by `reobserve stage study`, if it has one"
+        "--study-file", type=Path, help="from `reobserve stage study`, if the figure has one"
     )
