@@ -116,6 +116,8 @@ def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any,
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
+    foretold = np.sqrt(np.diag(H @ expected @ H.T + R))
+    assert np.allclose(kalman.innovation_deviation(run.state), foretold, rtol=1e-9)
 
 
 def test_an_exact_model_without_noise_is_followed_from_any_start() -> None:

@@ -34,12 +34,31 @@ def test_of_many_gaps_the_first_are_listed_and_all_are_counted() -> None:
 
 
 def test_what_an_alarm_found() -> None:
-    told = {"rows": 4, "first": 1.5, "unit": "rad/s", "mean": 0.25, "threshold": 0.75}
+    told = {
+        "rows": 4,
+        "first": 1.5,
+        "unit": "rad/s",
+        "mean": 0.25,
+        "threshold": 0.75,
+        "learned": 40,
+        "ready": True,
+    }
     quiet = {"rows": 0, "first": None, "unit": "1", "mean": None, "threshold": 0.5}
     early = {"rows": 0, "first": None, "unit": "V", "mean": None, "threshold": None}
-    account = Account(rows=1, alarms={"odd": told, "quiet": quiet, "early": early})
+    blind = {**early, "learned": 1, "ready": True}
+    listed = {"odd": told, "quiet": quiet, "early": early, "blind": blind}
+    account = Account(rows=1, alarms=listed)
     assert [line.split("  ")[-1].strip() for line in as_table(account, 0.1).splitlines()[2:]] == [
-        "4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25",
+        "4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25, from 40 values",
         "none; threshold 0.5",
-        "no threshold yet: the record ends before the stretch that sets it",
+        "no threshold yet: the record ends before the stretch that sets it does",
+        "no threshold: 1 values in the stretch that sets it, 2 needed",
     ]
+
+
+def test_stamps_since_1970_are_told_to_the_millisecond() -> None:
+    account = Account(rows=2, first=1774749598.25, last=1774749599.75)
+    account.open_gap(1774749598.5)
+    told = as_table(account, 0.1)
+    assert "1774749598.250 to 1774749599.750 s" in told
+    assert "1774749598.500 s to the end" in told

@@ -13,7 +13,7 @@ import pytest
 
 from reobserve.errors import InputError
 from reobserve.own_data.account import Account
-from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.commands import estimate_file, estimate_stream
 from reobserve.own_data.dates import nanoseconds, spelled
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.row_by_row import RowByRow
@@ -101,6 +101,20 @@ def test_a_stream_of_dates_stops_and_goes_on(expected: bytes, tmp_path: Path) ->
             reader = RowByRow(estimation, ["t", "v"])
         out += reader.read(line)
     assert (out + reader.finish()).encode() == expected
+
+
+def test_a_stream_tells_at_once_what_its_times_count_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = rows(SPELLINGS["summer time comes"])
+    (tmp_path / "r.csv").write_text("t,v\n" + "".join(lines[:5]))
+    put = "reobserve.own_data.commands._put"
+    told: list[tuple[str, str]] = []
+    monkeypatch.setattr(put, lambda text: told.append((text, capsys.readouterr().err)))
+    estimate_stream(chosen("iso8601"), tmp_path / "r.csv")
+    said = [err for _, err in told]
+    assert said[:3] == ["", "", "reobserve: time counts from 2026-03-29T00:59:58Z\n"]
+    assert not any(said[3:])
 
 
 def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -> None:

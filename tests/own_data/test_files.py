@@ -179,6 +179,63 @@ def test_what_would_mislead_is_told(tmp_path: Path) -> None:
     assert any("fault_matrix has rank 2 of 3" in told for told in made.account.warnings)
 
 
+UNFORESEEN = "wrong, or there is a fault from early on"
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "factor", "said"),
+    [
+        ("kalman", "speed", 6.0, "times what the filter foretells in the second half of the first"),
+        ("kalman", "speed", 0.0, "times what the filter foretells in the second half of the first"),
+        ("augmented-kalman", "speed", 0.0, "times what the filter foretells"),
+        ("fixed-gain", "speed", -1.0, "% of what is measured in the second half of the first 1001"),
+        ("luenberger", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
+        ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
+    ],
+)
+def test_a_record_that_contradicts_the_model_is_told(
+    name: str, column: str, factor: float, said: str, tmp_path: Path
+) -> None:
+    """Another unit (degrees a second for turns a minute), a sensor that is dead or turned round."""
+    columns = simulated(name).record()
+    good = estimate_file(specification(name), write_record(tmp_path / "r.csv", columns),
+                         tmp_path / "e.csv")  # fmt: skip
+    assert not any(UNFORESEEN in told for told in good.account.warnings)
+    columns[column] = factor * columns[column]
+    bad = estimate_file(specification(name), write_record(tmp_path / "r.csv", columns),
+                        tmp_path / "e.csv")  # fmt: skip
+    found = [told for told in bad.account.warnings if UNFORESEEN in told]
+    assert any(told.startswith("residual speed: it is ") and said in told for told in found)
+
+
+def test_a_residual_that_dies_away_over_a_sensor_at_rest_is_no_contradiction(
+    tmp_path: Path,
+) -> None:
+    columns = {name: values[:400] for name, values in simulated("luenberger").record().items()}
+    rest = {name: values if name == "t" else 0.0 * values for name, values in columns.items()}
+    record = write_record(tmp_path / "r.csv", rest)
+    chosen = specification("luenberger", observer={"start": {"mean": [5.0, 1.0], "covariance": 1}})
+    made = estimate_file(chosen, record, tmp_path / "e.csv")
+    residual = read_results(tmp_path / "e.csv")[0]["residual speed"]
+    assert abs(residual[0]) > 1.0
+    assert 0.0 < np.abs(residual[200:]).max() < 1e-3
+    assert not any(UNFORESEEN in told for told in made.account.warnings)
+
+
+def test_a_threshold_that_was_learned_from_few_values_is_told(tmp_path: Path) -> None:
+    columns = simulated("kalman").record()
+    columns["speed"][101:390] = np.nan
+    alarm = [{"name": "odd", "of": "residual speed", "sigma": 5, "since": 1.0, "until": 4.0}]
+    chosen = specification("kalman", alarms=alarm)
+    made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
+    learned = made.account.alarms["odd"]["learned"]
+    assert learned == 12  # rows 100 and 390 to 400
+    assert (
+        f"alarm odd: its threshold is learned from {learned} values, fewer than 20; a longer "
+        in ("".join(made.account.warnings))
+    )
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

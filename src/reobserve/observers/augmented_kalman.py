@@ -170,6 +170,10 @@ class AugmentedKalmanFilter(Observer[State]):
         spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
         return self._kalman.init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
 
+    def innovation_deviation(self, state: State) -> Array:
+        """As `reobserve.observers.linear_filter.LinearFilter.innovation_deviation`."""
+        return self._kalman.innovation_deviation(state)
+
     def _checked(self, state: Any) -> State:
         return self._kalman._checked(state)
 

@@ -179,6 +179,20 @@ class LinearFilter(Observer[State]):
         )
         return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
 
+    def innovation_deviation(self, state: State) -> Array:
+        """The standard deviations of the next row's innovation, shape (m,), if the model is right.
+
+        Raises
+        ------
+        InputError
+            If the state is not one of this filter.
+        DivergenceError
+            As `predict` and `correct`.
+        """
+        ahead = self.predict(self._checked(state).belief, np.zeros(self.inputs))
+        one = self.correct(ahead, np.zeros(self.measurements), np.zeros(self.inputs))
+        return np.sqrt(np.diag(one.innovation_covariance))
+
     def predict(self, belief: Belief, u: ArrayLike = ()) -> Belief:
         """Time update with the input that is held over the step, shape (p,).
 

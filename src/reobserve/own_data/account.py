@@ -58,6 +58,11 @@ class Account:
         if more:
             table[name] = table.get(name, 0) + int(more)
 
+    def warn(self, sentence: str) -> None:
+        """Keep a warning, once."""
+        if sentence not in self.warnings:
+            self.warnings.append(sentence)
+
     def open_gap(self, start: float) -> None:
         """A gap begins after the sample at ``start``."""
         self.gap_count += 1
@@ -90,7 +95,7 @@ def as_table(account: Account, period: float) -> str:
     lines = [("rows read", f"{account.rows}")]
     if account.first is not None and account.last is not None:
         since = "" if account.origin is None else f" after {spelled(account.origin)}"
-        lines.append(("time", f"{account.first:.6g} to {account.last:.6g} s{since}"))
+        lines.append(("time", f"{_time(account.first)} to {_time(account.last)} s{since}"))
     if account.mean_interval is not None:
         told = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
         lines.append(("sampling period", told))
@@ -114,8 +119,9 @@ def as_table(account: Account, period: float) -> str:
             listed = ", ".join(f"{column} {count}" for column, count in table.items())
             lines.append((name, listed))
     for start, end in account.gaps[:5]:
-        ending = "the end" if end is None else f"{end:.6g} s"
-        lines.append(("gap", f"{start:.6g} s to {ending}"))
+        begun = "the start" if start is None else f"{_time(start)} s"
+        ending = "the end" if end is None else f"{_time(end)} s"
+        lines.append(("gap", f"{begun} to {ending}"))
     if account.gap_count > 5:
         lines.append(("gaps in all", str(account.gap_count)))
     if account.restarts:
@@ -129,13 +135,20 @@ def as_table(account: Account, period: float) -> str:
     return "\n".join(said + [f"  warning: {warning}" for warning in account.warnings])
 
 
+def _time(seconds: float) -> str:
+    """Six digits, or milliseconds where those of seconds are more: stamps may count since 1970."""
+    return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
+
+
 def _told(alarm: Mapping[str, Any]) -> str:
     if alarm.get("threshold") is None:
-        return "no threshold yet: the record ends before the stretch that sets it"
+        if alarm.get("ready"):
+            return f"no threshold: {alarm['learned']} values in the stretch that sets it, 2 needed"
+        return "no threshold yet: the record ends before the stretch that sets it does"
     unit = alarm["unit"] if alarm["unit"] != "1" else ""
     origin = f"threshold {alarm['threshold']:.4g} {unit}".rstrip()
     if alarm.get("mean") is not None:
-        origin += f" off {alarm['mean']:.4g}"
+        origin += f" off {alarm['mean']:.4g}, from {alarm['learned']} values"
     if alarm.get("first") is None:
         return f"none; {origin}"
-    return f"{alarm['rows']} rows, first at {alarm['first']:.6g} s; {origin}"
+    return f"{alarm['rows']} rows, first at {_time(alarm['first'])} s; {origin}"

@@ -16,6 +16,7 @@ from reobserve.own_data.specification import LearnedThreshold, StatedThreshold
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
+FEW = 20  # values, whose standard deviation is itself off by a sixth
 
 
 @dataclass
@@ -55,8 +56,15 @@ class Alarm:
             self.name, {"rows": 0, "first": None, "unit": self.unit, "mean": None}
         )
         told["threshold"] = self.threshold
-        if isinstance(self.rule, LearnedThreshold) and self.threshold is not None:
-            told["mean"] = self.mean
+        if isinstance(self.rule, LearnedThreshold):
+            told["learned"], told["ready"] = self.learned, self.ready
+            if self.threshold is not None:
+                told["mean"] = self.mean
+                if self.learned < FEW:
+                    account.warn(
+                        f"alarm {self.name}: its threshold is learned from {self.learned} values, "
+                        f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
+                    )
         rows = np.flatnonzero(found == 1.0)
         told["rows"] += len(rows)
         if len(rows) and told["first"] is None:

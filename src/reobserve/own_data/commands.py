@@ -13,7 +13,8 @@ from typing import Any
 
 from reobserve.errors import InputError, shown
 from reobserve.own_data import state_file
-from reobserve.own_data.account import as_json, as_table
+from reobserve.own_data.account import Account, as_json, as_table
+from reobserve.own_data.dates import spelled
 from reobserve.own_data.estimation import Estimated, Estimation
 from reobserve.own_data.head import Head
 from reobserve.own_data.misleading import misleading
@@ -139,7 +140,7 @@ def _blocks(estimation: Estimation, file: File, picture: Picture | None) -> Iter
     if not estimation.account.estimates:
         raise InputError(str(file.path), "has no row from which the observer could start")
     for sentence in misleading(estimation, head):
-        estimation.warn(sentence)
+        estimation.account.warn(sentence)
 
 
 def estimate_stream(
@@ -188,9 +189,10 @@ def estimate_stream(
                 lines.offset = offset
         else:
             _put(header(estimation.titles))
-        for line in lines:
-            if line.strip():
-                _put(rows.read(line))
+        dated = False
+        for line in filter(str.strip, lines):
+            _put(rows.read(line))
+            dated = dated or _tell_origin(estimation.account)
         if state is not None:
             rows.settle()
             offset = None if data is None else lines.offset
@@ -201,6 +203,14 @@ def estimate_stream(
         told = as_json(estimation.account, {"record": place})
         write_text(report, json.dumps(told, indent=1) + "\n")
     print(as_table(estimation.account, specification.sampling.period), file=sys.stderr)
+
+
+def _tell_origin(account: Account) -> bool:
+    """What time counts from, as soon as it is known: who reads along must be able to date rows."""
+    if account.origin is None:
+        return False
+    print(f"reobserve: time counts from {spelled(account.origin)}", file=sys.stderr, flush=True)
+    return True
 
 
 def _put(lines: str) -> None:

@@ -164,11 +164,6 @@ class Estimation:
         self.account.estimates += len(time)
         return Estimated(time, numbers, raised, status)
 
-    def warn(self, sentence: str) -> None:
-        """Keep a warning, once."""
-        if sentence not in self.account.warnings:
-            self.account.warnings.append(sentence)
-
     @property
     def titles(self) -> list[str]:
         """Those of the results: time, estimates, residuals, alarms, status."""

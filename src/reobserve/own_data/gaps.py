@@ -149,7 +149,7 @@ class Gaps:
         else:
             others = "restart or coast" if self.reads_missing else "restart"
             problem = (
-                f"from {self.last:.9g} s on for longer than sampling.gap, {sampling.longest:g} s; "
+                f"from {self.last:.14g} s on for longer than sampling.gap, {sampling.longest:g} s; "
                 f"sampling.at_gap says refuse, it may say {others}"
             )
         raise InputError(self.place, f"{listed} missing {problem}")

@@ -12,6 +12,12 @@ Excitation: an observer of a delay that switches itself off for want of it does 
 Settling: the observer starts a second time, as after a gap, in the middle of the rows. Where the
 two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
 than three times what noise does, the record is too short to forget how it began.
+
+Consistency: a filter foretells how far its innovations spread. Where they spread over the second
+half, in the root mean square, more than five times as far, the record contradicts the model. Where
+an observer foretells no spread, its residual is compared with what is measured: it contradicts the
+model if it is more than half of that, more than five times the noise, and does not die away (more
+than a hundredth of its greatest value is left).
 """
 
 from __future__ import annotations
@@ -32,6 +38,9 @@ Array = NDArray[np.float64]
 _LEAST_ROWS = 40
 _SHARE_OF_NOISE = 0.5
 _APART = 0.05
+_SPREADS = 5.0
+_SHARE_UNFORESEEN = 0.5
+_LEFT = 0.01
 _SEED = 20
 
 
@@ -44,12 +53,13 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            whole = _columns(estimation, y, u)
+            run = _run(estimation, y, u)
+            whole = estimation.outputs.numbers(y, run.estimates)
             later = _columns(estimation, y[len(y) // 2 :], u[len(u) // 2 :])
             noisy = _columns(estimation, y + _noise(y), u)
+            found = _contradicted(estimation, y, run)
     except ReobserveError:
         return ["the observer diverges where it starts elsewhere or with more noise"]
-    found = []
     off = [c for c, one in enumerate(estimation.outputs.columns) if one.estimate == "switched_off"]
     if off and whole[1:, off[0]].min() >= 1.0:
         found.append(
@@ -83,23 +93,64 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
     return found
 
 
+def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
+    """A sentence for each measurement that is far from what the observer foretold."""
+    setup, layout = estimation.setup, estimation.layout
+    if setup.residual is None:
+        return []
+    half = len(y) // 2
+    residual, noise = setup.residual(y, run.estimates), _noise_sizes(y)
+    spread = None if setup.spread is None else setup.spread(run.state)
+    found = []
+    names = layout.names[layout.timed :][: residual.shape[1]]
+    for c, name in enumerate(names):
+        off = _size(residual[half:, c])
+        if spread is not None:
+            contradicted = off > _SPREADS * spread[c]
+            than = f"{off / spread[c]:.0f} times what the filter foretells"
+        else:
+            measured = _size(y[half:, c])
+            greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
+            least = (_SHARE_UNFORESEEN * measured, _SPREADS * noise[c], _LEFT * greatest)
+            contradicted = off > max(least)
+            than = f"{_percent(off, measured)} of what is measured"
+        if contradicted:
+            found.append(
+                f"residual {name}: it is {than} in the second half of the first {len(y)} rows; a "
+                "unit, a sign, the model or the sensor is wrong, or there is a fault from early on"
+            )
+    return found
+
+
+def _size(values: Array) -> float:
+    """The root mean square of what there is; 0 of nothing."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+
+
+def _run(estimation: Estimation, y: Array, u: Array) -> Any:
+    return estimation.observer.run(y, u, state=estimation.setup.start(y[0]))
+
+
 def _columns(estimation: Estimation, y: Array, u: Array) -> Array:
-    state = estimation.setup.start(y[0])
-    run: Any = estimation.observer.run(y, u, state=state)
-    return estimation.outputs.numbers(y, run.estimates)
+    return estimation.outputs.numbers(y, _run(estimation, y, u).estimates)
 
 
 def _noise(y: Array) -> Array:
-    """Noise like that of the measurements: of white noise second differences have 6 variances."""
-    random = np.random.default_rng(_SEED)
-    noise = random.normal(size=y.shape)
+    """Noise like that of the measurements."""
+    return np.random.default_rng(_SEED).normal(size=y.shape) * _noise_sizes(y)
+
+
+def _noise_sizes(y: Array) -> Array:
+    """The deviation of each column's noise: of white noise second differences have 6 variances."""
+    sizes = np.zeros(y.shape[1])
     for c in range(y.shape[1]):
         bends = np.diff(y[:, c], 2)
         bends = bends[np.isfinite(bends)]
         # The median, so that jumps and outliers are no noise; 0.6745 of a deviation.
-        size = float(np.median(np.abs(bends))) / 0.6745 / np.sqrt(6.0) if len(bends) else 0.0
-        noise[:, c] *= size
-    return noise
+        if len(bends):
+            sizes[c] = float(np.median(np.abs(bends))) / 0.6745 / np.sqrt(6.0)
+    return sizes
 
 
 def _percent(part: float, whole: float) -> str:

@@ -120,7 +120,7 @@ class Stamps:
             row = at + len(time) - len(steps)
             raise InputError(
                 self.place,
-                f"row {rows + row + 1}: the stamp goes on by {steps[at]:.6g} s to {time[row]:.9g} "
+                f"row {rows + row + 1}: the stamp goes on by {steps[at]:.6g} s to {time[row]:.14g} "
                 f"s, which is {steps[at] / period:.4g} sampling periods of {period:g} s; with "
                 "sampling.uneven: linear, previous or pchip the record is resampled",
             )

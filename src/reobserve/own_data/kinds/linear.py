@@ -202,6 +202,7 @@ class AugmentedKalman:
             observer, lambda y: begin(), _innovation,
             sigmas={"state": "variance", "unknown_input": "unknown_input_variance"},
             left_out=("variance", "unknown_input_variance", "innovation", "log_likelihood"),
+            spread=observer.innovation_deviation,
         )  # fmt: skip
 
 
@@ -294,9 +295,11 @@ def linear_setup(observer: Observer[Any], start: Callable[[Array], Any]) -> Setu
     model = getattr(observer, "model", None)
     unseen = _unseen(model, "model") if isinstance(model, LinearModel) else ()
     fixed = isinstance(observer, FixedGainObserver)
+    spread = observer.innovation_deviation if isinstance(observer, LinearFilter) else None
     return Setup(
         observer, start, _innovation, sigmas={} if fixed else {"state": "variance"},
         left_out=("variance", "innovation", "log_likelihood"), unseen=unseen,
+        spread=None if fixed else spread,
     )  # fmt: skip
 
 

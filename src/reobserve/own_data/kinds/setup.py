@@ -42,6 +42,9 @@ class Setup:
         Whether inputs keep their value between samples; else they are smooth.
     unseen
         What the observer cannot tell, as sentences.
+    spread
+        The standard deviations that the observer foretells for the next residual, shape (p,), from
+        the state after a run; None if it foretells none.
     """
 
     observer: contract.Observer[Any]
@@ -56,6 +59,7 @@ class Setup:
     widths: tuple[tuple[int, ...], tuple[int, ...]] | None = None
     holds_inputs: bool = True
     unseen: tuple[str, ...] = ()
+    spread: Callable[[Any], Array] | None = None
 
     @property
     def columns(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
