@@ -179,7 +179,7 @@ def estimate_stream(
         first = next(iter(lines), "")
         if not first:
             raise InputError(place, "is empty, must begin with the titles of the columns")
-        columns = titles(first.encode(), specification.columns.separator)
+        columns = titles(first.encode(), specification.columns.separator, place)
         estimation = Estimation(specification, columns, place)
         rows = RowByRow(estimation, columns)
         if resumed and state is not None:

@@ -67,7 +67,7 @@ class File:
                     if not chunk:
                         break
                     first += chunk
-            return titles(bytes(first).partition(b"\n")[0], self.separator)
+            return titles(bytes(first).partition(b"\n")[0], self.separator, str(self.path))
 
     def blocks(
         self, columns: Sequence[str], dated: str = "", account: Account | None = None
@@ -179,8 +179,8 @@ class File:
             raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
 
 
-def titles(line: bytes, separator: str) -> list[str]:
-    """The titles in the first line of a text.
+def titles(line: bytes, separator: str, place: str) -> list[str]:
+    """The titles in the first line of a text, which is called ``place`` in messages.
 
     Raises
     ------
@@ -191,9 +191,9 @@ def titles(line: bytes, separator: str) -> list[str]:
         text = line.decode("utf-8-sig").strip("\r\n")
     except UnicodeDecodeError as error:
         raise InputError(
-            "header", f"cannot be read (byte {error.start + 1} is not UTF-8)"
+            place, f"its header cannot be read (byte {error.start + 1} is not UTF-8)"
         ) from None
     found = [title.strip() for row in csv.reader([text], delimiter=separator) for title in row]
     if not any(found):
-        raise InputError("header", "is empty, must name the columns")
+        raise InputError(place, "its header is empty, must name the columns")
     return found
