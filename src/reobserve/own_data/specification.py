@@ -109,11 +109,12 @@ class Columns:
             raise InputError("measurements", "are none, must be one or more")
         if self.separator == self.decimal:
             raise InputError("decimal", "must be another than the separator")
-        named = [one.column for one in (*self.measurements, *self.inputs)]
-        named += [self.time.column] if self.time.column else []
-        for name in named:
-            if named.count(name) > 1:
-                raise InputError("columns", f"take {shown(name)} twice")
+        named = [self.time.column]
+        for place in ("measurements", "inputs"):
+            for one in getattr(self, place):
+                if one.column in named:
+                    raise InputError(place, f"take the column {shown(one.column)} a second time")
+                named.append(one.column)
 
 
 @dataclass(frozen=True)
