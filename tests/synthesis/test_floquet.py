@@ -130,6 +130,14 @@ def test_a_fundamental_matrix_that_overflows_is_refused() -> None:
         floquet_exponents(cycle, huge)
 
 
+@pytest.mark.parametrize("shape", [(3, 2, 2), (4, 2, 3), (0, 2, 2), ()])
+def test_jacobians_of_a_wrong_shape_are_refused(shape: tuple[int, ...]) -> None:
+    said = f"jacobians: has shape {shape}, must be (2 m, n, n)"
+    with pytest.raises(InputError) as error:
+        floquet_exponents(van_der_pol_cycle(), np.ones(shape))
+    assert str(error.value) == said
+
+
 def test_a_cycle_that_is_a_circle() -> None:
     """x' = J x + x (1 - |x|^2) turns once in 2 pi on the unit circle and comes to it as e^-2t."""
     circle = system(
