@@ -276,8 +276,16 @@ def test_limits_differ_where_something_jumps_and_nowhere_else() -> None:
 def test_the_wrong_sign_of_the_integral_diverges() -> None:
     loop = ControlledMotor(MOTOR, SpeedControl([3.02125, 3.0], 84.375), **MATRICES)
     nothing = np.zeros((2000, 2)), np.zeros((2000, 1))
-    with pytest.raises(DivergenceError, match="motor diverged: its state is finite up to t = "):
-        loop.simulate(constant(1.0), NOTHING, NOTHING, *nothing, 1.0)
+    with pytest.raises(
+        DivergenceError, match="motor diverged: its state is finite up to t = "
+    ) as e:
+        loop.simulate(constant(2.0), NOTHING, NOTHING, *nothing, 1.0)
+    begun = np.zeros((50, 2)), np.zeros((50, 1))
+    early = loop.simulate(constant(2.0), NOTHING, NOTHING, *begun, 1.0).state
+    sizes = np.log(np.abs(early[-2:]).max(axis=1))
+    left = (np.log(np.finfo(float).max) - sizes[1]) / (sizes[1] - sizes[0])
+    assert 0.35 < left % 1.0 < 0.95, "so that neither rounding nor the other states decide"
+    assert e.value.time == 50 + np.floor(left)
 
 
 # --- Holds --------------------------------------------------------------------------------------
