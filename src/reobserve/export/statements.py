@@ -24,8 +24,8 @@ class Assign:
 
     target: Name
     value: Expression
-    symmetric: bool = False
-    shown: bool = True
+    symmetric: bool
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Apply:
     target: Name
     function: str
     arguments: tuple[Name, ...]
-    shown: bool = True
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Cholesky:
 
     target: Name
     matrix: Name
-    shown: bool = True
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class SolveRight:
     target: Name
     right: Name
     factor: Name
-    shown: bool = True
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class SolveLower:
     target: Name
     factor: Name
     right: Name
-    shown: bool = True
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class Advance:
     """A counter that is a state goes on by one, and starts again at ``period``."""
 
     target: Name
-    period: int | None = None
-    shown: bool = True
+    period: int | None
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class SetCounter:
 
     target: Name
     value: int
-    shown: bool = True
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +91,9 @@ class When:
 
     condition: str
     then: Sequence[Statement]
-    otherwise: Sequence[Statement] = ()
-    said: str = ""  # the condition in LaTeX
-    shown: bool = True
+    otherwise: Sequence[Statement]
+    said: str  # the condition in LaTeX
+    shown: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class ForEach:
     variable: str
     count: int
     body: Sequence[Statement]
-    shown: bool = True
+    shown: bool
 
 
 Statement: TypeAlias = (
@@ -192,7 +192,8 @@ class Program:
     def estimate(self, name: str, value: Expression, symbol: str = "", size: float = 0.0) -> None:
         """Tell the value of an estimate; see `Variable`."""
         self.estimates[name] = Variable(np.zeros(value.shape), symbol or name, size=size)
-        self._add(Assign(Name(estimate_name(name), value.shape), value, shown=False))
+        target = Name(estimate_name(name), value.shape)
+        self._add(Assign(target, value, symmetric=False, shown=False))
 
     def local(self, name: str, shape: Shape, symbol: str = "") -> Name:
         """A variable of the step itself, or of one of its functions."""
