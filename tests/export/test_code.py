@@ -22,6 +22,9 @@ from tests.export.cases import NAMES, columns_of, observer_of
 
 SIGNALS = ("as measured", "as applied")
 
+# What makers of embedded software ask for beyond the flags that are printed.
+STRICT = "-Wconversion -Wdouble-promotion -Wshadow -Wmissing-prototypes -Wcast-qual -Wundef".split()
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -63,7 +66,7 @@ def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> Non
     write(name, folder)
     c = name.replace("-", "_")
     command = c_test.COMPILE.format(name=c).split()
-    done = ran(folder, *command, "-o", c)
+    done = ran(folder, *command, *STRICT, "-o", c)
     assert (done.returncode, done.stderr) == (0, "")
     tested = ran(folder, f"./{c}")
     assert tested.returncode == 0, tested.stdout

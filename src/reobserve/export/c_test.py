@@ -37,7 +37,7 @@ static double off(const double *found, const double *expected, int32_t size)
         const double apart = fabs(found[i] - expected[i]);
         const int32_t both = (isnan(found[i]) != 0) && (isnan(expected[i]) != 0);
         if (both == 0 && !(apart <= most)) {{
-            most = isnan(apart) ? INFINITY : apart;
+            most = isnan(apart) ? HUGE_VAL : apart;
         }}
     }}
     return most;
