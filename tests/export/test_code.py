@@ -23,7 +23,14 @@ from tests.export.cases import NAMES, columns_of, observer_of
 SIGNALS = ("as measured", "as applied")
 
 # What makers of embedded software ask for beyond the flags that are printed.
-STRICT = "-Wconversion -Wdouble-promotion -Wshadow -Wmissing-prototypes -Wcast-qual -Wundef".split()
+STRICT = [
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wmissing-prototypes",
+    "-Wcast-qual",
+    "-Wundef",
+]
 
 
 @pytest.fixture(scope="module")
