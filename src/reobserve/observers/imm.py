@@ -195,10 +195,9 @@ class IMM(Observer[State]):
         each = centre if centre.ndim == 2 else np.tile(centre, (r, 1))
         if each.shape != (r, n):
             raise InputError("mean", f"has shape {centre.shape}, must be ({n},) or ({r}, {n})")
-        wide = spread if spread.ndim == 3 else [spread] * r
-        if len(wide) != r:
+        if spread.ndim == 3 and len(spread) != r:
             raise InputError(
-                "covariance", f"has {len(wide)} parts, must be one, or {r} like filters"
+                "covariance", f"has {len(spread)} parts, must be one, or {r} like filters"
             )
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
         mu = as_vector("probabilities", chosen, r)
@@ -207,7 +206,10 @@ class IMM(Observer[State]):
                 "probabilities",
                 f"{shown(mu.tolist())} must be 0 or more and sum to 1, not {mu.sum():g}",
             )
-        spreads = np.array([as_covariance("covariance", one, n) for one in wide])
+        if spread.ndim == 3:
+            spreads = np.array([as_covariance("covariance", one, n) for one in spread])
+        else:
+            spreads = np.tile(as_covariance("covariance", spread, n), (r, 1, 1))
         with np.errstate(divide="ignore"):
             logarithms = np.log(mu)
         held = sample_before(u, m, inputs)

@@ -25,7 +25,7 @@ from reobserve.observers.imm_loop import mixing_probabilities, update_probabilit
 from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.setup import run, start
+from reobserve.papers.imm.setup import run, start_alone
 from reobserve.papers.imm.study_rows import CUSUM, GLR, UNMIXED
 
 Array = NDArray[np.float64]
@@ -81,8 +81,7 @@ def likelihoods(bank: Bank, mode: int, measured: Array, held: Array) -> Array:
     """Log-likelihoods of a record, shape (k,), by the filter of one mode, which runs alone."""
     one, observer = bank
     alone = cast(LinearFilter, one.filters[mode])
-    belief = start(one, observer).beliefs[mode]
-    begin = alone.init(belief.mean, belief.covariance, u=held[:1])
+    begin = start_alone(alone, observer, held[0])
     control = np.append(held[1:], held[-1:])
     return np.asarray(alone.run(measured, control, state=begin)["log_likelihood"])
 

@@ -16,6 +16,7 @@ from reobserve.numerics.matrices import as_vector
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.linear_filter import State as FilterState
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
@@ -172,6 +173,11 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
         return chosen.init(rest, observer.initial_covariance, certain, u=held)
+
+
+def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> FilterState:
+    """The same of one filter of a bank, which runs alone."""
+    return one.init(np.zeros(one.model.states), observer.initial_covariance, u=held)
 
 
 @contextmanager
