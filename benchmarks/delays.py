@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 HORIZON, STEP = 120.0, 1e-3
 STEPS = round(HORIZON / STEP)
-_AIM = 0.5  # of C
+_AIM = 0.6  # of C
 _START = ([0.87, 0.0], [0.0, 0.0], 0.3)  # x(0), x^(0), tau^(0)
 _BOUNDS, _ORDER = (0.0, 1.5), 2
 
@@ -115,7 +115,7 @@ def _plant_against_c(section: Section, library: ctypes.CDLL, repeats: int) -> No
     )  # fmt: skip
     whole = partial(DelayedInputPlant(model).simulate, _START[0], control, _DELAY, STEP, STEPS)
     loop = partial(
-        _simulate, model.drift, model.input_gain, model.parameters, inputs, STEP, states
+        _simulate, model.drift, model.input_gain, model.parameters, (0, 0), inputs, STEP, states
     )  # fmt: skip
     times_taken = interleaved({"loop": loop, "simulate": whole, "C": call}, repeats)
     ours, theirs = times_taken["loop"], times_taken["C"]

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Peer = Callable[[], Found]
 
 STEPS, MANY = 10_000, 100_000
-_SHARE_OF_C, _TIMES_FILTERPY = 0.4, 500.0  # the aims
+_SHARE_OF_C, _TIMES_FILTERPY = 0.6, 500.0  # the aims
 _TOLERANCE = 1e-9
 _LABELS = {"kalman": "KF-IMM", "switching": "SVSF-IMM"}
 # What a C programmer would say: contraction is then up to the compiler.

@@ -16,6 +16,8 @@ from numba.core.sigutils import normalize_signature
 
 from reobserve.numerics.kernel_cache import cache_for, usable_folder
 
+_MARKS = (b"@kernel", b"@inlined_kernel", b"intrinsic(_")  # of what is compiled
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # Functions as arguments are what numba calls experimental, each time that it compiles with them.
@@ -80,6 +82,6 @@ def _cache_folder() -> Path | None:
     whole = hashlib.sha256(numba.__version__.encode())
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel" in source or b"@inlined_kernel" in source:
+        if any(mark in source for mark in _MARKS):
             whole.update(source)
     return usable_folder(package, f"kernels-{whole.hexdigest()[:16]}")

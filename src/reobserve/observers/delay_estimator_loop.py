@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import Law, kernel
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.fixed_step import Samples
@@ -92,7 +93,7 @@ def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Ar
     u, rate = past_input(
         task.right, task.left, task.first + 2 * k, fraction, values[0] / task.step, task.step
     )
-    law(values, task.parameters, x, u, rate, out)
+    call(law, (values, task.parameters, x, u, rate, out))
 
 
 @kernel

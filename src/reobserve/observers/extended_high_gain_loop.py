@@ -10,8 +10,8 @@ inside), three of a part of it, and one of any instant. Points stand in rows of 
 
 What makes the loop fast: G is asked for once a row and not at each stage. ``size`` is a tuple of n
 zeros, whose length the compiler knows, so that it can write short loops out. Nothing on the usual
-way can raise: else numba would count references to each array at each call, and in loops as short
-as these that is most of the time. Tables are passed with the number of a row, not by views of rows.
+way can raise, see `reobserve.numerics.direct_call`. Tables are passed with the number of a row, not
+by views of rows.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -43,30 +42,13 @@ Model = tuple[Any, Any, Array]  # drift, input gain and the parameters of both
 Room = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
 
 
-def _call(_: Any, field: Any, x: Any, parameters: Any, out: Any) -> Any:
-    """How numba is to compile ``_evaluate(field, x, parameters, out)`` for a vector field."""
-    if not isinstance(field, types.FunctionType):
-        return None
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = context.get_value_type(signature.args[0].ftype)
-        builder.call(builder.bitcast(builder.extract_value(args[0], 0), kind), args[1:])
-        return context.get_dummy_value()
-
-    return types.void(field, x, parameters, out), generate
-
-
-# Written as a call, a vector field could raise: numba does not know that it has an address.
-_evaluate: Any = intrinsic(_call)
-
-
 @kernel
 def _add_gain(
     input_gain: Any, parameters: Array, at: Array, row: int, y: Array, gain: Array
 ) -> None:
     """Put G(y) at the end of a row."""
     y[0] = at[row, 0]
-    _evaluate(input_gain, y, parameters, gain)
+    call(input_gain, (y, parameters, gain))
     at[row, at.shape[1] - 1] = gain[0]
 
 
@@ -149,7 +131,7 @@ def _runge_kutta(
         row = base + (stage + 1) // 2
         ahead = h if stage == 2 else 0.5 * h
         weight = 2.0 if stage in (1, 2) else 1.0
-        _evaluate(drift, x, parameters, f)
+        call(drift, (x, parameters, f))
         # As `_seen`, whose call could raise for numba.
         total, factor = 0.0, -1.0
         for i in range(1, order + 1):

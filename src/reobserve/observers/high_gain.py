@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.arguments import as_kind
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
@@ -146,14 +147,14 @@ def _run(
             measured[j], known[j] = record.output[2 * k + j], record.delayed_input[2 * k + j]
         measured[2], known[2] = record.output_before[2 * k + 2], record.input_before[2 * k + 2]
         for j in range(3):
-            input_gain(measured[j : j + 1], parameters, driven[j : j + 1])
+            call(input_gain, (measured[j : j + 1], parameters, driven[j : j + 1]))
         for stage in range(4):
             place = (stage + 1) // 2
             for i in range(n):
                 x[i] = rows[k, i]
                 if stage > 0:
                     x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
-            drift(x, parameters, f)
+            call(drift, (x, parameters, f))
             error = x[0] - measured[place]
             for i in range(n):
                 slopes[stage, i] = f[i] - gain[i] * error

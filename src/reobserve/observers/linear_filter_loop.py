@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.models.linear import ModelArrays
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import Law, inlined_kernel, kernel
 
 Array = NDArray[np.float64]
@@ -277,7 +278,7 @@ def correct(
     if law is None:
         kalman_gain(outputs, factor, work)
     else:
-        law(work.cross, factor, innovation, error, parameters, work.gain)
+        call(law, (work.cross, factor, innovation, error, parameters, work.gain))
     for a in range(len(states)):
         for o in range(len(outputs)):
             if math.isnan(innovation[o]):

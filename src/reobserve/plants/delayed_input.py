@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from reobserve.errors import DivergenceError, InputError
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.arguments import as_kind, as_whole
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.matrices import as_floats, as_positive, as_scalar, as_vector
 from reobserve.timeseries.signals import SAME_INSTANT, Array, Signal
@@ -75,7 +76,10 @@ class DelayedInputPlant:
         states = np.empty((steps + 1, len(start)))
         states[0] = start
         model = self.model
-        finite = _simulate(model.drift, model.input_gain, model.parameters, inputs, step, states)
+        size = (0,) * model.states
+        finite = _simulate(
+            model.drift, model.input_gain, model.parameters, size, inputs, step, states
+        )
         if finite < steps:
             raise DivergenceError("plant", finite * step)
         return states
@@ -175,30 +179,36 @@ def _values(control: Signal, origins: Array, before: bool) -> Array:
 
 @kernel
 def _simulate(
-    drift: Any, input_gain: Any, parameters: Array, inputs: Array, step: float, states: Array
-) -> int:
+    drift: Any, input_gain: Any, parameters: Array, size: tuple[int, ...], inputs: Array,
+    step: float, states: Array,
+) -> int:  # fmt: skip
     """Fill ``states`` from its first row; return the last index with a finite state.
 
-    The rows of ``inputs`` are the delayed input at the start, the middle and the end of a step.
+    ``size`` is a tuple of n zeros, whose length the compiler knows, so that it can write the loops
+    over states out. The rows of ``inputs`` are the delayed input at the start, the middle and the
+    end of a step.
     """
-    n = states.shape[1]
-    slopes, x, f, gain = np.empty((4, n)), np.empty(n), np.empty(n), np.empty(1)
+    n = len(size)
+    total, x, f, gain = np.empty(n), np.empty(n), np.empty(n), np.empty(1)
     y = x[0:1]
+    for i in range(n):
+        x[i] = states[0, i]
     for k in range(len(states) - 1):
-        for stage in range(4):
-            for i in range(n):
-                x[i] = states[k, i]
-                if stage > 0:
-                    x[i] += (step if stage == 3 else 0.5 * step) * slopes[stage - 1, i]
-            drift(x, parameters, f)
-            input_gain(y, parameters, gain)
-            for i in range(n - 1):
-                slopes[stage, i] = x[i + 1] + f[i]
-            slopes[stage, n - 1] = f[n - 1] + gain[0] * inputs[(stage + 1) // 2, k]
         for i in range(n):
-            mean = slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i]
-            after = states[k, i] + step / 6.0 * mean
-            if not np.isfinite(after):
+            total[i] = 0.0
+        for stage in range(4):
+            weight = 2.0 if stage in (1, 2) else 1.0
+            ahead = step if stage == 2 else 0.5 * step
+            call(drift, (x, parameters, f))
+            call(input_gain, (y, parameters, gain))
+            for i in range(n):
+                pushed = x[i + 1] if i < n - 1 else gain[0] * inputs[(stage + 1) // 2, k]
+                slope = pushed + f[i]
+                total[i] += weight * slope
+                x[i] = states[k, i] + ahead * slope
+        for i in range(n):
+            x[i] = states[k, i] + step / 6.0 * total[i]
+            if not np.isfinite(x[i]):
                 return k
-            states[k + 1, i] = after
+            states[k + 1, i] = x[i]
     return len(states) - 1

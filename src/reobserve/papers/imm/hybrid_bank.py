@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.models.linear import ModelArrays
+from reobserve.numerics.direct_call import call
 from reobserve.numerics.kernel import inlined_kernel, kernel
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.imm_loop import (
@@ -129,7 +130,7 @@ def _half(
     if kind == KALMAN:
         kalman_gain(outputs, factor, work)
     else:
-        law(work.cross, factor, innovation, error, parameters, work.gain)
+        call(law, (work.cross, factor, innovation, error, parameters, work.gain))
         _leave_saturation(work.gain, innovation, edges)
     correct_covariance(states, outputs, model, covariance, work)
     return found
