@@ -17,7 +17,13 @@ from reobserve.synthesis.ilo_error_system import LearningLaw, Verdict
 
 
 def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
-    """exp(-J^-1 Lambda tau) and the rate error [rad/s] per unit of held estimate, both n x n."""
+    """exp(-J^-1 Lambda tau) and the rate error [rad/s] per unit of held estimate, both n x n.
+
+    Raises
+    ------
+    InputError
+        If it is no such law, or one whose errors die out too fast for floats.
+    """
     from scipy.linalg import expm
 
     as_kind("law", law, LearningLaw)
@@ -26,6 +32,9 @@ def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
     block[:size, :size] = law.rate_matrix
     block[:size, size:] = np.linalg.solve(law.inertia, law.fault_matrix)
     exponential = np.asarray(expm(block * law.update_interval), dtype=np.float64)
+    if not np.isfinite(exponential).all():
+        told = "make error dynamics too fast for floating-point numbers"
+        raise InputError("inertia, damping", told)
     return exponential[:size, :size], exponential[:size, size:]
 
 
@@ -40,7 +49,7 @@ def sampled_map(
     Raises
     ------
     InputError
-        If it is no such law.
+        If it is no such law, or its numbers are too large for floats.
     """
     decay, drive = held_blocks(law)
     rates = np.hstack([decay - drive @ law.K2, -drive @ law.K1])
@@ -91,7 +100,7 @@ def sampled_limit_gain(
     Raises
     ------
     InputError
-        If it is no such law.
+        If it is no such law, or its numbers are too large for floats.
     """
     from scipy.linalg import eigvals
     from scipy.optimize import brentq
