@@ -64,6 +64,38 @@ def test_code_in_a_triangular_model_does_not_run(
     assert not target.exists()
 
 
+NUMBERLESS = "is no finite real number anywhere"
+
+
+@pytest.mark.parametrize(
+    ("drift", "input_gain", "said"),
+    [
+        (["0"], "1", "drift: has 1 texts, must have 2, one a variable"),
+        (["0", "a/0"], "1", f"drift[1]: 'a/0' {NUMBERLESS}"),
+        (["0", "0"], "sin(1/0)", f"input_gain: 'sin(1/0)' {NUMBERLESS}"),
+        (["0", "0"], "sqrt(-1)*a", f"input_gain: 'sqrt(-1)*a' {NUMBERLESS}"),
+        (["0", "(-8)**(1/3)*b"], "1", f"drift[1]: '(-8)**(1/3)*b' {NUMBERLESS}"),
+        (["asin(2)", "0"], "1", f"drift[0]: 'asin(2)' {NUMBERLESS}"),
+        (["0", "0"], "atan(1/0)", "input_gain: 'atan(1/0)' has no form that can be compiled"),
+    ],
+)
+def test_a_text_that_is_no_right_hand_side(drift: list[str], input_gain: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        triangular_model(["a", "b"], drift, input_gain)
+    assert str(error.value) == said
+
+
+def test_integers_of_more_than_64_bits_are_compiled() -> None:
+    model = triangular_model(["a"], ["0"], "10**30 + (10**25 + 1)/7*a - a/10**23")
+    observer = HighGainObserver(model, 0.01, 2.0)
+    y, u = np.full(3, 0.25), np.full(3, 1e-30)
+    same = triangular_model(["a"], ["0"], "1e30 + 1.4285714285714285714e24*a - 1e-23*a")
+    other = HighGainObserver(same, 0.01, 2.0)
+    found, wanted = (one.run(y, u, state=one.init([0.0]))["state"] for one in (observer, other))
+    assert found[-1, 0] > 0.02
+    assert found == pytest.approx(wanted, rel=1e-15)
+
+
 def test_names_of_variables_are_no_names_of_functions() -> None:
     """What is compiled names numbers and functions of math alone, whatever the user's names are."""
     model = triangular_model(["math", "out"], ["-sin(math)", "math*out"], "exp(math)")

@@ -72,7 +72,7 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
         rows.append(code)
     *rows, gain = rows
     return TextModel(
-        len(variables), _compiled("drift", rows), _compiled("input_gain", [gain]), np.zeros(0),
+        len(variables), _compiled(rows), _compiled([gain]), np.zeros(0),
         tuple(rows), gain,
     )  # fmt: skip
 
@@ -91,7 +91,11 @@ def _code(
                 place, f"{shown(text)} names {symbol}, must name nothing but {', '.join(allowed)}"
             )
     places = {symbols[name]: sympy.Symbol(f"x[{i}]") for i, name in enumerate(symbols)}
-    if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo) or expression.has(sympy.I):
+    # Integers that 64 bits do not hold would not compile.
+    large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
+    places |= {one: sympy.Float(float(one), 17) for one in large}
+    numbers = (part for part in sympy.preorder_traversal(expression) if part.is_number)
+    if expression.has(sympy.nan) or any(number.is_real is False for number in numbers):
         raise InputError(place, f"{shown(text)} is no finite real number anywhere")
     try:
         code = str(sympy.pycode(expression.xreplace(places), fully_qualified_modules=True))
@@ -102,12 +106,9 @@ def _code(
     return code, int(expression.count_ops())
 
 
-def _compiled(name: str, rows: list[str]) -> Any:
+def _compiled(rows: list[str]) -> Any:
     body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
     namespace: dict[str, Any] = {"math": math}
     # Of the grammar's own expressions, which hold numbers, variables and functions of math alone.
     exec(f"def field(x, parameters, out):\n{body}", namespace)
-    try:
-        return vector_field(namespace["field"])
-    except InputError as error:
-        raise InputError(name, error.problem) from None
+    return vector_field(namespace["field"])
