@@ -39,18 +39,30 @@ GAINS = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
 
 def law(**changed: float) -> LearningLaw:
     """Of one axis."""
-    usual = {"inertia": 1.0, "damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 1.0}
-    return LearningLaw(**{**usual, "update_interval": 0.1, **changed})  # type: ignore[arg-type]
+    usual: dict[str, Any] = {
+        "inertia": 1.0,
+        "damping": 1.0,
+        "fault_matrix": 1.0,
+        "K1": 0.5,
+        "K2": 1.0,
+    }
+    return LearningLaw(**{**usual, "update_interval": 0.1, **changed})
 
 
 def learned(**changed: float) -> Callable[[], Any]:
     """The certificate of Theorem 1 for a law of three equal axes."""
-    usual = {"damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 0.1}
+    usual: dict[str, Any] = {"damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 0.1}
     return lambda: certify(**{**usual, **changed})
 
 
 def lyapunov(**changed: float) -> Callable[[], Any]:
-    usual = {"inertia": 1.0, "damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 1.0}
+    usual: dict[str, Any] = {
+        "inertia": 1.0,
+        "damping": 1.0,
+        "fault_matrix": 1.0,
+        "K1": 0.5,
+        "K2": 1.0,
+    }
     return lambda: RepairedLyapunov(**{**usual, **changed})
 
 
@@ -91,7 +103,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "jacobians: has shape (0, 2, 2), must be (2 m, n, n)",
     ),
     "a number for jacobians": (
-        lambda: floquet_exponents(CYCLE, np.float64(1.0)),  # type: ignore[arg-type]
+        lambda: floquet_exponents(CYCLE, np.float64(1.0)),
         "jacobians: has shape (), must be (2 m, n, n)",
     ),
     "phases of another shape": (
@@ -99,7 +111,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "phases: has shape (1, 2), must be one number or (1, 1)",
     ),
     "another reading": (
-        lambda: predicted_rms_error([[1.0]], [1.0], law(), reading="held"),  # type: ignore[arg-type]
+        lambda: predicted_rms_error([[1.0]], [1.0], law(), reading="held"),
         "reading: 'held' must be 'continuous' or 'sampled'",
     ),
     "a response beyond numbers": (lambda: error_transfer([0.0], law(K1=1e308, K2=1e308)), DYNAMICS),
@@ -148,7 +160,13 @@ def test_the_largest_numbers_of_theorem_1_and_of_gamma() -> None:
 
 
 def test_a_bound_of_the_mismatch_is_not_negative() -> None:
-    weights = {"gamma1": 1.0, "gamma2": 0.5, "gamma3": 2.0, "gamma4": 4.0, "rho1": 0.25}
+    weights: dict[str, Any] = {
+        "gamma1": 1.0,
+        "gamma2": 0.5,
+        "gamma3": 2.0,
+        "gamma4": 4.0,
+        "rho1": 0.25,
+    }
     theorem = theorem1(10.0, 2.0, 0.1, 0.1, 1.0, **weights)
     with pytest.raises(InputError, match=r"^k_d: -1e-09 must not be below zero$"):
         bound18(theorem, np.ones((3, 3)), np.ones((3, 3)), -1e-9)
