@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reobserve.errors import InputError
 from reobserve.evidence.meanings import LISTS, meanings, write_lists
 from reobserve.ledger.config import known_papers
 from reobserve.pipeline.provenance import import_closure
@@ -227,3 +228,7 @@ def test_the_lists_of_metrics_are_those_of_the_papers(tmp_path: Path) -> None:
     write_lists(tmp_path)
     assert (tmp_path / LISTS).read_text() == text
     assert text.count("## Metrics of `") == len(known_papers(ROOT))
+    for line in (line for line in text.splitlines() if line.startswith("<!-- ")):
+        (tmp_path / LISTS).write_text(text.replace(line, ""))
+        with pytest.raises(InputError, match=r"README\.md: must have the lines <!-- .* and <!-- "):
+            write_lists(tmp_path)

@@ -12,7 +12,8 @@ import reobserve
 from reobserve.cli import main
 from reobserve.errors import InputError
 from reobserve.evidence.equations.sources import find_source
-from reobserve.evidence.equations.table import read_equations
+from reobserve.evidence.equations.table import papers_with_equations, read_equations
+from reobserve.ledger.config import known_papers
 
 from .citations import cited, places_in
 
@@ -173,6 +174,20 @@ def test_a_folder_without_tables_is_told(
             f"reobserve: {tmp_path}/config/equations: has no table of equations; "
             "--project names another project\n"
         )
+
+
+def test_a_folder_that_cannot_be_listed_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(*_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "glob", denied)
+    for listed, folder in ((papers_with_equations, "equations"), (known_papers, "papers")):
+        with pytest.raises(InputError) as error:
+            listed(tmp_path)
+        told = f"{tmp_path / 'config' / folder}: cannot be read (Permission denied)"
+        assert str(error.value) == told
 
 
 @pytest.mark.parametrize(

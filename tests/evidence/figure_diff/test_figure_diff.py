@@ -20,10 +20,10 @@ from reobserve.cli import main
 from reobserve.drawing.figures import STYLES, new_figure
 from reobserve.drawing.fitting import fix_layout
 from reobserve.drawing.formats import save
-from reobserve.errors import ReobserveError
+from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.figure_diff import commands, page, plot_moved
-from reobserve.evidence.figure_diff.model import Item, MovedSeries, Origin
+from reobserve.evidence.figure_diff.model import Diff, Item, MovedSeries, Origin
 from reobserve.evidence.figure_diff.origin import origin_here, write_origin
 from reobserve.evidence.figure_diff.project_copy import build, copy_project
 from reobserve.evidence.golden import claims as golden_claims
@@ -669,6 +669,25 @@ def test_the_difference_is_drawn_over_time() -> None:
     drawing = plot_moved.draw_moved([MovedSeries("up", "N m", golden, golden + 2e-6, 1e-6)])
     found = re.findall(r"<!-- (.*?) -->", drawing.decode())
     assert "time [s]" in found
+
+
+def test_a_page_that_cannot_be_filled_is_named(tmp_path: Path) -> None:
+    empty = Diff([], Origin({}), Origin({}), [])
+    with pytest.raises(InputError, match=rf"{page.STYLE}: cannot be read$"):
+        page.render(empty, tmp_path)
+    (tmp_path / page.STYLE).write_text("p { color: red }")
+    with pytest.raises(InputError, match=rf"{page.TEMPLATE}: cannot be read$"):
+        page.render(empty, tmp_path)
+    template = tmp_path / page.TEMPLATE
+    for text, said in (
+        ("{{ nowhere }}", "'nowhere' is undefined"),
+        ("{% if %}", "Expected"),
+    ):
+        template.write_text(text)
+        with pytest.raises(InputError, match=rf"{page.TEMPLATE}: cannot be filled: {said}"):
+            page.render(empty, tmp_path)
+    template.write_text("{{ counts }}")
+    assert page.render(empty, tmp_path) == "nothing"
 
 
 def test_only_a_checkout_can_be_copied(project: Path, tmp_path: Path) -> None:

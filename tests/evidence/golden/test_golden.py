@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.golden.files import folder, read_undetermined
+from reobserve.evidence.golden.guard import check_may_renew
 from reobserve.evidence.golden.kept import part_names, record_names
 from reobserve.ledger.ledger import Ledger, leaves, matches
 from reobserve.pipeline.evaluation import Evaluator
@@ -259,6 +260,15 @@ def test_renewing_is_guarded(checkout: Project) -> None:
     assert (checkout.folder / "tests/golden/ilo/fig1.metrics.csv").read_bytes() == before
 
 
+def test_what_is_no_checkout_is_not_renewed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CI", "")
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    with pytest.raises(ReobserveError, match=r"^golden numbers are renewed in a git checkout: fat"):
+        check_may_renew(tmp_path, "a good reason")
+
+
 def test_renewing_where_nothing_has_changed_changes_no_byte(checkout: Project) -> None:
     """On another processor, whose last places are other than those that are kept."""
     golden = folder(checkout.folder, "ilo")
@@ -281,7 +291,13 @@ def test_renewing_where_nothing_has_changed_changes_no_byte(checkout: Project) -
         ),
         ("fig1.metrics.csv", lambda text: text[: text.rindex(",")], "line"),
         ("constant/plant.series.csv", lambda text: text.replace("0.5", "half", 1), "must be"),
+        ("constant/plant.series.csv", lambda text: text.partition("\n")[0] + "\n", "has no rows"),
         ("constant/plant.tolerances.csv", lambda text: "", "has the columns"),
+        (
+            "constant/plant.tolerances.csv",
+            lambda text: text[: text.rindex(",") + 1] + "-1e-9\n",
+            r"holds the tolerance \S+, -1e-09; both must be >= 0",
+        ),
     ],
 )
 def test_a_damaged_golden_file_is_named(tmp_path: Path, name: str, damage: Any, said: str) -> None:

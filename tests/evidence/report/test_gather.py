@@ -235,6 +235,7 @@ def test_a_missing_file_is_one_gap_in_its_place(
         ),
         ("results/toy/table1.csv", "a,b\n1\n", "has rows that have not 2 cells"),
         ("results/toy/table1.csv", "", "is empty"),
+        ("results/toy/table1.csv", 'a,b\n"1,2\n', "cannot be read (unexpected end of data)"),
         ("results/toy/robustness.json", "{", "is not JSON"),
         ("results/toy/robustness.json", "[]", "must be a mapping"),
         ("results/toy/ledger.json", "{}", "paper: is missing; the stored ledger needs it"),
@@ -242,6 +243,8 @@ def test_a_missing_file_is_one_gap_in_its_place(
         ("config/claims/toy.yaml", "claims: {}", "has no key 'obstacles'"),
         ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "sign: has no key 'printed'"),
         ("config/errata/toy.yaml", "errata: [", "is not YAML"),
+        ("config/errata/toy.yaml", "errata: [sign]", "must be a mapping of keys to values"),
+        ("config/errata/toy.yaml", "errata: {sign: here}", "sign: must be a mapping of keys to"),
         ("logs/toy/push/slow.log", "nothing", "does not begin with the command that ran"),
     ],
 )
@@ -353,6 +356,18 @@ def test_a_damaged_vector_falls_back_to_png_and_says_so(project: Path) -> None:
     report, paper = gathered(project)
     assert len(report.gaps) == 1
     assert paper.figures[0].image.source.startswith("data:image/png")
+
+
+@pytest.mark.parametrize(("content", "taken"), [(b"no PNG" * 5, False), (23, False), (24, True)])
+def test_a_png_needs_its_header(project: Path, content: bytes | int, taken: bool) -> None:
+    (project / "config/config.yaml").write_text("papers: [toy]\nformats: [pdf, png]\n")
+    for kind in ("pdf", "png"):
+        whole = png(30, 20)
+        kept = whole[:content] if isinstance(content, int) else content
+        (project / f"results/toy/fig1.{kind}").write_bytes(kept)
+    report, paper = gathered(project)
+    assert ("results/toy/fig1.png: is no PNG" in sentences(report)) != taken
+    assert (paper.figures[0].image is not None) == taken
 
 
 def test_without_a_config_there_is_no_page(project: Path) -> None:
