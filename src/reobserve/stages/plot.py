@@ -9,7 +9,6 @@ from reobserve.drawing.captions import render, with_note
 from reobserve.drawing.figures import note_of
 from reobserve.drawing.fitting import fix_layout
 from reobserve.drawing.formats import save
-from reobserve.drawing.layouts import draw
 from reobserve.drawing.look import use_sheet
 from reobserve.errors import located
 from reobserve.ledger.ledger import Ledger
@@ -48,7 +47,7 @@ def run(
     data = figure_data(ledger.paper, settings, plant, estimates, study)
     layouts = paper_module(ledger.paper, "plot").LAYOUTS
     with located(f"{ledger.paper}.figures.{figure}"), rows_from(study_file):
-        drawing = draw(layouts, replace(data, metrics=lookup(metrics)))
+        drawing = layouts[data.job.figure.layout](replace(data, metrics=lookup(metrics)))
     fix_layout(drawing, notes=notes)
     for output in outputs:
         save(drawing, output)

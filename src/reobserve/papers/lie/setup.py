@@ -37,8 +37,8 @@ def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
         If a term cannot be read or the origin is no equilibrium.
     """
     with located("plant"):
-        states = _variables("dynamics", plant.dynamics)
-        outputs = _components("output", plant.output)
+        states = len(plant.dynamics[0]["powers"])
+        outputs = max(term["component"] for term in plant.output)
         return PolynomialSystem(
             PolynomialMap.from_terms("dynamics", plant.dynamics, states, states, exact=exact),
             PolynomialMap.from_terms("output", plant.output, outputs, states, exact=exact),
@@ -137,18 +137,3 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
 def grid(plant: keys.Plant) -> tuple[int, float]:
     """The number of plant steps and the step [s]; see `plant_grid`."""
     return plant_grid(plant, MOST_STEPS)
-
-
-def _variables(name: str, terms: Any) -> int:
-    if not isinstance(terms, list) or not terms or not isinstance(terms[0], dict):
-        raise InputError(name, "must be a list of terms with component, powers and coefficient")
-    powers = terms[0].get("powers")
-    if not isinstance(powers, list) or not powers:
-        raise InputError(f"{name}[0].powers", f"{powers!r} must list the power of each variable")
-    return len(powers)
-
-
-def _components(name: str, terms: Any) -> int:
-    _variables(name, terms)
-    found = [term.get("component") for term in terms if isinstance(term, dict)]
-    return max((c for c in found if isinstance(c, int)), default=1)
