@@ -100,6 +100,20 @@ def test_python_agrees_and_imports_nothing(name: str, folder: Path) -> None:
             assert found[each] == pytest.approx(values[k], abs=1e-12 * size, rel=0, nan_ok=True)
 
 
+@pytest.mark.parametrize("name", ["relay", "squares_alone"])
+def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -> None:
+    write(name, folder)
+    scope: dict[str, Any] = {"__name__": name}
+    exec(compile((folder / f"{name}.py").read_text(), name, "exec"), scope)
+    u = [0.0, 0.0]
+    scope["past"](scope["Observer"]().cells, 0, 0.0, 1.0, u)
+    assert np.isfinite(u).all()
+    for lag in (np.nan, np.inf):
+        u = [0.0, 0.0]
+        scope["past"](scope["Observer"]().cells, 0, 0.0, lag, u)
+        assert np.isnan(u).all()
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_the_test_in_c_notices_a_digit(folder: Path) -> None:
     """A compared number changed in its tenth digit, a gain in its eleventh."""
