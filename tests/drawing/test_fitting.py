@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from reobserve.drawing import fitting
 from reobserve.drawing.figures import (
     STYLES,
     PaperFigure,
@@ -130,6 +131,18 @@ def test_the_note_is_broken_anew_or_left_out() -> None:
     assert " ".join(note.split()) == note_of(inside) == f"{NOTE} A paragraph of its own."
     assert outside.get_supxlabel() == ""
     assert note_of(outside) == note_of(inside)
+
+
+def test_a_line_that_fills_its_room_is_not_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fitting, "_SLACK", 1.0)
+    figure = drawing()
+    measure, text = fitting._Measure(figure), figure.axes[0].title
+    words = "three words [N m]"
+    wide, *_ = measure.renderer.get_text_width_height_descent(
+        words, text.get_fontproperties(), ismath=False
+    )
+    assert measure.broken(words, text, wide) == words
+    assert measure.broken(words, text, np.nextafter(wide, 0.0)) == "three words\n[N m]"
 
 
 def test_the_house_is_left_as_it_was_drawn() -> None:

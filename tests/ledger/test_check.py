@@ -63,6 +63,8 @@ def test_what_every_job_sees_is_declared(paper: str) -> None:
         assert read_job(keys, job) is job
 
 
+PRINTED = {"component": 1, "powers": [3, 0]}
+
 # What an override must be told, by paper.
 OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a step of zero": ("ilo", {"plant": {"step": 0}}, "ilo.plant.step: 0 must be greater"),
@@ -121,6 +123,46 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
         "delay", {"figures": {"fig1": {"observers": ["extended_lag"]}}},
         "delay.figures.fig1.observers: 'extended_lag' is for the model lag",
     ),
+    "a figure of states of another plant": (
+        "delay", {"figures": {"fig1": {"scenario": "lag", "observers": ["extended_lag"]}}},
+        "delay.figures.fig1.scenario: must be of the pendulum, whose states are drawn",
+    ),
+    "a comparison with what estimates no delay": (
+        "delay",
+        {
+            "observers": {"slow": {"like": "standard", "model": "lag", "initial_estimate": [0]}},
+            "figures": {"fig3": {"observers": ["extended_lag", "slow"]}},
+        },
+        "delay.figures.fig3.observers: 'slow' does not estimate the delay",
+    ),
+    "a delay beyond the horizon": (
+        "delay", {"plant": {"delay_bounds": [0.0, 120.0025]}},
+        "delay.plant.delay_bounds.1: 120.002 s must be 120 s at most, the horizon",
+    ),
+    "a word for a matrix": (
+        "delay", {"observers": {"order2": {"initial_matrix": "algebra"}}},
+        "delay.observers.order2.initial_matrix: 'algebra' must be algebraic, a number or a matrix",
+    ),
+    "a number too small to compute with": (
+        "delay", {"observers": {"order2": {"rho": 1e-320}}},
+        "delay.observers.order2: its numbers are too large or too small to compute with (Singular",
+    ),
+    "variances in a block": (
+        "imm", {"observers": {"kalman": {"process_noise": [[[1.0]]]}}},
+        "imm.observers.kalman.process_noise: has shape (1, 1, 1), must be a number, a list or a m",
+    ),
+    "variances of too many": (
+        "imm", {"observers": {"kalman": {"process_noise": [1.0] * 101}}},
+        "imm.observers.kalman.process_noise: has shape (101,), must be a number, a list or a matr",
+    ),
+    "a printed number in words": (
+        "lie", {"tables": {"table_coefficients": {"printed": [PRINTED | {"text": "1e5"}]}}},
+        "lie.tables.table_coefficients.printed.0.text: '1e5' must be the digits of a number",
+    ),
+    "a printed number of too many digits": (
+        "lie", {"tables": {"table_coefficients": {"printed": [PRINTED | {"text": "1" * 41}]}}},
+        f"lie.tables.table_coefficients.printed.0.text: '{'1' * 41}' must be the digits of a num",
+    ),
     "a figure of another method": (
         "imm", {"figures": {"fig8_closeness": {"study": "changes"}}},
         "imm.figures.fig8_closeness.study: 'changes' has the method changes, must have closeness",
@@ -151,6 +193,17 @@ def test_an_override_is_told_what_is_wrong(case: str) -> None:
     message = refused(paper, overrides)
     assert message.startswith(said)
     assert len(message) < 400
+
+
+TAKEN: list[tuple[str, Tree]] = [
+    ("delay", {"plant": {"delay_bounds": [0.0, 120.0]}}),
+    ("lie", {"tables": {"table_coefficients": {"printed": [PRINTED | {"text": "+" + "1" * 40}]}}}),
+]
+
+
+@pytest.mark.parametrize(("paper", "overrides"), TAKEN)
+def test_the_most_that_is_taken(paper: str, overrides: Tree) -> None:
+    check_ledger(Ledger.load(ROOT, paper, overrides))
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))

@@ -36,6 +36,17 @@ def test_the_help_lists_all_examples() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_record_is_sampled_as_its_specification_says(name: str) -> None:
+    made, stated = simulated(name), specification(name).sampling.period
+    assert made.period == stated
+    assert np.diff(made.record()["t"]) == pytest.approx(1000.0 * stated, rel=1e-9)
+    # What is held changes at samples alone.
+    for held in made.held:
+        steps = made.at(held, made.time).reshape(-1)[:-1].reshape(-1, 10)
+        assert (steps == steps[:, :1]).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_without_a_policy_at_work_it_is_the_library_to_the_bit(name: str, tmp_path: Path) -> None:
     columns = {title: values[:400] for title, values in simulated(name).record().items()}
     made = estimate_file(

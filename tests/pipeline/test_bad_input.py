@@ -221,6 +221,17 @@ def test_a_design_for_an_observer_without_one(
     assert not output.exists()
 
 
+def test_a_design_for_a_theory_without_one(
+    ledger_file: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    output, design = tmp_path / "out.csv", tmp_path / "some.json"
+    said = refused(
+        capsys, "stage", "theory", ledger_file, "--design-files", design, "--output", output
+    )
+    assert said == "--design-files: 1 given, must be one each for no design"
+    assert not output.exists()
+
+
 def test_too_few_estimates_and_an_unknown_format(
     ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:

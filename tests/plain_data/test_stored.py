@@ -440,6 +440,10 @@ def test_robustness_that_is_none_is_refused(
             lambda t: t["ledger"]["figures"]["fig1"].pop("scenario"),
             "figures.fig1: has no scenario$",
         ),
+        (
+            lambda t: t["ledger"]["figures"]["fig1"].update(scenario=3),
+            "figures.fig1.scenario: is 3, must be a name$",
+        ),
         (lambda t: t["ledger"]["figures"]["fig1"].update(scenario="x"), "there is no 'x' in scen"),
         (lambda t: t["ledger"]["plant"]["step"].pop("source"), "plant.step: has no source$"),
     ],

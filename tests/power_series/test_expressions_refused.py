@@ -16,6 +16,7 @@ from reobserve.errors import InputError
 from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.power_series.expressions import from_expressions
+from reobserve.power_series.maps import PolynomialMap
 from reobserve.power_series.univariate import power, taylor
 
 a, b = sympy.symbols("a b")
@@ -127,12 +128,31 @@ LARGE: dict[str, Any] = {
 }
 
 
+deep = a
+for _ in range(300):
+    deep = sympy.sin(deep, evaluate=False)
+turned = sympy.I * sympy.exp(400)  # its square is real, and no float
+LARGE |= {
+    "a coefficient of a small number": (
+        "1/(1e-200 + a)", r"1/\(a \+ 1.0e-200\) has a coefficient beyond float numbers$"),
+    "a coefficient of complex numbers": (
+        sympy.Mul(turned, turned, evaluate=False) + b, "has a coefficient of -inf$"),
+    "functions of functions": (deep, "is nested deeper than 240 levels$"),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("name", LARGE)
 def test_what_is_too_large_is_refused_in_one_short_sentence(name: str) -> None:
     given, said = LARGE[name]
     with pytest.raises(InputError, match=rf"^f\[0\]: .*({said})") as told:
         expanded(given)
     assert len(str(told.value)) < 400
+
+
+def test_coefficients_are_no_integers_of_numpy() -> None:
+    basis = expanded("a").basis
+    with pytest.raises(InputError, match=r"^coefficients: are of type int64, must be floats, comp"):
+        PolynomialMap(basis, np.ones((1, len(basis.exponents)), dtype=np.int64))
 
 
 def test_shared_parts_do_not_multiply_beyond_the_bound() -> None:
