@@ -165,6 +165,18 @@ def test_a_range_must_fit_the_value(project: Path) -> None:
         Ledger.load(project, "ilo")
 
 
+def test_a_value_must_be_one_of_its_choices(project: Path) -> None:
+    path = project / "config/papers/ilo.yaml"
+    tree = read_yaml(path)
+    tree["plant"]["step"]["value"] = 2e-4
+    path.write_text(yaml.safe_dump(tree))
+    with pytest.raises(InputError) as error:
+        Ledger.load(project, "ilo")
+    assert str(error.value) == (
+        "ilo.plant.step: 0.0002 must be one of [6.25e-05, 0.000125, 0.00025], its range"
+    )
+
+
 def test_a_file_that_is_no_yaml_is_named(project: Path) -> None:
     path = project / "config/papers/ilo.yaml"
     path.write_text("plant: [1, 2")

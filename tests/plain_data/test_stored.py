@@ -42,6 +42,9 @@ SHORT = {
 }
 
 
+MADE = {"settings": {}, "settings_digest": "a", "code_digest": "b", "packages": {"numpy": "2"}}
+
+
 @pytest.fixture(scope="module")
 def ledger(tmp_path_factory: pytest.TempPathFactory) -> Ledger:
     ledger = Ledger.load(ROOT, "ilo", SHORT)
@@ -174,6 +177,22 @@ def test_estimates_are_on_the_time_of_their_record(
         change(series).write(path)
         with pytest.raises(InputError, match=said):
             read_estimates(observers, [path], ledger, plant)
+
+
+def test_coordinates_of_lie_may_be_in_a_file_and_need_not(tmp_path: Path) -> None:
+    ledger, path = Ledger.load(ROOT, "lie"), tmp_path / "e.parquet"
+    time, told = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
+    plant = Series(time, {})
+    observers = {name: ledger.section("observers", name) for name in ("order4", "transformed4")}
+    rows = Channel(np.outer(time, [1.0, 2.0]), "1")
+    for name in observers:
+        for channels in ({"state": rows}, {"state": rows, "coordinates": rows}):
+            Series(time, channels, provenance={**told, "job": name}).write(path)
+            found = read_estimates([name], [path], ledger, plant)
+            assert set(found[name].channels) == set(channels)
+        Series(time, {"coordinates": rows}, provenance={**told, "job": name}).write(path)
+        with pytest.raises(InputError, match=r"has no channel 'state'$"):
+            read_estimates([name], [path], ledger, plant)
 
 
 # --- The file of a series -------------------------------------------------------------------------
@@ -360,10 +379,7 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
 
 def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
     path = tmp_path / "gains.design.json"
-    told = {
-        "paper": "eso", "stage": "design", "job": "pi", "settings": {}, "settings_digest": "a",
-        "code_digest": "b", "packages": {"numpy": "2"},
-    }  # fmt: skip
+    told = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
     path.write_text(json.dumps({"design": ESO, "provenance": told}))
     assert read_design(path, ("eso", "pi")) == ESO
     with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'pd' of eso$"):
