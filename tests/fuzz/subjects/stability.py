@@ -19,6 +19,7 @@ from reobserve.synthesis.ilo_accuracy import (
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
 from reobserve.synthesis.ilo_sampled_stability import (
+    held_blocks,
     sampled_limit_gain,
     sampled_map,
     sampled_stability,
@@ -45,6 +46,7 @@ def subjects() -> Iterator[Subject]:
     yield subject(pi_error_transfer, [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0)
     yield subject(gyroscopic_eta, INERTIA, 0.1)
     yield subject(RepairedLyapunov, *PARAMETERS[:-1], 0.01)
+    yield subject(held_blocks, LAW)
     yield subject(sampled_map, LAW)
     yield subject(sampled_stability, LAW)
     yield subject(sampled_limit_gain, LAW)
