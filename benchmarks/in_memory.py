@@ -17,7 +17,6 @@ from reobserve.numerics.code_paths import pin_code_paths
 pin_code_paths()  # as the command line does it
 
 from reobserve.drawing.fitting import fix_layout  # noqa: E402
-from reobserve.drawing.layouts import draw  # noqa: E402
 from reobserve.ledger.config import known_papers, read_yaml  # noqa: E402
 from reobserve.ledger.ledger import Ledger  # noqa: E402
 from reobserve.pipeline.common import paper_module  # noqa: E402
@@ -38,7 +37,7 @@ def make(paper: str, figures: Iterable[str] = ()) -> None:
         settings = ledger.settings("plot", figure)
         data = figure_data(paper, settings, found.plant, found.estimates, found.study)
         layouts = paper_module(paper, "plot").LAYOUTS
-        drawing = draw(layouts, replace(data, metrics=lookup(found.metrics)))
+        drawing = layouts[data.job.figure.layout](replace(data, metrics=lookup(found.metrics)))
         fix_layout(drawing)
         for kind in config["formats"]:
             drawing.savefig(io.BytesIO(), format=kind)
