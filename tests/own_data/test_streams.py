@@ -64,6 +64,24 @@ def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
     assert {n: v for n, v in vars(estimation.account).items() if n not in kept} == counted
 
 
+def test_a_unit_with_an_offset_of_a_stream_is_converted_as_that_of_a_file(tmp_path: Path) -> None:
+    columns = {
+        "time": {"column": "t", "unit": "s"},
+        "measurements": [{"column": "warm", "unit": "degC", "model_unit": "kelvin"}],
+    }
+    chosen = specification("levant", columns=columns)
+    times = np.arange(30) * 0.01
+    text = write_record(tmp_path / "r.csv", {"t": times, "warm": 20.0 + times})
+    estimate_file(chosen, text, tmp_path / "e.csv")
+    titles, *lines = text.read_text().splitlines(keepends=True)
+    estimation = Estimation(chosen, titles.strip().split(","), str(text))
+    rows = RowByRow(estimation, titles.strip().split(","))
+    out = header(estimation.titles) + "".join(map(rows.read, lines)) + rows.finish()
+    assert out == (tmp_path / "e.csv").read_text()
+    first = dict(zip(out.splitlines()[0].split(","), out.splitlines()[1].split(","), strict=True))
+    assert float(first["derivatives_1 [kelvin]"]) == pytest.approx(293.15), first
+
+
 class Bytes:
     """Standard input."""
 

@@ -224,6 +224,19 @@ def test_what_proves_one_inequality_and_not_the_other_proves_nothing(
     assert refuted.inequality_margin == 0
 
 
+def test_of_19_too_a_bound_that_its_matrices_do_not_show_is_not_proved() -> None:
+    """All poles are right of -15.8, which this P1 does not show; of -31.4 it does."""
+    gamma, found = good()
+    Ao, Eo = error_system(MOTOR, found.gains())
+    fastest = -float(np.linalg.eigvals(np.linalg.solve(Eo, Ao)).real.min())
+    certificates = [
+        certify(MOTOR, found.gains(), gamma, found, bound=factor * fastest)
+        for factor in (1.001, 2.0)
+    ]
+    assert [one.holds for one in certificates] == [False, True]
+    assert certificates[0].reason == "the matrix inequality is refuted at the returned matrices"
+
+
 def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
     """The floor is met by designs that are as large as they please, and computed with rounding."""
     floor = gamma_floor(MOTOR)

@@ -28,9 +28,6 @@ class Expression:
     def __sub__(self, other: Operand) -> Expression:
         return Sum((*_terms(self), *((-sign, term) for sign, term in _terms(of(other)))))
 
-    def __rsub__(self, other: Operand) -> Expression:
-        return of(other) - self
-
     def __neg__(self) -> Expression:
         return Sum(tuple((-sign, term) for sign, term in _terms(self)))
 
