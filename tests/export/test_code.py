@@ -114,6 +114,15 @@ def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -
         assert np.isnan(u).all()
 
 
+def test_a_table_of_gains_lists_what_was_designed_and_no_more() -> None:
+    listed = {}
+    for name in ("sampled", "kalman"):
+        observer, state = observer_of(name)
+        constants = program_of(observer, state, columns_of(name, observer)).constants
+        listed[name] = [each for each, one in constants.items() if one.gain]
+    assert listed == {"sampled": ["K1", "K2", "Damping"], "kalman": []}
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_the_test_in_c_notices_a_digit(folder: Path) -> None:
     """A compared number changed in its tenth digit, a gain in its eleventh."""

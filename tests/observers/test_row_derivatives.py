@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reobserve.observers.row_derivatives import Array, completed, latest
+from reobserve.errors import InputError
+from reobserve.observers.row_derivatives import Array, as_signal_rows, completed, latest
 
 
 def found(values: Array, order: int, period: float, cut: int | None = None) -> Array:
@@ -84,3 +85,13 @@ def test_limits_and_middles_of_the_signal_alone() -> None:
     assert inside is not None
     assert inside[:, 0].tolist() == middle[:, 0].tolist()
     assert np.array_equal(inside[1:, 1], 0.5 * (full[1:, 1] + full[:-1, 1]))
+
+
+def test_a_record_has_all_derivatives_or_none() -> None:
+    whole = np.arange(12.0).reshape(4, 3)
+    assert np.array_equal(as_signal_rows("y", whole, 2), whole)
+    assert np.array_equal(as_signal_rows("y", whole[:, :1], 2), whole[:, :1])
+    assert np.array_equal(as_signal_rows("y", whole[:, 0], 2), whole[:, :1])
+    for columns in (2, 4):
+        with pytest.raises(InputError, match=r"must have 3 columns, a signal and its derivatives"):
+            as_signal_rows("y", np.zeros((4, columns)), 2)
