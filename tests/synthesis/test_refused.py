@@ -21,7 +21,7 @@ from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.floor import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
-from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
+from reobserve.synthesis.floquet import limit_cycle
 from reobserve.synthesis.ilo_accuracy import error_transfer, predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
@@ -33,20 +33,14 @@ from tests.papers.eso.plants import dc_motor
 from tests.synthesis.test_floquet import system
 
 MOTOR = dc_motor()  # of six errors and two outputs
-CYCLE = LimitCycle(system("x2", "-x1"), 2 * np.pi, np.array([1.0, 0.0]))
 GAINS = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
+ONE_AXIS: dict[str, Any] = {
+    "inertia": 1.0, "damping": 1.0, "fault_matrix": 1.0, "K1": 0.5, "K2": 1.0,
+}  # fmt: skip
 
 
 def law(**changed: float) -> LearningLaw:
-    """Of one axis."""
-    usual: dict[str, Any] = {
-        "inertia": 1.0,
-        "damping": 1.0,
-        "fault_matrix": 1.0,
-        "K1": 0.5,
-        "K2": 1.0,
-    }
-    return LearningLaw(**{**usual, "update_interval": 0.1, **changed})
+    return LearningLaw(**{**ONE_AXIS, "update_interval": 0.1, **changed})
 
 
 def learned(**changed: float) -> Callable[[], Any]:
@@ -56,14 +50,7 @@ def learned(**changed: float) -> Callable[[], Any]:
 
 
 def lyapunov(**changed: float) -> Callable[[], Any]:
-    usual: dict[str, Any] = {
-        "inertia": 1.0,
-        "damping": 1.0,
-        "fault_matrix": 1.0,
-        "K1": 0.5,
-        "K2": 1.0,
-    }
-    return lambda: RepairedLyapunov(**{**usual, **changed})
+    return lambda: RepairedLyapunov(**{**ONE_AXIS, **changed})
 
 
 DYNAMICS = "K1, K2: make error dynamics beyond floating-point numbers"
@@ -89,22 +76,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a large factor": (
         lambda: as_gamma(MOTOR, 1e150),
         "factor: asks for a gamma of 1.00504e+150, whose square is no float",
-    ),
-    "an odd number of jacobians": (
-        lambda: floquet_exponents(CYCLE, np.zeros((3, 2, 2))),
-        "jacobians: has shape (3, 2, 2), must be (2 m, n, n)",
-    ),
-    "jacobians that are not square": (
-        lambda: floquet_exponents(CYCLE, np.zeros((4, 2, 3))),
-        "jacobians: has shape (4, 2, 3), must be (2 m, n, n)",
-    ),
-    "no jacobians": (
-        lambda: floquet_exponents(CYCLE, np.zeros((0, 2, 2))),
-        "jacobians: has shape (0, 2, 2), must be (2 m, n, n)",
-    ),
-    "a number for jacobians": (
-        lambda: floquet_exponents(CYCLE, np.float64(1.0)),
-        "jacobians: has shape (), must be (2 m, n, n)",
     ),
     "phases of another shape": (
         lambda: predicted_rms_error([[1.0]], [1.0], law(), phases=[[0.0, 1.0]]),

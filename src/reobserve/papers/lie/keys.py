@@ -81,6 +81,17 @@ class Plant:
     horizon: Positive
     step: Positive
 
+    @property
+    def states(self) -> int:
+        """How many states the system has."""
+        return len(self.dynamics[0]["powers"])
+
+    @property
+    def outputs(self) -> int:
+        """How many components the output has."""
+        outputs: int = max(term["component"] for term in self.output)
+        return outputs
+
 
 @dataclass(frozen=True)
 class Scenario:

@@ -8,15 +8,10 @@ from reobserve.timeseries.series import Shape
 
 def plant(job: Job) -> dict[str, Shape]:
     """The channels of a record: as many components as the system has states and outputs."""
-    outputs = max(term["component"] for term in job.plant.output)
-    return {"state": Shape("1", _states(job)), "output": Shape("1", outputs)}
+    return {"state": Shape("1", job.plant.states), "output": Shape("1", job.plant.outputs)}
 
 
 def estimates(job: Job) -> dict[str, Shape]:
     """The channels of an observer's estimates; coordinates of the transformed form only."""
     states = len(job.observer.initial_estimate)
     return {"state": Shape("1", states), "coordinates": Shape("1", states, optional=True)}
-
-
-def _states(job: Job) -> int:
-    return len(job.plant.dynamics[0]["powers"])

@@ -37,8 +37,7 @@ def build_system(plant: keys.Plant, *, exact: bool = False) -> PolynomialSystem:
         If a term cannot be read or the origin is no equilibrium.
     """
     with located("plant"):
-        states = len(plant.dynamics[0]["powers"])
-        outputs = max(term["component"] for term in plant.output)
+        states, outputs = plant.states, plant.outputs
         return PolynomialSystem(
             PolynomialMap.from_terms("dynamics", plant.dynamics, states, states, exact=exact),
             PolynomialMap.from_terms("output", plant.output, outputs, states, exact=exact),
