@@ -46,3 +46,20 @@ def test_there_must_be_a_file_for_each_study(study_file: Path) -> None:
         InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
     ):
         evaluator_after(LEDGERS["ilo"], [study_file] * 2)
+
+
+def test_the_files_of_studies_must_be_in_the_order_of_the_ledger(tmp_path: Path) -> None:
+    """Two that have the same columns would be taken for each other, and nobody would see it."""
+    first, second, *others = LEDGERS["imm"].tree["studies"]
+    wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
+    with pytest.raises(InputError) as caught:
+        evaluator_after(LEDGERS["imm"], wrong)
+    said = f"--study-files: '{second}.study.csv' stands where {first}.study.csv must"
+    assert str(caught.value) == said
+
+
+def test_rows_that_a_figure_misses_are_told_with_the_file() -> None:
+    evaluator = Evaluator(LEDGERS["lie"])
+    evaluator.take("study", [], Path("orders.study.csv"), study="orders")
+    with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the figure"):
+        evaluator.figure("fig1_orders")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, shown
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.common import read_study
 from reobserve.pipeline.evaluation import Evaluator
@@ -28,7 +28,8 @@ def evaluator_after(ledger: Ledger, study_files: Sequence[Path] = ()) -> Evaluat
     Raises
     ------
     InputError
-        If a file is missing or damaged, or there are not as many as there are studies.
+        If a file is missing or damaged or of another study, or there are not as many as there are
+        studies. Rows that a figure misses are told where it is evaluated, see `Evaluator.figure`.
     """
     evaluator = Evaluator(ledger)
     studies = ledger.tree.get("studies", {})
@@ -37,5 +38,7 @@ def evaluator_after(ledger: Ledger, study_files: Sequence[Path] = ()) -> Evaluat
             "--study-files", f"{len(study_files)} must be one for each of {list(studies)}"
         )
     for name, path in zip(studies, study_files, strict=False):
-        evaluator.take("study", read_study(ledger.paper, path), study=name)
+        if path.name != (wanted := f"{name}.study.csv"):
+            raise InputError("--study-files", f"{shown(path.name)} stands where {wanted} must")
+        evaluator.take("study", read_study(ledger.paper, path), path, study=name)
     return evaluator

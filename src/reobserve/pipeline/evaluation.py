@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.pipeline.common import compute, compute_design
+from reobserve.pipeline.common import compute, compute_design, rows_from
 from reobserve.pipeline.figures import figure_data, measure
 from reobserve.pipeline.jobs import Graph, Job
 from reobserve.scoring.metrics import Metric
@@ -30,6 +31,11 @@ class Evaluation:
     metrics: list[Metric]
 
 
+def _needs(job: Job, role: str) -> list[Job]:
+    """The jobs whose outputs a job reads in a role."""
+    return [need for need in job.reads[role] if isinstance(need, Job)]
+
+
 @dataclass
 class Evaluator:
     """Evaluates figures and tables of one ledger; what they share is computed once.
@@ -42,6 +48,7 @@ class Evaluator:
     _done: dict[str, Any] = field(default_factory=dict)
     made: dict[str, Any] = field(default_factory=dict, init=False)
     _keys: dict[Job, str] = field(default_factory=dict, init=False, repr=False)
+    _files: dict[str, Path] = field(default_factory=dict, init=False, repr=False)
 
     def figure(self, figure: str) -> Evaluation:
         """Everything behind one figure.
@@ -49,7 +56,8 @@ class Evaluator:
         Raises
         ------
         InputError
-            If the ledger has no such figure or a value in it cannot be used.
+            If the ledger has no such figure or a value in it cannot be used, or a file that its
+            study was taken from has not the rows that it needs.
         DivergenceError
             If the plant or an observer diverges.
         """
@@ -60,8 +68,10 @@ class Evaluator:
             zip(settings["figure"]["observers"], self._read(job, "estimates"), strict=True)
         )
         study = next(iter(self._read(job, "study")), None)
+        files = [self._files.get(self._key(need)) for need in _needs(job, "study")]
         data = figure_data(self.ledger.paper, settings, plant, estimates, study)
-        metrics = measure(self.ledger.paper, data)
+        with rows_from(next(iter(files), None)):
+            metrics = measure(self.ledger.paper, data)
         self.made[job.name] = metrics
         return Evaluation(plant, estimates, study, metrics)
 
@@ -118,9 +128,12 @@ class Evaluator:
         """For another ledger of the paper; what either computes, both have."""
         return Evaluator(ledger, self._done)
 
-    def take(self, stage: str, made: Any, **names: str) -> None:
-        """Take what a job has made elsewhere, such as the rows of a study."""
-        self._done[self._key(self._job(stage, **names))] = made
+    def take(self, stage: str, made: Any, file: Path | None = None, **names: str) -> None:
+        """Take what a job has made elsewhere, such as the rows of a study, and from which file."""
+        key = self._key(self._job(stage, **names))
+        self._done[key] = made
+        if file is not None:
+            self._files[key] = file
 
     def apart(self) -> Evaluator:
         """The same, which starts from what is computed here and keeps for itself what it adds."""
@@ -135,7 +148,7 @@ class Evaluator:
 
     def _read(self, job: Job, role: str) -> list[Any]:
         """What the jobs give that a job reads in a role."""
-        return [self._once(need) for need in job.reads[role] if isinstance(need, Job)]
+        return [self._once(need) for need in _needs(job, role)]
 
     def _once(self, job: Job) -> Any:
         """What a job gives, computed if nothing that it depends on gave it before."""
