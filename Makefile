@@ -31,8 +31,9 @@ report: figures  ## Snakemake's own report of the same build, results/report.sna
 quick: $(STAMP)  ## style, types and the tests of what is not committed yet, in under a minute
 	python -m tests.quick
 
+# One process more than cores: a third of what takes longest is waiting for builds and schedulers.
 test: check  ## everything below `check`, then the whole test suite
-	pytest --numprocesses $(CORES)
+	pytest --numprocesses $$(($(CORES) + 1))
 
 check: $(STAMP)  ## style, types, workflow lint
 	ruff check .
