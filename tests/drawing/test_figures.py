@@ -16,6 +16,7 @@ from reobserve.drawing.figures import (
     TRUTH,
     Style,
     decades,
+    envelope,
     few_ticks,
     new_figure,
     thin,
@@ -61,6 +62,13 @@ LOOK = {
 def test_every_figure_has_the_look_of_the_house(name: str) -> None:
     wanted, why = LOOK[name]
     assert matplotlib.rcParams[name] == wanted, why
+
+
+def test_an_envelope_has_the_largest_value_of_each_whole_bin() -> None:
+    size = np.array([1.0, 3.0, 2.0, np.nan, 0.5, 0.25, np.nan, np.nan, np.nan, 9.0])
+    begins, largest = envelope(0.1 * np.arange(10), size, 0.3)
+    assert begins == pytest.approx([0.0, 0.3, 0.6])
+    np.testing.assert_array_equal(largest, [3.0, 0.5, np.nan])
 
 
 def test_a_figure_is_sized_for_print() -> None:

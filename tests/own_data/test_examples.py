@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reobserve.command_line.own_data import _MORE
 from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.example_records import _followed
 from reobserve.own_data.examples import NAMES, simulated
 from tests.own_data.by_hand import BY_HAND
 from tests.own_data.records import read_results, specification, write_record
@@ -33,6 +34,16 @@ ERRORS = {
 def test_the_help_lists_all_examples() -> None:
     listed = _MORE.partition("on:\n")[2].partition("\n\n")[0]
     assert set(re.findall(r"[a-z][a-z-]*[a-z]", listed)) == set(NAMES) == set(BY_HAND)
+
+
+def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
+    """Of time alone the rule is Simpson's, exact for cubics; of the state its series is exp(h)'s."""
+    time = np.array([0.0, 0.4, 1.0])
+    pushed = _followed(lambda t, x: np.array([4 * t**3]), np.array([1.0]), time)
+    assert pushed[:, 0] == pytest.approx(1 + time**4, rel=1e-14)
+    grown = _followed(lambda t, x: x, np.array([1.0]), time)
+    series = [1 + h + h**2 / 2 + h**3 / 6 + h**4 / 24 for h in np.diff(time)]
+    assert grown[:, 0] == pytest.approx(np.cumprod([1.0, *series]), rel=1e-14)
 
 
 @pytest.mark.parametrize("name", NAMES)

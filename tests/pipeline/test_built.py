@@ -1,4 +1,4 @@
-"""An evaluation after a build: what is read of it is not computed again, and is the same."""
+"""What evaluations take: parts of papers, and of a build what need not be computed again."""
 
 from __future__ import annotations
 
@@ -63,3 +63,10 @@ def test_rows_that_a_figure_misses_are_told_with_the_file() -> None:
     evaluator.take("study", [], Path("orders.study.csv"), study="orders")
     with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the figure"):
         evaluator.figure("fig1_orders")
+
+
+def test_a_paper_that_is_not_there_and_a_part_that_it_lacks_are_told() -> None:
+    with pytest.raises(InputError, match=r"^nobody: there is no such paper$"):
+        paper_module("nobody", "plant")
+    with pytest.raises(InputError, match=r"^ilo: has no table$"):
+        paper_module("ilo", "table")

@@ -193,6 +193,12 @@ BROKEN = """
     threshold: after
     why: To see.
     depends_on: [observers.slow.gain]
+  same_again:
+    place: Nowhere
+    says: Both poles are in one place.
+    checks: [{value: fig1 slow late_rms_error, below: 1}]
+    threshold: after
+    why: To see.
 """
 
 
@@ -224,6 +230,9 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
             assert sentence in page
             assert found[name]["verdict"] == "broken"
         assert found["double_pole"]["verdict"] == "reproduced"
+        twice = "claims.toy.same_again.says: what double_pole says, must be another claim"
+        assert twice in done.stderr
+        assert twice in page
         assert not (toy.folder / "results/verdicts.md").exists()
     toy.snakemake()
 
