@@ -37,7 +37,7 @@ def test_the_help_lists_all_examples() -> None:
 
 
 def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
-    """Of time alone the rule is Simpson's, exact for cubics; of the state its series is exp(h)'s."""
+    """Of time alone the rule is Simpson's, exact for cubics; of the state it is exp(h)'s series."""
     time = np.array([0.0, 0.4, 1.0])
     pushed = _followed(lambda t, x: np.array([4 * t**3]), np.array([1.0]), time)
     assert pushed[:, 0] == pytest.approx(1 + time**4, rel=1e-14)
