@@ -69,7 +69,7 @@ OPTIONS: list[tuple[list[str], str]] = [
     ([S, D, OUT, "e.csv", "--state", "k.json"], "--state: is for --stream and --follow"),
     ([S, D, OUT, D], "is named twice; each file needs a name of its own"),
     ([S, D, OUT, "e.csv", "--report", "e.csv"], "is named twice; each file needs a name of its"),
-    ([S, D, OUT, "e.txt"], "e.txt: must end with .csv"),
+    ([S, "none.csv", OUT, "e.txt"], "e.txt: must end with .csv"),
     ([S, D, OUT, "e.csv", "--plot", "e.doc"], "e.doc: must end with .png"),
     ([S, "r.txt", OUT, "e.csv"], "r.txt: must end with .csv"),
     ([S, "none.csv", OUT, "e.csv"], "none.csv: there is no such file"),

@@ -67,14 +67,13 @@ def write_results(
     blocks: Iterator[Estimated],
     about: Callable[[], Mapping[str, Any]],
 ) -> None:
-    """Write blocks as they come; ``about`` is asked after the last one.
+    """Write blocks as they come, in a format by `check_name`; ``about`` is asked after the last.
 
     Raises
     ------
     InputError
         If the file cannot be written; and whatever making the blocks raises. Then there is none.
     """
-    check_name(path)
     fill = _parquet if path.suffix == ".parquet" else _csv
     write_whole(path, lambda partial: fill(partial, path.suffix, titles, blocks, about))
 
