@@ -21,6 +21,7 @@ from reobserve.own_data.commands import estimate_file
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.examples import NAMES, simulated, specification_text
 from reobserve.own_data.row_by_row import RowByRow
+from reobserve.own_data.specification import Specification
 from reobserve.own_data.state_file import load_state, save_state
 from reobserve.own_data.writing import header
 from tests.own_data.records import specification, write_record
@@ -64,6 +65,14 @@ def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
     assert {n: v for n, v in vars(estimation.account).items() if n not in kept} == counted
 
 
+def streamed(chosen: Specification, text: Path) -> str:
+    """The results of a record that comes line by line."""
+    titles, *lines = text.read_text(encoding="utf-8").splitlines(keepends=True)
+    estimation = Estimation(chosen, titles.strip().split(","), str(text))
+    rows = RowByRow(estimation, titles.strip().split(","))
+    return header(estimation.titles) + "".join(map(rows.read, lines)) + rows.finish()
+
+
 def test_a_unit_with_an_offset_of_a_stream_is_converted_as_that_of_a_file(tmp_path: Path) -> None:
     columns = {
         "time": {"column": "t", "unit": "s"},
@@ -73,13 +82,34 @@ def test_a_unit_with_an_offset_of_a_stream_is_converted_as_that_of_a_file(tmp_pa
     times = np.arange(30) * 0.01
     text = write_record(tmp_path / "r.csv", {"t": times, "warm": 20.0 + times})
     estimate_file(chosen, text, tmp_path / "e.csv")
-    titles, *lines = text.read_text().splitlines(keepends=True)
-    estimation = Estimation(chosen, titles.strip().split(","), str(text))
-    rows = RowByRow(estimation, titles.strip().split(","))
-    out = header(estimation.titles) + "".join(map(rows.read, lines)) + rows.finish()
+    out = streamed(chosen, text)
     assert out == (tmp_path / "e.csv").read_text()
     first = dict(zip(out.splitlines()[0].split(","), out.splitlines()[1].split(","), strict=True))
     assert float(first["derivatives_1 [kelvin]"]) == pytest.approx(293.15), first
+
+
+def test_a_stream_is_saturated_where_a_file_is(tmp_path: Path) -> None:
+    columns = {
+        "time": {"column": "t", "unit": "ms"},
+        "measurements": [
+            {"column": "speed", "unit": "rpm", "range": [-200, 200], "saturated": "missing"},
+            {"column": "current", "unit": "mA", "model_unit": "A"},
+        ],
+        "inputs": [{"column": "voltage", "unit": "V"}],
+    }
+    chosen = specification("kalman", columns=columns)
+    text = write_record(tmp_path / "r.csv", simulated("kalman").record(0.01 * np.arange(120)))
+    whole = estimate_file(chosen, text, tmp_path / "e.csv")
+    assert streamed(chosen, text) == (tmp_path / "e.csv").read_text()
+    assert whole.account.statuses["partial"] > 50
+
+
+def test_a_stream_without_stamps_takes_no_measurement_for_one(tmp_path: Path) -> None:
+    """Not even a ramp that goes on by a sampling period from row to row."""
+    chosen = specification("levant", columns={"time": {}, "measurements": [{"column": "ramp"}]})
+    text = write_record(tmp_path / "r.csv", {"ramp": 0.01 * np.arange(60)})
+    estimate_file(chosen, text, tmp_path / "e.csv")
+    assert streamed(chosen, text) == (tmp_path / "e.csv").read_text()
 
 
 class Bytes:
