@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from reobserve.designs.file import load_design, save_design
+from reobserve.designs.file import KINDS, load_design, save_design
 from reobserve.errors import InputError
 from tests.designs.test_kinds import design
 
@@ -43,6 +43,12 @@ def test_a_model_is_refused_by_its_key(kind: str, changed: dict[str, Any], said:
     with pytest.raises(InputError) as error:
         design(kind, **changed)
     assert str(error.value).startswith(said)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_period_that_is_not_positive_is_refused_by_its_key(kind: str) -> None:
+    with pytest.raises(InputError, match=r"^sampling_period: 0 must be greater than zero$"):
+        design(kind, sampling_period=0.0)
 
 
 def test_a_decay_goes_without_a_bound() -> None:
