@@ -96,6 +96,8 @@ def test_estimates_do_not_depend_on_the_covariance() -> None:
     runs = [observer.run(z, u, state=observer.init(np.zeros(4), *more)) for more in ((), (3.0,))]
     assert np.array_equal(runs[0]["state"], runs[1]["state"])
     assert not np.array_equal(runs[0]["variance"], runs[1]["variance"])
+    certain = observer.init(np.zeros(4)).belief.covariance
+    assert np.array_equal(certain, np.zeros((4, 4)))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -106,6 +107,15 @@ def test_symbols_of_sympy_serve_as_text_does() -> None:
     np.testing.assert_allclose(
         one.normal_form.gain.coefficients, other.normal_form.gain.coefficients, rtol=1e-14
     )
+
+
+def test_what_is_no_polynomial_is_expanded_up_to_degree_nine_unless_more_is_needed() -> None:
+    for more, degree in (({}, 9), ({"expanded": 5}, 5), ({"expanded": 5, "degree": 13}, 13)):
+        observer = normal_form_observer(["sin(x) + x**10 + x**14"], ["x"], ["x"], order=4,
+                                        sampling_period=0.1, poles=[-0.5], **more)  # fmt: skip
+        _, powers, last = list(observer.normal_form.problem.system.dynamics.terms())[-1]
+        assert powers == (degree,)
+        assert last == pytest.approx(1.0 / math.factorial(degree), rel=1e-14)
 
 
 def test_the_domain_can_be_checked_after_one_call() -> None:
