@@ -115,12 +115,17 @@ def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -
 
 
 def test_a_table_of_gains_lists_what_was_designed_and_no_more() -> None:
-    listed = {}
-    for name in ("sampled", "kalman"):
+    designed = {
+        "gain": ["L"], "kalman": [], "svsf": ["memory_rate", "layer"], "imm": ["Chain"],
+        "imm_svsf": ["memory_rate", "layer", "Chain"], "sampled": ["K1", "K2", "Damping"],
+        "continuous": ["K1", "K2", "Injection"], "adaptive": ["Gamma", "Kp", "Injection"],
+        "levant": ["factor"], "high_gain": ["K"], "extended": ["K"], "squares": [],
+        "filtered": ["gain"], "relay": ["M"], "transformed": ["Phi"],
+    }  # fmt: skip
+    for name, gains in designed.items():
         observer, state = observer_of(name)
         constants = program_of(observer, state, columns_of(name, observer)).constants
-        listed[name] = [each for each, one in constants.items() if one.gain]
-    assert listed == {"sampled": ["K1", "K2", "Damping"], "kalman": []}
+        assert [each for each, one in constants.items() if one.gain] == gains, name
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")

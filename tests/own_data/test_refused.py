@@ -30,6 +30,10 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", inputs({"column": ""}), "columns.inputs.0.column: '' must be a name that can be"),
     ("kalman", inputs({"column": "voltage", "unit": "dB"}), "columns.inputs.0.unit: 'dB' counts"),
     ("kalman", inputs(*[{"column": f"v{k}"} for k in range(101)]), "columns.inputs: has 101"),
+    (
+        "extended-high-gain", inputs({"column": "u"}, {"column": "u_rate"}),
+        "columns.inputs: are 2 columns, the observer reads 1 or 3",
+    ),
     ("kalman", {"sampling": {"jitter": 0.5}}, "sampling.jitter: 0.5 periods must be below half of"),
     ("kalman", {"sampling": {"gap": -1.0}}, "sampling.gap: -1 must not be negative"),
     ("kalman", {"alarms": [ALARM, ALARM]}, "alarms: have the name 'fast' twice"),
