@@ -91,10 +91,19 @@ def test_a_gap_is_what_is_longer_than_was_said(at_gap: str, tmp_path: Path) -> N
     else:
         assert len(status) == 1001 - 50
         assert status[310] == "restarted"
-        assert (account.restarts, account.dropped) == (1, account.dropped)
+        assert account.restarts == 1
         fresh = without(EVEN, slice(0, 360))
         _, alone, _ = kalman(fresh, tmp_path, missing="skip")
         assert np.array_equal(found["speed"][310:], alone["speed"])
+
+
+def test_rows_of_dead_sensors_are_dropped_once_they_are_no_longer_bridged(tmp_path: Path) -> None:
+    columns = {name: values.copy() for name, values in EVEN.items()}
+    for title in ("speed", "current"):
+        columns[title][300:360] = np.nan
+    account, _, status = kalman(columns, tmp_path, missing="skip", gap=0.1, at_gap="restart")
+    assert (account.restarts, account.dropped) == (1, 50)
+    assert (status.count("predicted"), len(status)) == (10, 1001 - 50)
 
 
 def test_straight_lines_fill_what_was_lost(tmp_path: Path) -> None:
@@ -125,6 +134,7 @@ def test_uneven_stamps_are_resampled_by_the_method_that_was_said(
     }[method]
     assert read == pytest.approx(expected, abs=1e-9)
     assert account.jitter == pytest.approx(np.abs(np.diff(at) / 0.01 - 1).max(), rel=1e-6)
+    assert account.intervals == 599
 
 
 @pytest.mark.parametrize(
@@ -179,6 +189,7 @@ def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict
 REFUSED = [
     ({"t": EVEN["t"] * 1.5}, {}, "sampling.period: 0.01 s disagrees with the stamps"),
     ({"t": EVEN["t"] * 2.0}, {}, "which go on by 0.02 s (the median of the first 20 intervals)"),
+    ({"t": EVEN["t"][:9] * 2.0}, {"missing": "skip"}, "by 0.02 s (the median of the first 8 int"),
     ({"t": EVEN["t"][::-1]}, {}, "r.csv: row 2: the stamp goes back, at 9990 s"),
     ({"t": np.where(EVEN["t"] == 50, 54, EVEN["t"])}, {}, "1.4 sampling periods of 0.01 s; with"),
     ({"t": np.where(EVEN["t"] == 50, np.nan, EVEN["t"])}, {}, "row 6 has no stamp"),
@@ -204,7 +215,9 @@ def test_what_no_policy_allows_is_refused_and_nothing_is_written(
     chosen = specification(name, sampling={
         "period": 0.01, "missing": "refuse", "at_gap": "refuse", **kept,
     })  # fmt: skip
-    record = write_record(tmp_path / "r.csv", {**EVEN, **columns})
+    rows = len(columns.get("t", EVEN["t"]))
+    even = {title: values[:rows] for title, values in EVEN.items()}
+    record = write_record(tmp_path / "r.csv", {**even, **columns})
     if "9990" in said:
         said = "row 2: the stamp goes back, at 9.99 s"
     with pytest.raises(InputError) as error:
@@ -240,14 +253,15 @@ def test_a_wrong_start_is_refused_by_its_key_before_any_row(
     assert str(error.value).startswith(f"observer.start.{said}")
 
 
-def test_a_divergence_has_the_time_of_the_record(tmp_path: Path) -> None:
+@pytest.mark.parametrize("block", [2**10, 2**20])
+def test_a_divergence_has_the_time_of_the_record(block: int, tmp_path: Path) -> None:
     columns = simulated("ilo-sampled").record()
     columns["t"] = columns["t"] + 5000.0
     columns["wx"][300] = 1e200
-    with pytest.raises(DivergenceError, match=r"finite up to t = 7\.9"):
+    with pytest.raises(DivergenceError, match=r"finite up to t = 7\.99 s"):
         estimate_file(
             specification("ilo-sampled"), write_record(tmp_path / "r.csv", columns),
-            tmp_path / "e.csv",
+            tmp_path / "e.csv", block=block,
         )  # fmt: skip
 
 
