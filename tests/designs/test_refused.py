@@ -34,6 +34,8 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
     ("high-gain", {"drift": {"angle": 0, "rate": 0, "spin": 0}}, "drift.spin: is of no state"),
     ("high-gain", {"lipschitz": {"angle": {"rate": 1}}}, "lipschitz.angle.rate: must not be"),
     ("high-gain", {"lipschitz": {"rate": {"spin": 1}}}, "lipschitz.rate.spin: is of no state"),
+    ("ilo", {"states": {"x": "deg/s", "y": "rad/s", "z": "rad/s"}}, "states.x: 'deg/s' must be"),
+    ("adaptive", {"inputs": {"u": "kN m", "v": "N m", "w": "N m"}}, "inputs.u: 'kN m' must be 'N"),
     ("eso", {"Fa": None}, "Fa: is missing, must have shape (2, 1), as the signals say"),
 ]  # fmt: skip
 
