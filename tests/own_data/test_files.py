@@ -18,9 +18,10 @@ from reobserve.cli import main
 from reobserve.designs.file import load_design
 from reobserve.errors import InputError
 from reobserve.own_data.commands import estimate_file
+from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.examples import simulated
 from reobserve.own_data.reading import File
-from reobserve.own_data.specification import Specification, read_specification
+from reobserve.own_data.specification import LearnedThreshold, Specification, read_specification
 from reobserve.own_data.writing import KEY
 from reobserve.plain_data.typed_tree import parse
 from tests.own_data.records import read_results, specification, write_record
@@ -177,6 +178,29 @@ def test_what_would_mislead_is_told(tmp_path: Path) -> None:
     chosen = specification("adaptive", observer={"body": body})
     made = estimate_file(chosen, record, tmp_path / "e.csv")
     assert any("fault_matrix has rank 2 of 3" in told for told in made.account.warnings)
+
+
+def test_a_mode_that_the_measurements_never_show_is_told() -> None:
+    """Two states on their own: the first is seen, the second stays as it starts."""
+    tree: dict[str, Any] = {
+        "kind": "kalman", "start": {"mean": [0.0, 0.0], "covariance": 1.0},
+        "model": {"A": [[0.5, 0.0], [0.0, 1.0]], "B": [[0.0], [0.0]],
+                  "H": [[1.0, 0.0], [2.0, 0.0]], "Q": [0.1, 0.1], "R": [1.0, 1.0]},
+    }  # fmt: skip
+    header = ["t", "speed", "current", "voltage"]
+    found = Estimation(specification("kalman", observer=tree), header, "the record")
+    (told,) = found.account.warnings
+    assert told.startswith("state: a mode of model with the eigenvalue 1+0j does not decay and is")
+    seen = {**tree, "model": {**tree["model"], "H": [[1.0, 0.0], [0.0, 1.0]]}}
+    seen_too = Estimation(specification("kalman", observer=seen), header, "the record")
+    assert not seen_too.account.warnings
+
+
+def test_a_threshold_is_learned_from_the_first_estimate_on_unless_said() -> None:
+    rule = {"name": "odd", "of": "residual speed", "sigma": 5, "until": 4.0}
+    (read,) = specification("kalman", alarms=[rule]).alarms
+    assert isinstance(read, LearnedThreshold)
+    assert read.since == 0.0
 
 
 UNFORESEEN = "wrong, or there is a fault from early on"

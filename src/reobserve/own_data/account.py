@@ -37,7 +37,7 @@ class Account:
     saturated: dict[str, int] = field(default_factory=dict)
     gaps: list[list[float | None]] = field(default_factory=list)
     gap_count: int = 0
-    dropped: int = 0  # rows inside gaps
+    dropped: int = 0  # rows inside gaps; of those that the record lacks, the first
     restarts: int = 0
     statuses: dict[str, int] = field(default_factory=dict)
     estimates: int = 0
