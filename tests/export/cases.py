@@ -106,9 +106,11 @@ def alone() -> Made:
     return made, made.run(y, u, state=made.init([0.0], 0.2)).state
 
 
-def delay(kind: type, *gains: Any, begun: bool = False, least: float = 0.02) -> Made:
+def delay(
+    kind: type, *gains: Any, begun: bool = False, least: float = 0.02, period: float = 0.01
+) -> Made:
     """Delays that meet their bounds."""
-    made = kind(1.0, -2.0, (least, 0.155), 0.01, *gains)
+    made = kind(1.0, -2.0, (least, 15.5 * period), period, *gains)
     past = 0.1 * np.sin(0.13 * np.arange(-20.0, 1.0))
     state = made.init(0.05, 0.1, past if begun else np.full(21, 0.03))
     if begun:
@@ -153,6 +155,7 @@ CASES: dict[str, Callable[[], Made]] = {
     "filtered_alone": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0, begun=True),
     "relay": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", least=0.0),
     "relay_alone": lambda: delay(VariableStructureDelayEstimator, 90.0, "inverse"),
+    "relay_slow": lambda: delay(VariableStructureDelayEstimator, 2.0, "inverse", period=0.2),
     "relay_alone_on": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", begun=True),
     "identity": lambda: (pendulum(order=4), None),
     "constant": lambda: (pendulum(order=0), None),

@@ -104,6 +104,11 @@ def test_a_run_leaves_its_inputs_as_they_were() -> None:
         assert np.array_equal(kept, now)
 
 
+def test_bounds_of_the_delay_are_two_numbers_however_they_are_given() -> None:
+    given = replace(ALL["relay"](0.01), delay_bounds=np.array([0, 1]))  # type: ignore[arg-type]
+    assert given.delay_bounds == (0.0, 1.0)
+
+
 @pytest.mark.parametrize(
     ("kind", "change", "sentence"),
     [

@@ -166,6 +166,8 @@ def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict
     for c in range(1, table.shape[1]):
         table[random.random(len(table)) < 0.02, c] = np.nan
     table[400:430, 1] = np.nan
+    twice = [] if chosen.sampling.uneven == "refuse" else [300, 500]
+    table = np.insert(table, twice, table[twice], axis=0)
     titles = list(columns)
     results = []
     for sizes in ([len(table)], [1], [1, 7, 50, 3, 128]):
@@ -184,6 +186,7 @@ def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict
             assert one.tobytes() == other.tobytes()
         assert vars(account) == vars(results[0][1])
     assert results[0][1].gap_count >= 1
+    assert results[0][1].repeated == len(twice)
 
 
 REFUSED = [
