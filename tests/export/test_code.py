@@ -114,6 +114,21 @@ def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -
         assert np.isnan(u).all()
 
 
+def test_a_row_that_every_mode_finds_hardly_possible_still_tells_them_apart(folder: Path) -> None:
+    """All likelihoods are below the least number there is: only their ratios can be had."""
+    observer, *_ = write("imm", folder)
+    scope: dict[str, Any] = {"__name__": "imm"}
+    exec(compile((folder / "imm.py").read_text(), "imm", "exec"), scope)
+    exported, (_, state), least = scope["Observer"](), observer_of("imm"), 0.0
+    for y in ([1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]):
+        found = exported.step(y, [0.5])
+        state, expected = observer.step(state, y, [0.5])
+        least = min(least, expected["log_likelihood"].max())
+        for each in ("probability", "log_likelihood"):
+            assert found[each] == pytest.approx(expected[each], abs=1e-9, rel=1e-9), (y, each)
+    assert least < -1000.0
+
+
 def test_a_table_of_gains_lists_what_was_designed_and_no_more() -> None:
     designed = {
         "gain": ["L"], "kalman": [], "svsf": ["memory_rate", "layer"], "imm": ["Chain"],
