@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import subprocess
@@ -34,6 +35,10 @@ def test_a_document_stays_on_its_pages(
     assert set(tables) <= set(found)
     for matrix in re.findall(r"\\begin\{bmatrix\}(.*?)\\end", text):
         assert max(row.count("&") for row in matrix.split(r"\\")) < 6
+    told = re.findall(r"^&.*$", text, flags=re.MULTILINE)
+    for line, following in itertools.pairwise(told):  # what belongs to a line stands further in
+        further = following.count(r"\quad") - line.count(r"\quad")
+        assert further == 1 if r"\colon" in line[-10:] else further <= 0, (line, following)
     if compiler := shutil.which("pdflatex"):
         command = (compiler, "-interaction=nonstopmode", "-halt-on-error", path.name)
         said = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=False)
