@@ -61,8 +61,9 @@ def test_the_files_of_studies_must_be_in_the_order_of_the_ledger(tmp_path: Path)
 def test_rows_that_a_figure_misses_are_told_with_the_file() -> None:
     evaluator = Evaluator(LEDGERS["lie"])
     evaluator.take("study", [], Path("orders.study.csv"), study="orders")
-    with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the figure"):
-        evaluator.figure("fig1_orders")
+    for each in (evaluator, evaluator.apart(), evaluator.sibling(LEDGERS["lie"])):
+        with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the fig"):
+            each.figure("fig1_orders")
 
 
 def test_a_paper_that_is_not_there_and_a_part_that_it_lacks_are_told() -> None:

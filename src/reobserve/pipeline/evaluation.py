@@ -46,9 +46,9 @@ class Evaluator:
 
     ledger: Ledger
     _done: dict[str, Any] = field(default_factory=dict)
+    _files: dict[str, Path] = field(default_factory=dict, repr=False)  # of what was taken
     made: dict[str, Any] = field(default_factory=dict, init=False)
     _keys: dict[Job, str] = field(default_factory=dict, init=False, repr=False)
-    _files: dict[str, Path] = field(default_factory=dict, init=False, repr=False)
 
     def figure(self, figure: str) -> Evaluation:
         """Everything behind one figure.
@@ -67,10 +67,11 @@ class Evaluator:
         estimates = dict(
             zip(settings["figure"]["observers"], self._read(job, "estimates"), strict=True)
         )
-        study = next(iter(self._read(job, "study")), None)
-        files = [self._files.get(self._key(need)) for need in _needs(job, "study")]
+        study, file = None, None
+        for need in _needs(job, "study"):
+            study, file = self._once(need), self._files.get(self._key(need))
         data = figure_data(self.ledger.paper, settings, plant, estimates, study)
-        with rows_from(next(iter(files), None)):
+        with rows_from(file):
             metrics = measure(self.ledger.paper, data)
         self.made[job.name] = metrics
         return Evaluation(plant, estimates, study, metrics)
@@ -126,7 +127,7 @@ class Evaluator:
 
     def sibling(self, ledger: Ledger) -> Evaluator:
         """For another ledger of the paper; what either computes, both have."""
-        return Evaluator(ledger, self._done)
+        return Evaluator(ledger, self._done, self._files)
 
     def take(self, stage: str, made: Any, file: Path | None = None, **names: str) -> None:
         """Take what a job has made elsewhere, such as the rows of a study, and from which file."""
@@ -137,7 +138,7 @@ class Evaluator:
 
     def apart(self) -> Evaluator:
         """The same, which starts from what is computed here and keeps for itself what it adds."""
-        return Evaluator(self.ledger, dict(self._done))
+        return Evaluator(self.ledger, dict(self._done), self._files)
 
     @cached_property
     def _graph(self) -> Graph:
