@@ -67,6 +67,14 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
     return observer, y, u, expected
 
 
+def python_of(name: str, folder: Path) -> dict[str, Any]:
+    """What the Python that was written of an observer defines."""
+    c = name.replace("-", "_")
+    scope: dict[str, Any] = {"__name__": c}
+    exec(compile((folder / f"{c}.py").read_text(), c, "exec"), scope)
+    return scope
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 @pytest.mark.parametrize("name", NAMES)
 def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> None:
@@ -89,9 +97,7 @@ def test_python_agrees_and_imports_nothing(name: str, folder: Path) -> None:
     text = (folder / f"{c}.py").read_text()
     imports = [line for line in text.splitlines() if "import" in line]
     assert all(line == "import math" or line.startswith("from math import ") for line in imports)
-    scope: dict[str, Any] = {"__name__": c}
-    exec(compile(text, c, "exec"), scope)
-    exported = scope["Observer"]()
+    exported = python_of(name, folder)["Observer"]()
     for k in range(len(y)):
         row = (y[k].tolist(), u[k].tolist()) if observer.inputs else (y[k].tolist(),)
         found = exported.step(*row)
@@ -103,8 +109,7 @@ def test_python_agrees_and_imports_nothing(name: str, folder: Path) -> None:
 @pytest.mark.parametrize("name", ["relay", "squares_alone"])
 def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -> None:
     write(name, folder)
-    scope: dict[str, Any] = {"__name__": name}
-    exec(compile((folder / f"{name}.py").read_text(), name, "exec"), scope)
+    scope = python_of(name, folder)
     u = [0.0, 0.0]
     scope["past"](scope["Observer"]().cells, 0, 0.0, 1.0, u)
     assert np.isfinite(u).all()
@@ -117,13 +122,11 @@ def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -
 def test_a_row_that_every_mode_finds_hardly_possible_still_tells_them_apart(folder: Path) -> None:
     """All likelihoods are below the least number there is: only their ratios can be had."""
     observer, *_ = write("imm", folder)
-    scope: dict[str, Any] = {"__name__": "imm"}
-    exec(compile((folder / "imm.py").read_text(), "imm", "exec"), scope)
-    exported, (_, state), least = scope["Observer"](), observer_of("imm"), 0.0
+    exported, (_, state), least = python_of("imm", folder)["Observer"](), observer_of("imm"), 0.0
     for y in ([1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]):
         found = exported.step(y, [0.5])
         state, expected = observer.step(state, y, [0.5])
-        least = min(least, expected["log_likelihood"].max())
+        least = min(least, float(expected["log_likelihood"]))
         for each in ("probability", "log_likelihood"):
             assert found[each] == pytest.approx(expected[each], abs=1e-9, rel=1e-9), (y, each)
     assert least < -1000.0
