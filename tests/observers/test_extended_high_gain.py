@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
@@ -294,3 +295,16 @@ def test_a_peak_between_two_samples_does_not_leave_the_interval() -> None:
 def test_without_a_threshold_the_delay_stays_finite(rho: float) -> None:
     """Where xi passes zero the delay runs to a bound, is held there, and goes to the other one."""
     assert observed(Case("sine", rho, 1), 0.01, 10.0).diverged_at is None
+
+
+@pytest.mark.parametrize("step", [0.01, 0.001])
+def test_a_motion_that_slides_along_the_threshold(step: float) -> None:
+    # xi^ = tau^ / 2 - t - 0.15 falls while the delay's gain is off, and rises while it is on, as
+    # that moves tau^ by about 4 s a second: from 0.05 s on it slides along -0.1, so tau^ by 2.
+    model = triangular_model(["x"], ["0"], "1")
+    made = ExtendedHighGainObserver(model, step, 0.01, 2, (0.0, 1.5), threshold=0.1)
+    t = step * np.arange(round(0.5 / step) + 1)
+    u = np.column_stack([0.5 * t**2 + 0.15 * t, t + 0.15, np.ones_like(t)])
+    run = made.run(np.full((len(t), 1), -4000.0), u, state=made.init([0.0], 0.2))
+    assert run["delay"] == pytest.approx(np.maximum(0.2, 2.0 * t + 0.1), abs=2.5 * step)
+    assert np.mean(run["switched_off"][t > 0.06]) == pytest.approx(0.5, abs=0.05)

@@ -10,7 +10,7 @@ Where |xi^| is below a threshold the delay cannot be seen, and gains are switche
 delay alone, or all of them.
 
 Held and free, on and off are different right-hand sides, so a step that would run from one into
-another is cut where that happens: the instant is found by bisection, and each part is a step of
+another is cut where that happens: the instant is searched for, and each part is a step of
 the classical Runge-Kutta method. This keeps its order, and the delay inside its interval, also
 between the samples. Inside a step, inputs are taken from their three samples by a parabola.
 """

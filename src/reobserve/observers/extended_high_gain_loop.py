@@ -6,7 +6,7 @@ A mode says which right-hand side holds: whether the delay is held at a bound (-
     y, u, u', ..., u^(m), gain_1, ..., gain_(n+1), G(y)
 
 in the table ``at``: three of a step (its start, its middle and its end, the last as the limit from
-inside), three of a part of it, and one of any instant. Points stand in rows of a table, too.
+inside), and three of a part of it. Points stand in rows of a table, too.
 
 What makes the loop fast: G is asked for once a row and not at each stage. ``size`` is a tuple of n
 zeros, whose length the compiler knows, so that it can write short loops out. Nothing on the usual
@@ -21,23 +21,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reobserve.numerics.chandrupatla import next_trial
 from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import kernel
+from reobserve.numerics.kernel import inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 
 # Modes change a few times in a whole run; where an input jumps back and forth around the threshold
-# in one step there is no point in following every change.
+# in one step, or the delay moves xi^ so that each of two modes leads back into the other, there is
+# no point in following every change.
 MOST_CHANGES = 16
-BISECTIONS = 60
+MOST_TRIALS = 60
+NEAREST = 2.0**-50  # of a step: how near the end of a mode is found
 
 # Rows of the table of inputs.
-_STEP, _PART, _INSTANT = 0, 3, 6
+_STEP, _PART = 0, 3
 # Rows of the table of points.
 _FROM, _TO, _SUM = 0, 1, 2
 
 Size = tuple[int, ...]
 Bounds = tuple[float, float, float]
+# Whether the delay is held; 0, 1 if the gain of the delay is switched off, 2 if all gains are; and
+# xi^ where the mode began.
+Mode = tuple[int, int, float]
 Model = tuple[Any, Any, Array]  # drift, input gain and the parameters of both
 Room = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
 
@@ -95,36 +101,31 @@ def _mode(delay: float, rate: float, xi: float, bounds: Bounds) -> tuple[int, bo
 
 
 @kernel
-def _holds(
-    delay: float, rate: float, xi: float, before: float, bounds: Bounds, held: int, off: bool
-) -> bool:
-    """Whether a mode still holds at a point that it has led to; ``before`` is xi^ where it began.
+def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) -> float:
+    """How far a mode is from its end at a point that it has led to; it holds from zero on.
 
     Where xi^ changes its sign the delay runs away from one bound and back from the other.
     """
-    least, most, threshold = bounds
-    if (abs(xi) < threshold or xi == 0.0) != off:
-        return False
-    if off:
-        return True
-    if xi * before < 0.0:
-        return False
+    (least, most, threshold), (held, off, before) = bounds, mode
+    if off > 0:
+        return threshold - abs(xi)
+    margin = (xi if before > 0.0 else -xi) - threshold
     if held == 0:
-        return least <= delay <= most
-    return held * rate >= 0.0
+        return min(margin, delay - least, most - delay)
+    return min(margin, held * rate)
 
 
 @kernel
 def _runge_kutta(
-    drift: Any, parameters: Array, size: Size, order: int, at: Array, base: int, h: float,
-    held: int, off: int, points: Array, x: Array, f: Array,
+    model: Model, size: Size, order: int, at: Array, base: int, h: float, mode: Mode,
+    points: Array, room: Room,
 ) -> None:  # fmt: skip
     """One step of the method in one mode, with the three rows of inputs from ``base`` on.
 
-    It leads from the point in row _FROM to that in row _TO. ``off`` is 0, 1 if the gain of the
-    delay is switched off, 2 if all gains are.
+    It leads from the point in row _FROM to that in row _TO.
     """
     n, gains = len(size), 2 + order
+    (drift, _, parameters), (x, f, _, _), (held, off, _) = model, room, mode
     for i in range(n + 1):
         x[i], points[_SUM, i] = points[_FROM, i], 0.0
     for stage in range(4):
@@ -158,48 +159,56 @@ def _cut(model: Model, at: Array, start: float, end: float, room: Room) -> int:
     """Fill the rows of a part of the step; return the first of them."""
     if start == 0.0 and end == 1.0:
         return _STEP
-    for place in range(3):
-        theta = start + 0.5 * place * (end - start)
-        _interpolate(model, at, theta, _PART + place, room)
+    _interpolate(model, at, start, _PART, room)
+    _interpolate(model, at, 0.5 * (start + end), _PART + 1, room)
+    _interpolate(model, at, end, _PART + 2, room)
     return _PART
+
+
+@inlined_kernel
+def _go(
+    model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, end: float,
+    step: float, mode: Mode, points: Array, room: Room,
+) -> tuple[float, float]:  # fmt: skip
+    """Go on from ``start`` to ``end`` of the step in a mode; return its margin there, and the rate.
+
+    It leads from the point in row _FROM to that in row _TO.
+    """
+    n, base = len(size), _cut(model, at, start, end, room)
+    _runge_kutta(model, size, order, at, base, (end - start) * step, mode, points, room)
+    xi = _seen(order, points[_TO, n], at, base + 2)
+    rate = _raw_rate(points[_TO, 0], xi, at, base + 2)
+    return _margin(points[_TO, n], rate, xi, bounds, mode), rate
 
 
 @kernel
 def _to_mode_end(
-    model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, step: float,
-    held: int, off: int, before: float, turning: float, points: Array, room: Room,
+    model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, above: float,
+    below: float, here: float, step: float, mode: Mode, points: Array, room: Room,
 ) -> float:  # fmt: skip
-    """Go on from ``start`` to where the mode ends, or to the end of the step; returns where.
+    """Go on from ``start`` to the first point beyond the end of a mode; returns where that is.
 
-    The mode does not hold at the end of the step, or it does and the delay turns round about
-    ``turning``, where it may have left its interval on the way; else ``turning`` is 1. ``before``
-    is xi^ at the start of the mode.
+    ``above`` and ``below`` are the mode's margins at the start and at the end of the step. It is
+    looked for ``here`` first: where the delay turns round, if the mode holds at the end, too. If it
+    holds there as well it is gone on to the end of the step.
     """
-    n, x, f = len(size), room[0], room[1]
-    low, high = start, 1.0
-    turns = turning != 1.0
-    for _ in range(BISECTIONS):
-        middle = turning if turns else 0.5 * (low + high)
-        if not turns and not low < middle < high:
-            break
-        base = _cut(model, at, start, middle, room)
-        h = (middle - start) * step
-        _runge_kutta(model[0], model[2], size, order, at, base, h, held, off, points, x, f)
-        _interpolate(model, at, middle, _INSTANT, room)
-        xi = _seen(order, points[_TO, n], at, _INSTANT)
-        rate = _raw_rate(points[_TO, 0], xi, at, _INSTANT)
-        if not _holds(points[_TO, n], rate, xi, before, bounds, held, off > 0):
-            high = middle
-        elif turns:
-            # It turns round inside its interval.
+    newest, opposite = (start, above), (1.0, below)
+    former = newest
+    for _ in range(MOST_TRIALS):
+        margin, _ = _go(model, size, order, bounds, at, start, here, step, mode, points, room)
+        if (margin >= 0.0) == (newest[1] >= 0.0):
+            former = newest
+        else:
+            former, opposite = opposite, newest
+        newest = here, margin
+        ends = not (margin >= 0.0 and opposite[1] >= 0.0)
+        if ends and abs(here - opposite[0]) > 2.0 * NEAREST:
+            here = next_trial(newest, opposite, former, NEAREST)
+        elif here >= opposite[0]:
             break
         else:
-            low = middle
-        turns = False
-    base = _cut(model, at, start, high, room)
-    h = (high - start) * step
-    _runge_kutta(model[0], model[2], size, order, at, base, h, held, off, points, x, f)
-    return high
+            here = opposite[0]
+    return newest[0]
 
 
 def run(
@@ -240,9 +249,9 @@ def _run(
     """The loop of `run`, for sizes that are known when it is compiled."""
     n, channels = len(size), right.shape[1]
     least, most, _ = bounds
-    at, points = np.empty((7, channels + 1)), np.empty((3, n + 1))
-    x, f, y, gain = room = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
-    drift, input_gain, parameters = model
+    at, points = np.empty((6, channels + 1)), np.empty((3, n + 1))
+    _, _, y, gain = room = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
+    _, input_gain, parameters = model
     for i in range(n + 1):
         points[_FROM, i] = states[0, i]
     for k in range(len(states) - 1):
@@ -254,37 +263,25 @@ def _run(
         start, here = 0.0, _STEP
         switched_off[k] = 0.0
         for change in range(MOST_CHANGES):
-            xi = before = _seen(order, points[_FROM, n], at, here)
+            xi = _seen(order, points[_FROM, n], at, here)
             rate = _raw_rate(points[_FROM, 0], xi, at, here)
             points[_FROM, n] = min(max(points[_FROM, n], least), most)
             held, off = _mode(points[_FROM, n], rate, xi, bounds)
-            kind = switched if off else 0
-            base, h, end = _STEP, (1.0 - start) * step, 1.0
-            if start > 0.0:
-                base = _cut(model, at, start, 1.0, room)
-            _runge_kutta(drift, parameters, size, order, at, base, h, held, kind, points, x, f)
-            xi = _seen(order, points[_TO, n], at, _STEP + 2)
-            after = _raw_rate(points[_TO, 0], xi, at, _STEP + 2)
-            holds = _holds(points[_TO, n], after, xi, before, bounds, held, off)
-            # A free delay whose rate changes its sign turns round inside the step.
+            mode, end = (held, switched if off else 0, xi), 1.0
+            margin, after = _go(
+                model, size, order, bounds, at, start, end, step, mode, points, room
+            )  # fmt: skip
+            holds = margin >= 0.0
+            # A free delay whose rate changes its sign turns round inside the step, where it may
+            # have left its interval.
             turns = holds and held == 0 and not off and rate != 0.0 and not rate * after >= 0.0
             if (turns or not holds) and change < MOST_CHANGES - 1:
-                turning = start + (1.0 - start) * rate / (rate - after) if turns else 1.0
+                above = _margin(points[_FROM, n], rate, xi, bounds, mode)
+                part = rate / (rate - after) if turns else 0.5
                 end = _to_mode_end(
-                    model,
-                    size,
-                    order,
-                    bounds,
-                    at,
-                    start,
-                    step,
-                    held,
-                    kind,
-                    before,
-                    turning,
-                    points,
-                    room,
-                )
+                    model, size, order, bounds, at, start, above, margin,
+                    start + (1.0 - start) * part, step, mode, points, room,
+                )  # fmt: skip
             if off:
                 switched_off[k] += end - start
             finite = True
@@ -295,8 +292,7 @@ def _run(
                 return k + 1
             if end == 1.0:
                 break
-            start, here = end, _INSTANT
-            _interpolate(model, at, end, here, room)
+            start, here = end, _PART + 2
         points[_FROM, n] = min(max(points[_FROM, n], least), most)
         for i in range(n + 1):
             states[k + 1, i] = points[_FROM, i]

@@ -8,12 +8,13 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.export.expressions import Expression, Name, call
+from reobserve.export.programs.chandrupatla import next_trial
 from reobserve.export.programs.derivatives import SmoothSignal
 from reobserve.export.programs.right_hand_sides import right_hand_sides
 from reobserve.export.programs.sampling import tell_part
 from reobserve.export.statements import ONE, ZERO, Program
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
-from reobserve.observers.extended_high_gain_loop import BISECTIONS, MOST_CHANGES
+from reobserve.observers.extended_high_gain_loop import MOST_CHANGES, MOST_TRIALS, NEAREST
 from reobserve.synthesis.high_gain import high_gain
 
 
@@ -84,7 +85,7 @@ class _Maker:
         self.delay = program.local("tau", (), r"\hat\tau")
         self.xi = program.local("xi", (1,), r"\xi")
         self.rate = program.local("rate", (1,), r"\dot\tau")
-        self.good = program.local("good", (1,))
+        self.distance, self.trial = program.local("distance", (1,)), program.local("trial_at", (1,))
         self.off = program.local("off", (1,))
         program.notes.append(
             r"$\hat z$ holds $\hat x$ and $\hat\tau$; $a$ and $b$ hold $y, u, \dot u, \dots$ of "
@@ -93,8 +94,7 @@ class _Maker:
         program.notes.append(
             "$m_1$ is 1 or -1 where the delay is held at a bound that it would leave, else 0; $m_2$"
             " is 1 where $\\lvert\\xi\\rvert$ is below its threshold, else 0. A step is cut where "
-            "they change, by bisection, and goes on from there; $\\sigma$ is the share of parts "
-            "with $m_2 = 1$"
+            "they change, and goes on from there; $\\sigma$ is the share of parts with $m_2 = 1$"
         )
 
     # --- Functions ---
@@ -108,7 +108,8 @@ class _Maker:
         with self.program.hidden():
             self.raw_rate()
             self.unseen()
-            self.holds()
+            self.margin()
+            next_trial(self.program, NEAREST)
 
     def inputs_at(self) -> None:
         """Inputs at a part of the step, along straight lines."""
@@ -211,27 +212,27 @@ class _Maker:
                 with program.when(condition):
                     program.let(out[0], ONE)
 
-    def holds(self) -> None:
-        """Whether a mode still holds at a point; ``seen_before`` is xi^ where it began."""
-        program, out = self.program, self.program.local("good_out", (1,))
+    def margin(self) -> None:
+        """How far a mode is from its end at a point; ``seen_before`` is xi^ where it began."""
+        program, out = self.program, self.program.local("margin_out", (1,))
         rate, before = program.local("rate_here", ()), program.local("seen_before", ())
-        xi, sign = Name("xi_here"), program.local("sign", ())
-        given = (self.delay, rate, xi, before, self.mode)
-        with program.function("holds", given, out):
-            program.let(out[0], ZERO)
-            program.apply(self.off, "unseen", xi)
-            program.let(sign, xi * before)
-            with program.when("off[0] == mode[1]"), program.when("mode[1] > 0.5") as on:
-                program.let(out[0], ONE)
-                with program.otherwise(on), program.when("sign < 0.0") as same:
-                    program.let(out[0], ZERO)
-                    with program.otherwise(same), program.when("mode[0] == 0.0") as held:
-                        with program.when("tau >= least"), program.when("tau <= most"):
-                            program.let(out[0], ONE)
-                        with program.otherwise(held):
-                            program.let(sign, self.mode[0] * rate)
-                            with program.when("sign >= 0.0"):
-                                program.let(out[0], ONE)
+        xi, size, room = Name("xi_here"), Name("size"), program.local("room", ())
+        given, threshold = (self.delay, rate, xi, before, self.mode), Name("threshold")
+        rooms = (self.delay - self.least, self.most - self.delay), (self.mode[0] * rate,)
+        with program.function("margin", given, out), program.when("mode[1] > 0.5") as on:
+            program.let(size, call("fabs", xi))
+            program.let(out[0], threshold - size)
+            with program.otherwise(on):
+                with program.when("seen_before > 0.0") as above:
+                    program.let(out[0], xi - threshold)
+                    with program.otherwise(above):
+                        program.let(out[0], -xi - threshold)
+                for condition, distances in zip(("==", "!="), rooms, strict=True):
+                    with program.when(f"mode[0] {condition} 0.0"):
+                        for distance in distances:
+                            program.let(room, distance)
+                            with program.when("room < margin_out[0]"):
+                                program.let(out[0], room)
 
     # --- The step ---
 
@@ -277,10 +278,10 @@ class _Maker:
         program.apply(self.rate, "raw_rate", at, self.row, self.xi[0])
 
     def judge(self, at: Name, first: Name, last: Name, place: Name, before: Name) -> None:
-        """Whether the mode still holds there."""
+        """The mode's margin there."""
         self.look(at, first, last, place)
         given = (at[self.n], self.rate[0], self.xi[0], before, self.mode)
-        self.program.apply(self.good, "holds", *given)
+        self.program.apply(self.distance, "margin", *given)
 
     def clamp(self, z: Name) -> None:
         """The delay in its interval."""
@@ -305,47 +306,74 @@ class _Maker:
 
         ``before`` and ``rate`` are xi^ and the rate where the part begins.
         """
-        program, begin, end = self.program, Name("begin"), Name("end")
-        low, high = program.local("low", ()), program.local("high", ())
-        turns, ends = program.local("turns", ()), program.local("ends", ())
-        turning, sign = program.local("turning", ()), Name("sign")
-        searching = program.local("searching", ())
-        program.let(turns, ZERO)
-        program.let(ends, ONE - self.good[0])
-        free = ("good[0] > 0.5", "mode[0] == 0.0", "mode[1] < 0.5", "rate_first != 0.0")
+        program, begin = self.program, Name("begin")
+        holds, searching, turning, sign = (
+            program.local(name, ()) for name in ("holds", "searching", "turning", "sign")
+        )
+        program.let(turning, begin + 0.5 * (ONE - begin))
+        self.whether_held(holds)
+        program.let(searching, ONE - holds)
         program.let(sign, rate * self.rate[0])
+        free = ("holds > 0.5", "mode[0] == 0.0", "mode[1] < 0.5", "rate_first != 0.0")
         with (
             program.when(free[0]), program.when(free[1]), program.when(free[2]),
             program.when(free[3]), program.when("sign >= 0.0") as not_turning,
         ):  # fmt: skip
-            program.let(turns, ZERO)
+            program.let(searching, ZERO)
             with program.otherwise(not_turning):
-                program.let(turns, ONE)
-                program.let(ends, ONE)
+                program.let(searching, ONE)
                 program.let(turning, begin + (ONE - begin) * rate / (rate - self.rate[0]))
-                with program.when("turning == 1.0"):
-                    program.let(turns, ZERO)
-        with program.when(f"change < {MOST_CHANGES - 1}"), program.when("ends > 0.5"):
-            program.let(low, begin)
-            program.let(high, ONE)
-            program.let(searching, ONE)
-            with program.for_each("halving", BISECTIONS), program.when("searching > 0.5"):
-                with program.when("turns > 0.5") as halves:
-                    program.let(end, turning)
-                    with program.otherwise(halves):
-                        program.let(end, 0.5 * (low + high))
-                        for condition in ("end <= low", "end >= high"):
-                            with program.when(condition):
-                                program.let(searching, ZERO)
-                with program.when("searching > 0.5"):
-                    program.apply(to, "part", first, last, begin, end, self.mode, z)
-                    self.judge(to, first, last, end, before)
-                    with program.when("good[0] < 0.5") as inside:
-                        program.let(high, end)
-                        with program.otherwise(inside), program.when("turns > 0.5") as plain:
-                            program.let(searching, ZERO)
-                            with program.otherwise(plain):
-                                program.let(low, end)
-                    program.let(turns, ZERO)
-            program.let(end, high)
+        with program.when(f"change < {MOST_CHANGES - 1}"), program.when("searching > 0.5"):
+            self.search(z, to, first, last, before, rate)
+
+    def search(self, z: Name, to: Name, first: Name, last: Name, before: Name, rate: Name) -> None:
+        """Go on to the first point beyond the end of the mode; ``turning`` is tried first."""
+        program, begin, end = self.program, Name("begin"), Name("end")
+        newest, opposite, former = (Name(name, (2,)) for name in ("newest", "opposite", "former"))
+        holds, searching, turning = Name("holds"), Name("searching"), Name("turning")
+        held, other, both, apart = (
+            program.local(name, ())
+            for name in ("newest_holds", "opposite_holds", "both_hold", "apart")
+        )
+        program.let(opposite[0], ONE)
+        program.let(opposite[1], self.distance[0])
+        program.let(other, holds)
+        given = (z[self.n], rate, before, before, self.mode)
+        program.apply(self.distance, "margin", *given)
+        program.let(newest[0], begin)
+        program.let(newest[1], self.distance[0])
+        program.let(former, newest)
+        self.whether_held(held)
+        program.let(end, turning)
+        with program.for_each("trial", MOST_TRIALS), program.when("searching > 0.5"):
             program.apply(to, "part", first, last, begin, end, self.mode, z)
+            self.judge(to, first, last, end, before)
+            self.whether_held(holds)
+            with program.when("holds == newest_holds") as same:
+                program.let(former, newest)
+                with program.otherwise(same):
+                    program.let(former, opposite)
+                    program.let(opposite, newest)
+                    program.let(other, held)
+            program.let(newest[0], end)
+            program.let(newest[1], self.distance[0])
+            program.let(held, holds)
+            program.let(both, holds * other)
+            program.let(apart, call("fabs", end - opposite[0]))
+            with program.when("both_hold > 0.5"):
+                program.let(apart, ZERO)
+            with program.when(f"apart > {2.0 * NEAREST!r}") as far:
+                program.apply(self.trial, "next_trial", newest, opposite, former)
+                program.let(end, self.trial[0])
+                with program.otherwise(far), program.when("end >= opposite[0]") as beyond:
+                    program.let(searching, ZERO)
+                    with program.otherwise(beyond):
+                        program.let(end, opposite[0])
+        program.let(end, newest[0])
+
+    def whether_held(self, holds: Name) -> None:
+        """From a mode's margin, which is not a number where the state has left their range."""
+        program = self.program
+        program.let(holds, ZERO)
+        with program.when("distance[0] >= 0.0"):
+            program.let(holds, ONE)
