@@ -112,11 +112,19 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
     ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
     states, which go on as they are.
     """
-    states, outputs = np.zeros(kicks.shape[1]), np.empty((len(kicks), len(one.H)))
+    n, m = kicks.shape[1], len(one.H)
+    states, moved, outputs = np.zeros(n), np.empty(n), np.zeros((len(kicks), m))
     for k in range(len(kicks)):
+        # Products written out: those of matrices take the compiler seconds, for their refusals.
         model = one if k < begin else other
-        states = model.A @ states + kicks[k]
-        outputs[k] = model.H @ states
+        for a in range(n):
+            moved[a] = kicks[k, a]
+            for b in range(n):
+                moved[a] += model.A[a, b] * states[b]
+        for a in range(n):
+            states[a] = moved[a]
+            for o in range(m):
+                outputs[k, o] += model.H[o, a] * states[a]
     return outputs
 
 
@@ -173,16 +181,19 @@ def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
     grid = pair.grid
     first = next(iter(pair.banks.values()))
     rest = rest_likelihoods(first, grid.steps)
+    faultless = each(
+        lambda number: pair.record("faultless", number, grid.begin), study.faultless_runs
+    )
 
     def far(number: int) -> float:
-        told = likelihoods(first, 0, *pair.record("faultless", number, grid.begin))
+        told = likelihoods(first, 0, *faultless[number - 1])
         return float(np.mean(distances(rest, told)[grid.settling :]))
 
     foretold = float(np.mean(each(far, study.faultless_runs)))
     detectors = Detectors(pair.banks, grid.settling, rest, foretold)
 
     def greatest(number: int) -> dict[str, float]:
-        found = detectors.statistics(*pair.record("faultless", number, grid.begin))
+        found = detectors.statistics(*faultless[number - 1])
         return {name: float(row[grid.settling :].max()) for name, row in found.items()}
 
     def statistics(number: int) -> dict[str, Array]:
