@@ -3,6 +3,7 @@
 import atexit
 import fcntl
 import json
+import os
 import socket
 import subprocess
 
@@ -87,15 +88,34 @@ def read_stamp(path):
         return {}
 
 
+# Seconds after which loops that are interpreted have cost more than to compile them.
+PATIENCE = 5.0
+
+
 def check_ledgers(papers):
-    """Build what the ledgers of some papers state, in a process of its own: it loads kernels."""
+    """Build what the ledgers of some papers state, in a process of its own: it loads kernels.
+
+    Their loops take a few steps there, and are interpreted: to compile them takes longer. What is
+    refused so is checked by compiled ones, too, which divide by zero without a word.
+    """
     overrides = {paper: config[paper] for paper in papers if paper in config}
     command = [sys.executable, "-m", "reobserve", "check", "--overrides", "-", "--"]
-    done = subprocess.run(
-        [*command, *papers],
-        input=json.dumps(overrides),
-        capture_output=True,
-        text=True,
-    )
+
+    def check(seconds=None, **variables):
+        return subprocess.run(
+            [*command, *papers],
+            input=json.dumps(overrides),
+            capture_output=True,
+            text=True,
+            timeout=seconds,
+            env={**os.environ, **variables},
+        )
+
+    try:
+        if check(PATIENCE, NUMBA_DISABLE_JIT="1").returncode == 0:
+            return
+    except subprocess.TimeoutExpired:
+        pass
+    done = check()
     if done.returncode:
         sys.exit(done.stderr.strip().splitlines()[-1])

@@ -4,11 +4,11 @@
 
 onstart:
     take_build_lock()
-    write_ledgers()
     jobs = sum(job.shellcmd is not None for job in workflow.dag.needrun_jobs())
     here = workflow.local_exec and not DEPLOYED
     if sys.platform == "linux" and here and jobs >= WORTH_FORKING:
-        start_fork_server()
+        start_fork_server()  # it imports while ledgers are checked
+    write_ledgers()
 
 
 onerror:
