@@ -14,6 +14,9 @@ PYTHON  ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11;
 
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Hundreds of processes import the same files: let them be compiled once, whatever a shell or an
+# image says.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: figures report archive quick test check elsewhere bench figdiff accept draws mutations docs lock package env \
 	cluster clean distclean help

@@ -41,6 +41,7 @@ def copy_environment(folder: Path) -> dict[str, str]:
     return {
         "NUMBA_CACHE_DIR": str(Path(reobserve.__file__).parent / "__pycache__"),
         **os.environ,
+        "PYTHONDONTWRITEBYTECODE": "",  # each of many processes would compile the package again
         "PYTHONPATH": str(folder / "src"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]),
     }
