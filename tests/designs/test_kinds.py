@@ -61,6 +61,25 @@ def test_the_poles_of_a_normal_form_are_those_of_its_error() -> None:
     assert np.sort(np.linalg.eigvals(A)) == pytest.approx([-2.2, -1.5], rel=1e-9)
 
 
+def test_what_is_nonlinear_in_a_normal_form_is_its_largest_coefficient_beyond_x() -> None:
+    """Of x' = -x + x^2 and z' = -1.5 z - l(y), S has s_k = (k - 1) / (k - 1.5) s_(k - 1)."""
+    changed = {"states": {"x": "m"}, "inputs": {}, "measurements": {"y": "m"}, "injection": None}
+    right_hand_sides = {"dynamics": {"x": "-x + x**2"}, "output": {"y": "x"}}
+    started = {"poles": [-1.5], "initial_state": [0.1], "order": 4}
+    built = design("normal-form", **changed, **right_hand_sides, **started)
+    series = np.cumprod([(k - 1) / (k - 1.5) for k in range(2, 12)])
+    degree = built.observer.normal_form.S.coefficients.shape[1] - 1
+    assert degree > 3
+    assert built.certify()["nonlinearity"] == pytest.approx(series[degree - 2], rel=1e-12)
+
+
+def test_what_is_left_of_a_signal_in_a_differentiator_falls_with_powers_of_the_period() -> None:
+    built = design("levant", sampling_period=0.01)
+    bound, order = built.observer.L, built.gains.order
+    expected = {f"scale_{i}": bound * 0.01 ** (order + 1 - i) for i in range(order + 1)}
+    assert built.certify() == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
     with pytest.raises(InputError, match=r"inputs: .* a term in .*torque that is none"):
         design("normal-form", injection=None)

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli import main
+from reobserve.export.latex import _symbol
+from reobserve.export.statements import Program
 
 
 @pytest.mark.parametrize(
@@ -33,6 +35,7 @@ def test_a_document_stays_on_its_pages(
     found = re.findall(fitted, text)
     assert len(found) == text.count("\\begin{tabular}")
     assert set(tables) <= set(found)
+    assert ("In $z$ stand the filter of the measurements," in text) == (kind == "eso")
     for matrix in re.findall(r"\\begin\{bmatrix\}(.*?)\\end", text):
         assert max(row.count("&") for row in matrix.split(r"\\")) < 6
     told = re.findall(r"^&.*$", text, flags=re.MULTILINE)
@@ -44,3 +47,9 @@ def test_a_document_stays_on_its_pages(
         said = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=False)
         assert said.returncode == 0, said.stdout
         assert "Overfull" not in said.stdout
+
+
+def test_a_name_of_a_program_is_a_symbol_with_an_index_or_a_word_in_one_piece() -> None:
+    names = {"W_1": "W_{1}", "W_before": "W_{before}", "trial": r"\mathit{trial}", "x": "x"}
+    assert {name: _symbol(Program("", 1, 1), name) for name in names} == names
+    assert _symbol(Program("", 1, 1, symbols={"tau": r"\hat\tau"}), "tau") == r"\hat\tau"

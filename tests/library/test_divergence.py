@@ -30,6 +30,7 @@ from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.unchecked import unchecked_step
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
@@ -177,7 +178,7 @@ def rigid(observer: Any, steps: int = 4000) -> Callable[[], Any]:
 
 STIFF: dict[str, Callable[[], Any]] = {
     "high gain": high_gain(400.0, 0.01),
-    "extended high gain": extended(80.0, 0.1),
+    "extended high gain": extended(400.0, 0.1),
     "adaptive": rigid(AdaptiveObserver(BODY, 0.01, 300.0, 1.0, 0.0)),
     "continuous": rigid(ILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
     "sampled": rigid(SampledILO(BODY, 0.01, 0.5, 10.0, 300.0, 0.1)),
@@ -332,6 +333,8 @@ def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(take
     said = rf"^KalmanFilter diverged: its state is finite up to t = {run.diverged_at:g} s and not"
     with pytest.raises(DivergenceError, match=said):
         kalman.step(state, [taken])
+    with pytest.raises(DivergenceError, match=said):
+        unchecked_step(kalman, state, np.array([[taken]]), np.empty((1, 0)))
 
 
 def test_a_rate_near_the_end_of_numbers_gives_no_infinite_fault() -> None:

@@ -36,6 +36,10 @@ def test_the_help_lists_all_examples() -> None:
     assert set(re.findall(r"[a-z][a-z-]*[a-z]", listed)) == set(NAMES) == set(BY_HAND)
 
 
+def test_every_estimate_of_an_example_has_its_truth() -> None:
+    assert set().union(*(simulated(name).truth(np.zeros(1)) for name in NAMES)) == set(ERRORS)
+
+
 def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
     """Of time alone the rule is Simpson's, exact for cubics; of the state it is exp(h)'s series."""
     time = np.array([0.0, 0.4, 1.0])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 import yaml
 
+from . import warm_snakemake
 from .conftest import Project
 
 
@@ -116,6 +118,15 @@ def test_a_step_that_fails_before_a_pipe_fails_the_job(fresh: Project) -> None:
     assert said in (fresh.folder / "logs/imm/calibrated.search.log").read_text(encoding="utf-8")
     assert "returned non-zero exit status" in done.stdout + done.stderr
     assert "latency" not in done.stdout + done.stderr
+
+
+def test_jobs_find_the_programs_beside_the_python_that_runs_snakemake(fresh: Project) -> None:
+    """One job: it is not worth a server to fork from, which would find them anyway."""
+    environment = {**fresh.environment, "PATH": os.defpath}
+    target = "results/ilo/constant/plant.parquet"
+    done = warm_snakemake.snakemake(("--cores", "1", target), fresh.folder, environment)
+    assert done.returncode == 0, done.stderr
+    assert (fresh.folder / target).is_file()
 
 
 def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:

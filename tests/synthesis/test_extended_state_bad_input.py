@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,15 @@ def test_a_floor_of_zero_has_no_multiple() -> None:
 def test_an_unknown_solver_is_refused() -> None:
     with pytest.raises(InputError, match="solver: 'MOSEK' must be one of CLARABEL, SCS"):
         pd_pi.design(dc_motor(), solver="MOSEK")
+
+
+def test_what_a_proof_takes_is_asked_for_before_a_solver_takes_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "flint", None)
+    monkeypatch.setattr("reobserve.synthesis.extended_state.design.strictly_feasible", pytest.fail)
+    with pytest.raises(InputError, match="flint"):
+        pi.design_feasible(dc_motor(), 0.5)
 
 
 def test_poles_must_have_room() -> None:

@@ -310,6 +310,9 @@ def test_a_fault_without_effect_is_refused() -> None:
 def test_repaired_function_needs_its_conditions() -> None:
     with pytest.raises(InputError, match="K1"):
         RepairedLyapunov(INERTIA, 10.0, 1.0, 1.01, 500.0)
+    RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0 + 1e-14, 500.0)  # a rounding above
+    with pytest.raises(InputError, match=r"K1: .* must not be below 0"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0 + 1e-9, 500.0)
     with pytest.raises(InputError, match="eigenvalue"):
         RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0, -500.0)
     with pytest.raises(InputError, match="symmetric"):

@@ -165,12 +165,10 @@ def _starts(program: Program) -> Iterator[str]:
             copy = f"memory->{name}{{at}} = {name}_at_start{{at}}"
             yield from _printed(_each(copy, part.initial.shape), {}, 1)
             continue
-        if part.counter:
-            yield f"    memory->{name} = {int(part.initial)};\n"
-            continue
         for index in np.ndindex(part.initial.shape):
-            place = "".join(f"[{one}]" for one in index)
-            yield f"    memory->{name}{place} = {literal(part.initial[index])};\n"
+            place, value = "".join(f"[{one}]" for one in index), part.initial[index]
+            begun = str(int(value)) if part.counter else literal(value)
+            yield f"    memory->{name}{place} = {begun};\n"
 
 
 def _step(program: Program) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.evidence.claims.choices import change, draw, find_choice
+from reobserve.evidence.claims.choices import Knob, change, draw, find_choice
 from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[3]
@@ -40,6 +40,12 @@ def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
     assert drawn.max() <= 5000
     share = np.mean(drawn < 1000)
     assert abs(share - math.log10(2)) < 4 * math.sqrt(0.21 / len(drawn))
+
+
+def test_a_number_stays_whole_only_if_its_value_and_its_range_are() -> None:
+    assert Knob(("a",), (), 2, (1, 4)).at(0.6) == 3
+    assert Knob(("a",), (), 2, (1, 3.5)).at(0.6) == pytest.approx(2.5)
+    assert Knob(("a",), (), 2.0, (1, 3)).at(0.7) == pytest.approx(2.4)
 
 
 def test_a_shorter_range_is_drawn_evenly() -> None:

@@ -161,6 +161,14 @@ def test_the_difference_shows_where(reference: Path) -> None:
     assert np.argwhere(red).tolist() == [[100, 200]]
 
 
+def test_a_change_of_one_colour_is_shown_in_red(reference: Path) -> None:
+    old = read_pixels(reference)
+    new = old.copy()
+    new[100, 200, 2] ^= 255
+    shown = show_difference(old, new, None).astype(int)
+    assert np.argwhere(shown[..., 0] > shown[..., 1] + 100).tolist() == [[100, 200]]
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

@@ -207,6 +207,13 @@ TAKEN = [
 ]
 
 
+def test_a_table_of_a_paper_is_shown_whole(project: Path) -> None:
+    _, paper = gathered(project)
+    tables = [table.content for table in paper.tables if isinstance(table.content, Table)]
+    assert tables
+    assert [table.left_out for table in tables] == [0] * len(tables)
+
+
 @pytest.mark.parametrize(("path", "said", "place"), TAKEN)
 def test_a_missing_file_is_one_gap_in_its_place(
     project: Path, path: str, said: str, place: str

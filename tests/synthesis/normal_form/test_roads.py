@@ -223,6 +223,7 @@ def test_complex_eigenvalues_leave_no_imaginary_part(degree: int) -> None:
     error, imaginary = float_error(van_der_pol(), degree)
     assert error < 1e-14
     assert imaginary < 1e-12
+    assert imaginary > 0 or degree < 5  # it is measured: rounding leaves some
 
 
 @pytest.mark.parametrize(("n", "p", "degree", "seed"), RANDOM)
