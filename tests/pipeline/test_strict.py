@@ -20,7 +20,8 @@ def with_config(project: Project, **paper: object) -> tuple[str, str]:
 
 
 def files(folder: Path) -> set[Path]:
-    return {path for path in folder.rglob("*") if ".snakemake" not in path.parts}
+    kept = {".snakemake", "__pycache__"}
+    return {path for path in folder.rglob("*") if kept.isdisjoint(path.parts)}
 
 
 @pytest.mark.parametrize("name", ["`touch ran`", "$(touch ran)", "a; touch ran", "../../escaped"])

@@ -1,7 +1,7 @@
 """Where a function of one variable changes its sign, by Chandrupatla's method.
 
 T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear
-function without using derivatives, Advances in Engineering Software 28 (3), 1997. The inverse
+function without using derivatives, Advances in Engineering Software 28, 1997. The inverse
 parabola through three points where it can be trusted, else a bisection: seven or eight trials
 where the function is smooth.
 """
