@@ -10,7 +10,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from docs.generate.markdown import block, code, plain, table
-from reobserve.cli import _parser
+from reobserve.cli import command_parser
 
 _WIDTH = "80"  # of a help, in letters
 
@@ -18,7 +18,7 @@ _WIDTH = "80"  # of a help, in letters
 def commands() -> str:
     """The help of `reobserve` and of all its sub-commands."""
     with patch.dict(os.environ, COLUMNS=_WIDTH, NO_COLOR="1"):
-        parser = _parser()
+        parser = command_parser()
         return "\n".join([block(parser.format_help(), "text"), *_below(parser, 2)])
 
 

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A terminal that has no letter for a name is shown its code; lines end alike anywhere.
         sys.stdout.reconfigure(errors="backslashreplace", newline="\n")
-    options = vars(_parser().parse_args(arguments))
+    options = vars(command_parser().parse_args(arguments))
     module, function = options.pop("run").split(":")
     try:
         if "project" in options:
@@ -94,7 +94,8 @@ class _Version(argparse.Action):
 
 
 @cache  # a process that forks its jobs reads many command lines
-def _parser() -> argparse.ArgumentParser:
+def command_parser() -> argparse.ArgumentParser:
+    """What reads a command line: all sub-commands, their options and help."""
     parser = _Parser(
         prog="reobserve",
         description="State and fault observers from five papers.",

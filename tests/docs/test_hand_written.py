@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reobserve.cli import _parser
+from reobserve.cli import command_parser
 
 from .hand_written import GENERATED, PAGES, blocks, everything, hand_written, name, prose
 
@@ -118,4 +118,4 @@ def test_commands_are_commands(page: Path) -> None:
             if not command.startswith("$ reobserve") or "--help" in command:
                 continue
             words = re.split(r"\s+[<>|]\s+", command)[0].split()[2:]
-            _parser().parse_args(words)
+            command_parser().parse_args(words)

@@ -17,7 +17,7 @@ import reobserve
 from docs.generate.api import is_shown
 from docs.generate.equations import anchor
 from docs.generate.evidence import papers
-from reobserve.cli import _parser
+from reobserve.cli import command_parser
 from reobserve.errors import InputError
 from reobserve.evidence.equations.table import read_equations
 from reobserve.ledger.ledger import Ledger
@@ -99,7 +99,7 @@ def test_a_method_that_is_inherited_is_shown_where_it_is_used(site: Site) -> Non
 def test_every_command_has_its_help(site: Site) -> None:
     text = html.unescape(re.sub(r"<[^>]+>", "", site.page("reference/commands")))
     squeezed = " ".join(text.split())
-    told = [" ".join(line.split()) for line in _parser().format_help().split("\n\n")]
+    told = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
     assert told[1] in squeezed
     for command in ("reobserve estimate", "reobserve design eso", "reobserve stage observe"):
         assert f"usage: {command}" in squeezed

@@ -154,3 +154,19 @@ def test_where_nobody_listens_it_runs_by_itself(tmp_path: Path) -> None:
         )  # fmt: skip
         assert done.returncode == 0
         assert b"fig1" in done.stdout
+
+
+def test_what_jobs_share_holds_no_paper_and_no_loops() -> None:
+    """Loops are imported by each job: machine code is kept under the source that it was made of."""
+    script = (
+        "import sys; from reobserve.forking import server\n"
+        "for name in server._FIRST + server._LATER: server._import(name)\n"
+        "print(*sorted(name for name in sys.modules if name.startswith('reobserve')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    loaded = done.stdout.split()
+    assert {"reobserve.stages.observe", "reobserve.stages.plot"} <= set(loaded)
+    assert "reobserve.numerics.kernel" not in loaded
+    assert not [name for name in loaded if name.startswith("reobserve.papers.")]

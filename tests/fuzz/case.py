@@ -55,14 +55,14 @@ def command(*arguments: object, parse_only: bool = False) -> None:
     ImproperError
         If it fails in any other way.
     """
-    from reobserve.cli import _parser, main
+    from reobserve.cli import command_parser, main
 
     out, err = io.StringIO(), io.StringIO()
     code: object
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             line = [str(argument) for argument in arguments]
-            code = main(line) if not parse_only else int(not _parser().parse_args(line))
+            code = main(line) if not parse_only else int(not command_parser().parse_args(line))
         except SystemExit as stop:
             code = stop.code
     if code == 0:

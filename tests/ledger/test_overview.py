@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.cli import _parser, main
+from reobserve.cli import command_parser, main
 from reobserve.ledger.ledger import Ledger
 from tests.evidence.report.project import make_project
 
@@ -129,7 +129,7 @@ def test_a_default_is_what_the_help_says() -> None:
     """Words as `all` or `this one` stand for what is not given."""
     said = {
         (action.dest, match[1], str(action.default))
-        for action in options(_parser())
+        for action in options(command_parser())
         if (match := re.search(r"\(default: ([^)]*)\)", action.help or ""))
         and action.default not in (None, False, [], Path())
     }

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from reobserve.cli import _parser
+from reobserve.cli import command_parser
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.stages import STAGES
 from reobserve.pipeline.jobs import Graph
@@ -43,7 +43,7 @@ def test_commands_are_what_the_command_line_takes(stage: str) -> None:
     jobs = [job for job in SCATTERED if job.stage == stage] or GRAPH.all_of("search", "imm")
     assert jobs
     for job in jobs:
-        options = vars(_parser().parse_args(shlex.split(job.command)))
+        options = vars(command_parser().parse_args(shlex.split(job.command)))
         written = [options.get("output"), options.get("caption"), *options.get("outputs", ())]
         assert sorted(str(path) for path in written if path) == sorted(job.outputs)
 
@@ -90,3 +90,11 @@ def test_a_user_s_paper_without_claims_has_none_decided() -> None:
     graph = Graph(LEDGERS, ["ilo"], project=ROOT / "tests")
     assert graph.claimed == []
     assert graph.job("claims").inputs == {"numbers": [], "robustness": []}
+
+
+def test_snakemake_has_the_limit_that_builds_lift() -> None:
+    """By the name in `start_jobs_at_any_rate`; to set another would lift nothing."""
+    from snakemake.scheduling.job_scheduler import JobScheduler
+
+    for method in (JobScheduler.__init__, JobScheduler.schedule, JobScheduler.job_selector):
+        assert "job_rate_limiter" in method.__code__.co_names

@@ -5,8 +5,10 @@
 onstart:
     take_build_lock()
     jobs = sum(job.shellcmd is not None for job in workflow.dag.needrun_jobs())
-    here = workflow.local_exec and not DEPLOYED
-    if sys.platform == "linux" and here and jobs >= WORTH_FORKING:
+    here = workflow.local_exec
+    if here:
+        start_jobs_at_any_rate()
+    if sys.platform == "linux" and here and not DEPLOYED and jobs >= WORTH_FORKING:
         start_fork_server()  # it imports while ledgers are checked
     write_ledgers()
 

@@ -31,13 +31,13 @@ from typing import Any, NoReturn
 from reobserve import cli
 from reobserve.forking.client import CODE, LENGTH
 
-# What jobs import of the world outside: first what all need, then what those need that come later
-# in a build. Of the package nothing but the command line: some of its modules compile loops.
-_FIRST = ("numpy", "scipy.linalg", "numba", "pyarrow.parquet")
+# What jobs import: first what all need, then what those need that come later in a build. Of the
+# package it is what all papers share: in what is a paper's own are loops to compile.
+_FIRST = ("numpy", "scipy.linalg", "numba", "pyarrow.parquet", "reobserve.stages.observe")
 _LATER = (
     "scipy.integrate", "matplotlib.figure", "matplotlib.backends.backend_agg",
     "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "jinja2",
-    "scipy.signal",
+    "scipy.signal", "reobserve.stages.metrics", "reobserve.stages.plot", "reobserve.stages.study",
 )  # fmt: skip
 
 
@@ -62,6 +62,7 @@ class Server:
         """Go on until the build ends; import the rest while nobody asks."""
         for name in _FIRST:
             _import(name)
+        cli.command_parser()
         later: list[Callable[[], None]] = [partial(_import, name) for name in _LATER]
         for warm in (_warm_compiler, _warm_provenance, *later):
             self._turn(0)
@@ -126,9 +127,10 @@ def _warm_compiler() -> None:
 
 
 def _warm_provenance() -> None:
-    """Find who imports whom in the package; what the files hold is read again by each job."""
-    from reobserve.pipeline.provenance import import_closure
+    """Find versions, and who imports whom in the package; what files hold is read by each job."""
+    from reobserve.pipeline.provenance import import_closure, versions
 
+    versions()
     package = Path(__file__).parents[1]
     for path in package.rglob("*.py"):
         with suppress(SyntaxError):  # told by the job that needs it
