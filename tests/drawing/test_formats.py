@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fontTools.ttLib import TTFont
 from matplotlib.figure import Figure
 from PIL import Image
 from pypdf import PdfReader
@@ -103,7 +104,9 @@ def test_all_fonts_of_a_pdf_are_embedded_as_journals_take_them(tmp_path: Path, s
         assert font["/Subtype"] in ("/Type0", "/TrueType")  # none of type 3
         inner = font["/DescendantFonts"][0].get_object() if "/DescendantFonts" in font else font
         descriptor = inner["/FontDescriptor"].get_object()
-        assert "/FontFile2" in descriptor
+        tables = TTFont(io.BytesIO(descriptor["/FontFile2"].get_object().get_data())).keys()
+        assert "glyf" in tables
+        assert not {"GDEF", "GPOS", "GSUB", "MATH"} & set(tables)
         names.add(str(font["/BaseFont"]).partition("+")[2])
     family = "DejaVuSans" if style == "default" else "STIXGeneral"
     assert any(name.startswith(family) for name in names)
