@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -116,10 +115,10 @@ def draw(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Ledger
     """
     choices = list(choices)
     values = chosen(ledger, choices, number)
-    drawn, seed, left = copy.deepcopy(ledger.tree), ledger.seed, iter(values)
+    drawn, seed, left = ledger.tree, ledger.seed, iter(values)
     for choice in choices:
         for knob in choice.knobs:
-            _set(drawn, knob, next(left))
+            drawn = _turned(drawn, knob, next(left))
         if choice.keys == (SEED,):
             seed = next(left)
     return Ledger(ledger.paper, drawn, seed), values
@@ -141,9 +140,7 @@ def chosen(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Any,
 
 def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
     """The ledger with one number another."""
-    tree = copy.deepcopy(ledger.tree)
-    _set(tree, knob, value)
-    return Ledger(ledger.paper, tree, ledger.seed)
+    return Ledger(ledger.paper, _turned(ledger.tree, knob, value), ledger.seed)
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
@@ -174,15 +171,17 @@ def _in_one(keys: tuple[str, ...]) -> str:
     )
 
 
-def _set(tree: dict[str, Any], knob: Knob, value: Any) -> None:
+def _turned(tree: Any, knob: Knob, value: Any) -> Any:
+    """The tree of a ledger with one number another."""
     for key in knob.keys:
-        entry: Any = tree
-        for word in key.split("."):
-            entry = entry[word]
-        if not knob.path:
-            entry["value"] = value
-            continue
-        branch = entry["value"]
-        for step in knob.path[:-1]:
-            branch = branch[step]
-        branch[knob.path[-1]] = value
+        tree = _with(tree, (*key.split("."), "value", *knob.path), value)
+    return tree
+
+
+def _with(tree: Any, place: tuple[str | int, ...], value: Any) -> Any:
+    """A tree with another value at a place; all that is off the way there is shared."""
+    if not place:
+        return value
+    changed = tree.copy()
+    changed[place[0]] = _with(tree[place[0]], place[1:], value)
+    return changed
