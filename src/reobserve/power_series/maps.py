@@ -135,7 +135,10 @@ class PolynomialMap:
 
     def __call__(self, points: ArrayLike) -> NDArray[Any]:
         """The values at points, shape (..., n); the result has shape (..., m)."""
-        return np.moveaxis(np.tensordot(self.coefficients, self._monomials(points), axes=1), 0, -1)
+        values = self._monomials(points)
+        if values.ndim == 1:  # what an integrator asks for; `tensordot` takes longer to find it out
+            return np.asarray(np.dot(self.coefficients, values))
+        return np.moveaxis(np.tensordot(self.coefficients, values, axes=1), 0, -1)
 
     def parts(self, points: ArrayLike) -> NDArray[Any]:
         """The values of each homogeneous part: shape (degree + 1, ..., m)."""
