@@ -55,10 +55,10 @@ def test_a_mark_of_utf_8_counts_at_the_very_beginning_only() -> None:
 
 
 def test_a_line_without_end_is_refused() -> None:
-    longest = b"1" * (LONGEST - 2) + b"\n"
+    longest = b"1" * (LONGEST - 1) + b"\n"
     assert told(2 * longest) == [longest.decode()] * 2
     with pytest.raises(InputError, match=f"^the pipe: has a line of more than {LONGEST} bytes$"):
-        told(b"a\n" + b"1" * LONGEST)
+        told(b"a\n" + b"1" * (LONGEST + 1))
 
 
 def test_a_stream_that_cannot_be_read_is_named() -> None:

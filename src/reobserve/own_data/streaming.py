@@ -53,7 +53,7 @@ class Stop:
             return b""
         try:
             self.waiting = True
-            return stream.readline(_LONGEST)
+            return stream.readline(_LONGEST + 1)
         except _Stopped:
             return b""
         finally:
@@ -93,7 +93,7 @@ class Lines:
                 begun += self.stop.line(self.stream)
             except (OSError, ValueError) as error:
                 raise InputError(self.place, f"cannot be read ({reason(error)})") from None
-            if len(begun) >= _LONGEST:
+            if len(begun) > _LONGEST:
                 raise InputError(self.place, f"has a line of more than {_LONGEST} bytes")
             if begun.endswith(b"\n"):
                 yield self._text(begun)
