@@ -100,7 +100,7 @@ def test_a_start_outside_is_refused() -> None:
 
 
 @pytest.mark.parametrize("start", [5.0, 1e200])
-@pytest.mark.filterwarnings("ignore:.* encountered in .*:RuntimeWarning")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_steps_that_do_not_become_small_are_refused(start: float) -> None:
     """From afar, where Newton's steps grow, and from where the Hessian is no number."""
     problem = Problem({"P": (1, 1)}, frozenset({"P"}), (above("P", 1, 1.0),), gap=1e-3)

@@ -114,7 +114,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("case", REFUSED)
 def test_numbers_are_refused_by_their_argument(case: str) -> None:
     call, said = REFUSED[case]
@@ -150,7 +150,7 @@ def test_a_trajectory_of_too_many_slopes_is_refused(monkeypatch: pytest.MonkeyPa
         limit_cycle(system("x2", "(1 - x1**2)*x2 - x1"), [2.0, 0.0], 1e6)
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_deviations_beyond_numbers_are_refused() -> None:
     gains = extended.design(MOTOR).gains
     small = held_deviation(MOTOR, gains, [1e-3, 0.0, 0.0], 0.1)

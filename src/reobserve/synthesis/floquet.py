@@ -75,6 +75,7 @@ def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: floa
     )
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of a singular one: -inf
 def floquet_exponents(cycle: LimitCycle, jacobians: Array) -> Array:
     """Real parts [1/s] of the Floquet exponents of e' = J(x(t)) e along a limit cycle.
 

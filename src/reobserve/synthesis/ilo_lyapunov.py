@@ -89,6 +89,7 @@ class RepairedLyapunov:
         the symmetric part of 2 Lambda - 2 eta I + B_f K2 is not positive definite.
     """
 
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
     def __init__(
         self,
         inertia: ArrayLike,

@@ -38,6 +38,7 @@ def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
     return exponential[:size, :size], exponential[:size, size:]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def sampled_map(
     law: LearningLaw,
 ) -> Matrix:
@@ -86,6 +87,7 @@ def sampled_stability(
     return SampledStability(verdict, reason, radius)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def sampled_limit_gain(
     law: LearningLaw,
 ) -> float:

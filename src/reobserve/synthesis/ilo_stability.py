@@ -134,6 +134,7 @@ def _powers_grow(K1: Matrix) -> bool:
     return bool(norms[1] > 4 * norms[0])  # bounded if semisimple, at least times 16 otherwise
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def _worst_round_gain(law: LearningLaw) -> float:
     """Supremum of the radius of K1 T(j w) over a frequency grid; infinite if T is not stable."""
     closed = -np.linalg.solve(law.inertia, law.damping + law.fault_matrix @ law.K2)

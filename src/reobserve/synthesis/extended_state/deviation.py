@@ -21,6 +21,7 @@ from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def held_deviation(
     system: AugmentedSystem, gains: Gains, deviations: ArrayLike, period: float
 ) -> Matrix:

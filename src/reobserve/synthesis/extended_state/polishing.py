@@ -47,6 +47,7 @@ class _BallSide(NamedTuple):
     slope: arb_mat | None
 
 
+@np.errstate(all="ignore")  # of what is not finite no step becomes small
 def polished(problem: Problem, start: Vector) -> Minimum:
     """The minimiser to all digits of a float and more, from one to some digits.
 
