@@ -69,6 +69,7 @@ def test_an_envelope_has_the_largest_value_of_each_whole_bin() -> None:
     begins, largest = envelope(0.1 * np.arange(10), size, 0.3)
     assert begins == pytest.approx([0.0, 0.3, 0.6])
     np.testing.assert_array_equal(largest, [3.0, 0.5, np.nan])
+    np.testing.assert_array_equal(envelope(0.1 * np.arange(10), size, 0.01)[1], size)
 
 
 def test_a_figure_is_sized_for_print() -> None:

@@ -145,6 +145,29 @@ def test_a_line_that_fills_its_room_is_not_broken(monkeypatch: pytest.MonkeyPatc
     assert measure.broken(words, text, np.nextafter(wide, 0.0)) == "three words\n[N m]"
 
 
+def test_lines_of_ones_own_stay_where_there_is_room() -> None:
+    use_sheet(COLUMN)
+    figure, (panel,) = new_figure((1.5,))
+    panel.plot(TIME, TIME)
+    panel.set_xlabel("two\nlines")
+    fix_layout(figure)
+    assert panel.get_xlabel() == "two\nlines"
+
+
+def test_a_second_axis_takes_no_room_of_a_title() -> None:
+    def lines(*, second: bool) -> int:
+        figure, (panel,) = new_figure((1.5,))
+        panel.plot(TIME, TIME)
+        panel.set_title(TITLE)
+        if second:
+            panel.twinx().plot(TIME, -TIME)
+        fix_layout(figure)
+        return len(panel.get_title(loc="left").splitlines())
+
+    use_sheet(COLUMN)
+    assert lines(second=True) == lines(second=False) == 2
+
+
 def test_the_house_is_left_as_it_was_drawn() -> None:
     figure = drawing()
     fix_layout(figure)

@@ -55,6 +55,11 @@ def test_a_sheet_is_laid_over_the_house_and_not_over_another(tmp_path: Path) -> 
     assert not look.as_designed()
     assert look.points(8.5) == 10
     assert STYLES[0].line()["linewidth"] == 2.0
+    usual = matplotlib.rcParamsDefault["lines.markersize"]
+    assert look.mark(2.0) == 2.0
+    first.write_text(f"lines.markersize: {1.5 * look.mark(usual)}\n")
+    look.use_sheet(first)
+    assert look.mark(2.0) == 3.0
     look.use_sheet(second)
     assert matplotlib.rcParams["font.size"] == 8.5
     assert matplotlib.rcParams["grid.color"] == "0.5"

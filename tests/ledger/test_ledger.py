@@ -27,6 +27,15 @@ def entry(ledger: Ledger, key: str) -> dict[str, Any]:
     return dict(ledger.entries())[key]
 
 
+def test_a_folder_of_papers_that_cannot_be_read_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "glob", fail)
+    with pytest.raises(InputError, match=r"config.papers: cannot be read \(Permission denied\)$"):
+        known_papers(ROOT)
+
+
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_every_entry_has_a_source_and_assumptions_their_reason(paper: str) -> None:
     entries = dict(Ledger.load(ROOT, paper).entries())

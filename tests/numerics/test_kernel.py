@@ -136,6 +136,9 @@ def test_folders_that_cannot_be_written_cost_time_only(sums: Path) -> None:
     assert run(sums, HITS, **temporary) == LOADED, "kept among the temporary files"
     (folder,) = (sums / "tmp").iterdir()
     assert folder.stat().st_mode & 0o077 == 0
+    # Others may look into it.
+    folder.chmod(0o755)
+    assert run(sums, HITS, **temporary) == LOADED
     # Somebody else might have put code there: it is left alone, and nothing is kept.
     folder.chmod(0o777)
     assert run(sums, HITS, **temporary) == COMPILED

@@ -571,8 +571,9 @@ def test_a_step_that_diverges_says_so() -> None:
     smooth = svsf(UNSEEN, 1.0)
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
         smooth.step(smooth.init([1e308, 0.0], 1.0, u=()), [0.0])
-    with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
+    with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged") as told:
         smooth.predict(smooth.init([1e308, 0.0], 1.0).belief)
+    assert told.value.time == 0.0
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,17 @@ def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_fo
     assert dashed["fault"]
 
 
+def test_a_probability_has_a_bound_above_only(tmp_path: Path, figures: list[Any]) -> None:
+    axes, *_ = drawn("imm-kalman", simulated("imm-kalman").record(), tmp_path, figures)
+    dashed = {
+        ax.get_ylabel().partition("\n")[0]: [
+            line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == "--"
+        ]
+        for ax in axes[:-1]
+    }
+    assert dashed["probability"] == [0.9]
+
+
 def test_of_a_long_record_each_point_is_the_least_and_the_greatest_of_its_rows(
     tmp_path: Path, figures: list[Any]
 ) -> None:

@@ -152,6 +152,31 @@ def test_the_commands_stream_stop_and_go_on(
     assert "is the state of another specification; remove it to start anew" in told
 
 
+def test_all_is_compiled_before_there_is_a_record(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = tmp_path / "s.yaml"
+    spec.write_text(specification_text("kalman"))
+    assert run(["estimate", spec, "--warm"], capsys, monkeypatch) == (0, "", "reobserve: ready\n")
+
+
+def test_lines_that_waited_are_told_when_a_stream_ends(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a sensor that is silent at the end, what is between its rows is never known."""
+    columns = {title: values[:60].copy() for title, values in simulated("kalman").record().items()}
+    columns["current"][57:] = np.nan
+    text = write_record(tmp_path / "r.csv", columns)
+    spec = tmp_path / "s.yaml"
+    spec.write_text(specification_text("kalman").replace("missing: skip", "missing: interpolate"))
+    assert run(["estimate", spec, text, "--out", tmp_path / "e.csv"], capsys, monkeypatch)[0] == 0
+    whole = (tmp_path / "e.csv").read_text()
+    assert len(whole.splitlines()) == 61
+    _, out, told = run(["estimate", spec, "--stream"], capsys, monkeypatch, text.read_bytes())
+    assert out == whole
+    assert "60: 57 measured, 3 partial" in told
+
+
 def test_what_a_pipe_left_goes_on_with_a_file_and_the_other_way_round(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,6 +232,8 @@ def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
     [
         ({"observer": None}, "is damaged"),
         ({"observer": {"belief": 3}}, "is damaged"),
+        ({"offset": True}, "is damaged"),
+        ({"offset": 12.5}, "is damaged"),
         ({"schema": 1}, "is no state of schema 2"),
         ({"begun": "x"}, "begun: 'x' must be a list of numbers"),
         ({"alarms": []}, "is damaged"),

@@ -319,7 +319,9 @@ def test_a_damaged_row_of_claims_is_one_broken_claim(
 
 def test_a_paper_without_claims_in_the_table_is_a_gap(project: Path) -> None:
     write_claims(project, [])
-    assert sentences(gathered(project)[0]) == ["results/claims.csv: has no claim of toy"]
+    report, paper = gathered(project)
+    assert sentences(report) == ["results/claims.csv: has no claim of toy"]
+    assert paper.claims_jobs == ()
 
 
 def png(width: int, height: int) -> bytes:

@@ -238,6 +238,16 @@ def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch
     assert repr(close()) == repr(few())  # nan is no other nan's equal
 
 
+def test_what_is_judged_must_be_over_before_the_run_is() -> None:
+    settings = deepcopy(ledger().settings("study", "closeness"))
+    body = settings["study"]
+    body["horizon"] = body["onset"] + body["judged"]
+    study_closeness.check(read_job(keys.Ledger, settings))
+    body["horizon"] -= read_job(keys.Ledger, settings).scenario.period
+    with pytest.raises(InputError, match=r"^judged: \S+ s must fit between onset and horizon, "):
+        study_closeness.check(read_job(keys.Ledger, settings))
+
+
 def test_rows_come_by_plant_then_models_then_runs() -> None:
     wanted = []
     for sweep in ("exact_0.03", "exact_0.3", "driven_0.1"):

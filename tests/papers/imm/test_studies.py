@@ -98,6 +98,8 @@ def test_reach_is_where_the_worst_of_all_values_leaves_the_band() -> None:
     [
         ([*rows_of("leave", 0.1), *rows_of("leave", 10.0)], (0.1, 10.0)),
         ([*rows_of("leave", 0.1), *rows_of("leave", 2.0, loud_leakage=0.2)], (0.1, 2**0.5)),
+        # Within a hundredth of what is stated, too.
+        ([*rows_of("leave", 0.1), *rows_of("leave", 1.005, loud_leakage=0.2)], (0.1, 1.005**0.5)),
         # What the paper is silent about does not count.
         ([*rows_of("leave", 0.1, quiet_before=0.9), *rows_of("leave", 2.0)], (0.1, 2.0)),
         # Nothing is known between a factor that is well and one that diverges.

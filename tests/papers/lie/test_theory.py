@@ -19,7 +19,7 @@ from reobserve.ledger.overrides import OVERRIDDEN
 from reobserve.ledger.types import Job, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.lie import design as design_stage
-from reobserve.papers.lie import keys, theory_conditions
+from reobserve.papers.lie import keys, theory_cases, theory_conditions
 from reobserve.papers.lie import metrics as metrics_stage
 from reobserve.papers.lie import theory as theory_stage
 from reobserve.papers.lie.study_rows import KINDS
@@ -222,6 +222,19 @@ def test_random_problems(hidden: bool) -> None:
         left = case.residual_of_s(S)
         assert systems.lowest_degree(left) == 4
         assert systems.lowest_degree(difference(S, variables(3))) == 2
+
+
+def test_a_resonant_problem_is_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse_once(problem: Any) -> None:
+        monkeypatch.undo()
+        first.append(problem)
+        raise InputError("poles", "are resonant")
+
+    first: list[Any] = []
+    monkeypatch.setattr(theory_cases, "check_nonresonant", refuse_once)
+    second = random_problem(random_stream(7, "t", "0"), 3, 3)
+    assert np.array_equal(first[0].A, random_problem(random_stream(7, "t", "0"), 3, 3).A)
+    assert not np.array_equal(first[0].A, second.A)
 
 
 def test_a_wrong_series_is_found_out() -> None:

@@ -118,7 +118,7 @@ def _parts(text: str, figures: tuple[str, ...]) -> list[tuple[str, bool]]:
     """A text in parts; true for those that name a figure."""
     if not figures:
         return [(text, False)]
-    names = "|".join(sorted(map(re.escape, figures), key=len, reverse=True))
+    names = "|".join(map(re.escape, figures))
     pieces = re.split(rf"(?<![\w.-])({names})(?![\w.-])", text)
     return [(piece, index % 2 == 1) for index, piece in enumerate(pieces) if piece]
 
