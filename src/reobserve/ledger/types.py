@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, get_args, get_type_hints
 
 from reobserve.errors import InputError, nearest
@@ -85,7 +86,7 @@ def read_job(keys: type, settings: Settings) -> Job:
     """
     if isinstance(settings, Job):
         return settings
-    kinds = get_type_hints(keys, include_extras=True)
+    kinds = _sections(keys)
     subject = next((name for name in _SUBJECTS if name in settings), None)
     branches = {}
     for name, branch in settings.items():
@@ -98,6 +99,12 @@ def read_job(keys: type, settings: Settings) -> Job:
             kind = get_args(kind)[1]
         branches[name] = parse(kind, branch, "" if name == subject else name)
     return Job(**branches)
+
+
+@cache
+def _sections(keys: type) -> dict[str, Any]:
+    """The types of the sections that a paper declares."""
+    return get_type_hints(keys, include_extras=True)
 
 
 def read_ledger(ledger: Ledger) -> Any:
