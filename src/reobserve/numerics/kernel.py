@@ -1,65 +1,47 @@
-"""Compilation of hot loops: one decorator, so that every kernel has the same rules."""
+"""Compilation of hot loops by numba: one decorator, so that every kernel has the same rules."""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.ccallback import CFunc
-from numba.core.errors import NumbaExperimentalFeatureWarning
-from numba.core.sigutils import normalize_signature
 
-from reobserve.numerics.kernel_cache import cache_for, usable_folder
+_MARKS = (b"@kernel", b"@inlined_kernel", b"intrinsic(_")  # in modules that hold compiled code
 
-_MARKS = (b"@kernel", b"@inlined_kernel", b"intrinsic(_")  # of what is compiled
+# Division by zero gives inf or nan, as in numpy. Sums are never reordered and products never fused
+# (no ``fastmath``), so that stepping and batch runs are bitwise identical.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "nogil": True}
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-# Functions as arguments are what numba calls experimental, each time that it compiles with them.
-warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-
 
 def kernel(function: Function) -> Function:
-    """Compile a function of scalars and arrays; the machine code is cached on disk.
-
-    Division by zero gives inf or nan, as in numpy. Sums are never reordered and
-    products never fused (no ``fastmath``), so that stepping and batch runs agree to
-    the last bit.
-    """
-    # nogil: a kernel touches arrays only, so two of them can run in two threads of one process.
-    compiled: Any = numba.njit(error_model="numpy", fastmath=False, nogil=True)(function)
-    compiled._cache = cache_for(function, _cache_folder())
-    return cast(Function, compiled)
+    """Compile a function of scalars and arrays; the machine code is cached on disk."""
+    return cast(Function, _cached(function, numba.njit, **_OPTIONS))
 
 
 def inlined_kernel(function: Function) -> Function:
-    """Compile as `kernel` does, into whatever kernel calls it.
+    """Compile as `kernel` does, and inline the code into the kernels that call it.
 
-    For short functions of many arrays: to hand an array over costs as much as a few products.
+    For short functions of many arrays: passing an array costs as much as a few products.
     """
-    compiler = numba.njit(error_model="numpy", fastmath=False, nogil=True, forceinline=True)
-    compiled: Any = compiler(function)
-    compiled._cache = cache_for(function, _cache_folder())
-    return cast(Function, compiled)
+    return cast(Function, _cached(function, numba.njit, forceinline=True, **_OPTIONS))
 
 
 def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any:
-    """Compile a function that kernels can be handed: with one signature, called by its address."""
-    options = {"error_model": "numpy"}
-    parsed: Any = normalize_signature(signature)  # type: ignore[no-untyped-call]
-    compiled: Any = CFunc(function, parsed, locals={}, options=options)
-    compiled._cache = cache_for(function, _cache_folder())
-    compiled.compile()
-    return compiled
+    """Compile a function with one signature, which kernels take as an argument."""
+    return _cached(function, numba.cfunc, signature, error_model="numpy")
 
 
 class Law:
-    """A function that kernels are handed, compiled when it is first asked for and not on import."""
+    """A function that is an argument of kernels; compiled on first use, not on import."""
 
     def __init__(self, signature: str, function: Callable[..., Any]) -> None:
         self._signature, self._function = signature, function
@@ -70,18 +52,51 @@ class Law:
         return compiled_with_signature(self._signature, self._function)
 
 
+def _cached(function: Callable[..., Any], decorator: Any, *arguments: Any, **options: Any) -> Any:
+    """Apply a decorator of numba, with its cache in `_cache_folder` if that can be written."""
+    with _cache_in(_cache_folder()) as cached:
+        try:
+            return decorator(*arguments, cache=cached, **options)(function)
+        except RuntimeError as error:  # numba found no folder for the module of this function
+            if "cannot cache" not in str(error):
+                raise
+    return decorator(*arguments, **options)(function)
+
+
+@contextmanager
+def _cache_in(folder: Path | None) -> Iterator[bool]:
+    """Have numba cache in a folder what is decorated meanwhile; false if there is no folder."""
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = before if folder is None else str(folder)
+    try:
+        yield folder is not None
+    finally:
+        config.CACHE_DIR = before
+
+
 @cache
 def _cache_folder() -> Path | None:
-    """Where the machine code of exactly these sources is kept; None if it can be kept nowhere.
+    """The folder for the machine code of these sources; None if no place can be written.
 
-    numba keys its cache by the file that defines a function and would run old code after an
-    edit of a kernel that is called from another file. So the folder is named after the source
-    of all kernels.
+    numba looks at the file that defines a function, not at the functions it calls in other files.
+    So the name of the folder is a digest of all modules with kernels: an edit begins a new one.
     """
     package = Path(__file__).parents[1]
-    whole = hashlib.sha256(numba.__version__.encode())
+    chosen: Any = numba.config
+    whole = hashlib.sha256(f"{numba.__version__} {chosen.OPT}".encode())
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
         if any(mark in source for mark in _MARKS):
             whole.update(source)
-    return usable_folder(package, f"kernels-{whole.hexdigest()[:16]}")
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    places = [chosen.CACHE_DIR] if chosen.CACHE_DIR else [package / "__pycache__", caches]
+    for place in map(Path, places):
+        folder = place / f"reobserve-kernels-{whole.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return None

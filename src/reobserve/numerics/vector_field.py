@@ -10,8 +10,7 @@ from importlib import import_module
 from pickle import PicklingError
 from typing import Any
 
-from numba.core.ccallback import CFunc
-from numba.core.errors import NumbaError
+from numba import NumbaError
 
 from reobserve.errors import InputError, shown
 from reobserve.numerics.kernel import compiled_with_signature
@@ -34,15 +33,17 @@ def vector_field(function: Callable[..., None]) -> Any:
     if not inspect.isfunction(function):
         raise InputError("function", f"{shown(function)} must be a function of Python")
     try:
-        return compiled_with_signature(_SIGNATURE, function)
+        field = compiled_with_signature(_SIGNATURE, function)
     except NumbaError as error:
         said = str(error).strip().partition("\n")[0]
         raise InputError("function", f"{function.__name__} cannot be compiled: {said}") from None
+    copyreg.pickle(type(field), _place)
+    return field
 
 
 def is_vector_field(value: Any) -> bool:
-    """Whether a value was made by `vector_field`."""
-    return isinstance(value, CFunc)
+    """Whether a value was made by `vector_field`, and so has the attributes of numba's callbacks."""
+    return hasattr(value, "native_name") and hasattr(value, "address")
 
 
 def _at(module: str, name: str) -> Any:
@@ -50,13 +51,10 @@ def _at(module: str, name: str) -> Any:
     return reduce(getattr, name.split("."), import_module(module))
 
 
-def _place(field: CFunc) -> tuple[Any, tuple[str, str]]:
+def _place(field: Any) -> tuple[Any, tuple[str, str]]:
     """How a pickle holds a vector field: by its place, as it holds functions."""
     function = field.__wrapped__
     module, name = function.__module__, function.__qualname__
     if "<locals>" in name or _at(module, name) is not field:
         raise PicklingError(f"the vector field {name} stands nowhere in the module {module}")
     return _at, (module, name)
-
-
-copyreg.pickle(CFunc, _place)

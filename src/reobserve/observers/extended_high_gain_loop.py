@@ -44,7 +44,9 @@ Bounds = tuple[float, float, float]
 # Whether the delay is held; 0, 1 if the gain of the delay is switched off, 2 if all gains are; and
 # xi^ where the mode began.
 Mode = tuple[int, int, float]
-Model = tuple[Any, Any, Array]  # drift, input gain and the parameters of both
+# The parameters of drift and input gain, then these two: a tuple that begins with a function makes
+# numba warn.
+Model = tuple[Array, Any, Any]
 Room = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
 
 
@@ -66,7 +68,7 @@ def _interpolate(model: Model, at: Array, theta: float, row: int, room: Room) ->
     last = 2.0 * theta * (theta - 0.5)
     for c in range(at.shape[1] - 1):
         at[row, c] = first * at[0, c] + middle * at[1, c] + last * at[2, c]
-    _add_gain(model[1], model[2], at, row, room[2], room[3])
+    _add_gain(model[2], model[0], at, row, room[2], room[3])
 
 
 @kernel
@@ -125,7 +127,7 @@ def _runge_kutta(
     It leads from the point in row _FROM to that in row _TO.
     """
     n, gains = len(size), 2 + order
-    (drift, _, parameters), (x, f, _, _), (held, off, _) = model, room, mode
+    (parameters, drift, _), (x, f, _, _), (held, off, _) = model, room, mode
     for i in range(n + 1):
         x[i], points[_SUM, i] = points[_FROM, i], 0.0
     for stage in range(4):
@@ -236,7 +238,7 @@ def run(
     size = (0,) * (states.shape[1] - 1)
     least, most, threshold = bounds.tolist()
     return _run(
-        (drift, input_gain, parameters), size, order, switched, (least, most, threshold), step,
+        (parameters, drift, input_gain), size, order, switched, (least, most, threshold), step,
         right, left, states, switched_off,
     )  # fmt: skip
 
@@ -251,7 +253,7 @@ def _run(
     least, most, _ = bounds
     at, points = np.empty((6, channels + 1)), np.empty((3, n + 1))
     _, _, y, gain = room = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
-    _, input_gain, parameters = model
+    parameters, _, input_gain = model
     for i in range(n + 1):
         points[_FROM, i] = states[0, i]
     for k in range(len(states) - 1):
