@@ -9,20 +9,15 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()  # as the command line does it
 
-from reobserve.drawing.fitting import fix_layout  # noqa: E402
 from reobserve.ledger.config import known_papers, read_yaml  # noqa: E402
 from reobserve.ledger.ledger import Ledger  # noqa: E402
-from reobserve.pipeline.common import paper_module  # noqa: E402
-from reobserve.pipeline.evaluation import Evaluator  # noqa: E402
-from reobserve.pipeline.figures import figure_data  # noqa: E402
-from reobserve.scoring.metrics import lookup  # noqa: E402
+from reobserve.replication.evaluation import Evaluator, draw  # noqa: E402
 
 PROJECT = Path(__file__).parents[1]
 
@@ -33,12 +28,7 @@ def make(paper: str, figures: Iterable[str] = ()) -> None:
     ledger = Ledger.load(PROJECT, paper, seed=config["seed"])
     evaluator = Evaluator(ledger)
     for figure in figures or ledger.tree["figures"]:
-        found = evaluator.figure(figure)
-        settings = ledger.settings("plot", figure)
-        data = figure_data(paper, settings, found.plant, found.estimates, found.study)
-        layouts = paper_module(paper, "plot").LAYOUTS
-        drawing = layouts[data.job.figure.layout](replace(data, metrics=lookup(found.metrics)))
-        fix_layout(drawing)
+        drawing = draw(evaluator.figure(figure), notes=True)
         for kind in config["formats"]:
             drawing.savefig(io.BytesIO(), format=kind)
 

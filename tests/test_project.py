@@ -15,7 +15,7 @@ import yaml
 from reobserve.errors import InputError
 from reobserve.evidence.meanings import LISTS, meanings, write_lists
 from reobserve.ledger.config import known_papers
-from reobserve.pipeline.provenance import import_closure
+from reobserve.replication.provenance import import_closure
 
 from . import FIVE
 from .found import golden_metrics

@@ -32,8 +32,7 @@ from reobserve.evidence.report.reading import Project
 from reobserve.evidence.report.verdicts import claim_of_row
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import kept_file
-from reobserve.pipeline.jobs import Graph
+from reobserve.ledger.names import caption_template, samples_path
 from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import Metric, lookup
 
@@ -103,7 +102,7 @@ class Paper:
         InputError
             If a claim was not accepted, or numbers and draws give another verdict.
         """
-        kept = read_kept(self.root / kept_file(self.name), self.name)
+        kept = read_kept(self.root / samples_path(self.name), self.name)
         return tuple(self._claim(one, kept.get(one.name)) for one in self.registry.claims)
 
     def _claim(self, claim: Registered, kept: KeptDraws | None) -> Claim:
@@ -135,13 +134,12 @@ class Paper:
     @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Its figures, as accepted."""
-        graph = Graph({self.name: self.ledger}, [self.name], ["pdf"], project=self.root)
         return tuple(
-            self._figure(name, body, graph) for name, body in self.ledger.tree["figures"].items()
+            self._figure(name, body) for name, body in self.ledger.tree["figures"].items()
         )
 
-    def _figure(self, name: str, body: Mapping[str, Any], graph: Graph) -> Figure:
-        template = graph.caption(self.name, name, "figure")
+    def _figure(self, name: str, body: Mapping[str, Any]) -> Figure:
+        template = caption_template(self.root, self.name, name, "figure")
         settings = self.ledger.settings("plot", name)
         lost = read_undetermined(self.root / GOLDEN / self.name).get(name, {})
         unknown = [_metric(one, math.nan, "1") for one in lost]

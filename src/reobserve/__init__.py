@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from reobserve.observers.normal_form_transformed import TransformedObserver
     from reobserve.observers.run import Estimate, Run
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+    from reobserve.replication.replicate import replicate
 
 __all__ = [
     "ILO",
@@ -64,6 +65,7 @@ __all__ = [
     "load_design",
     "luenberger",
     "normal_form_observer",
+    "replicate",
     "steady_kalman",
 ]
 
@@ -93,6 +95,7 @@ _HOMES = {
     "observers.normal_form_transformed": ("TransformedObserver",),
     "observers.run": ("Estimate", "Run"),
     "observers.smooth_variable_structure": ("SmoothVariableStructureFilter",),
+    "replication.replicate": ("replicate",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -59,8 +59,8 @@ def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str
     assert ledger.settings("table", "table1") == {
         "plant": plant, "design": low, "table": {"design": "low", "digits": 3},
     }  # fmt: skip
-    assert ledger.settings("observe", "", "forgetting")["design"] == high
-    assert set(ledger.settings("observe", "", "sampled")) == {"plant", "observer"}
+    assert ledger.settings("observe", "forgetting")["design"] == high
+    assert set(ledger.settings("observe", "sampled")) == {"plant", "observer"}
     # Fig. 1 shows the observer; Fig. 4 neither it nor the study; the other both.
     assert ledger.settings("metrics", "fig1")["designs"] == {"high": high}
     assert "designs" not in ledger.settings("metrics", "fig4")
@@ -133,7 +133,7 @@ def test_designs_and_tables_can_be_added_and_changed(
             "observers": {"forgetting": {"design": "mine"}},
         },
     )
-    assert ledger.settings("observe", "", "forgetting")["design"] == {"pole": 5}
+    assert ledger.settings("observe", "forgetting")["design"] == {"pole": 5}
     assert ledger.settings("table", "table_mine")["design"] == {"pole": 5}
     with pytest.raises(InputError, match="forgetting: there is no 'mien' in designs"):
         load_tree(project, designed, {"observers": {"forgetting": {"design": "mien"}}})

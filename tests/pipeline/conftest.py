@@ -18,8 +18,8 @@ import pytest
 from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import read_study
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.steps import read_study
+from reobserve.replication.evaluation import Evaluator
 from tests.pipeline import warm_snakemake
 
 ROOT = Path(__file__).parents[2]

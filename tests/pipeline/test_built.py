@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.pipeline.built import evaluator_after
-from reobserve.pipeline.common import paper_module
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import evaluator_after
+from reobserve.replication.steps import paper_module
+from reobserve.replication.evaluation import Evaluator
 from reobserve.plain_data.files import write_table
 
 from .conftest import EVALUATORS, LEDGERS

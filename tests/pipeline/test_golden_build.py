@@ -10,7 +10,7 @@ from reobserve.evidence.golden import digests
 from reobserve.evidence.golden.comparison import Worst, differences
 from reobserve.evidence.golden.files import folder
 from reobserve.evidence.golden.kept import kept_paper
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from tests.evidence.golden.deviations import FEW, deviations
 
 from .conftest import PAPERS, ROOT

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.ledger.stages import STAGES, paper_part
+from reobserve.ledger.names import STAGES, paper_part
 from reobserve.pipeline import provenance
 
 from .conftest import LEDGERS, PAPERS, Project

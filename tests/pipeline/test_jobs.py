@@ -10,7 +10,7 @@ import pytest
 
 from reobserve.cli import command_parser
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import STAGES
+from reobserve.ledger.names import STAGES
 from reobserve.pipeline.jobs import Graph
 
 from .conftest import LEDGERS, PAPERS, ROOT

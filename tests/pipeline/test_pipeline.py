@@ -14,7 +14,7 @@ from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.ledger.config import known_papers
-from reobserve.ledger.stages import STAGES
+from reobserve.ledger.names import STAGES
 from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.pipeline.common import paper_module
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.steps import paper_module
+from reobserve.replication.evaluation import Evaluator
 from reobserve.plain_data.files import write_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series

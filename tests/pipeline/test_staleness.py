@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.pipeline.provenance import import_closure, stage_modules
+from reobserve.replication.provenance import import_closure, stage_modules
 
 from .conftest import FEW_DRAWS, LEDGERS, PAPERS, Project
 

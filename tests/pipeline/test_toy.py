@@ -18,7 +18,7 @@ from rocrate.rocrate import ROCrate
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER
-from reobserve.pipeline.common import read_design
+from reobserve.replication.steps import read_design
 from reobserve.plain_data.files import read_table
 from reobserve.timeseries.series import Series
 
@@ -277,7 +277,7 @@ def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
 
 IN_PROCESS = """
 from pathlib import Path
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.ledger.ledger import Ledger
 from reobserve.scoring.metrics import write_metrics
 from reobserve.plain_data.files import write_table

@@ -25,7 +25,7 @@ from reobserve.papers.lie import keys as lie_keys
 from reobserve.papers.lie.setup import stored_form
 from reobserve.papers.lie.table import rows as table_rows
 from reobserve.pipeline import common
-from reobserve.pipeline.common import compute_design, read_design, rows_from
+from reobserve.replication.steps import compute_design, read_design, rows_from
 from reobserve.plain_data.typed_tree import parse
 from reobserve.stages.records import read_estimates, read_record
 from reobserve.timeseries.series import Channel, Series

@@ -1,202 +1,134 @@
-# What is claimed, whether it holds, and the page that tells it: theory -> robustness -> sensitivity
-# and claims -> verdicts and report. Claims read the numbers of all figures, so these come last.
+# Whether the claims hold: theory and Monte Carlo samples -> robustness -> claims -> report, verdicts.
 
+def chunks(wildcards):
+    """An input function: the samples of a paper in chunks of one size; none if one job draws all."""
+    size = -(-config["draws"] // config["chunks"])
+    starts = range(0, config["draws"], size) if config["chunks"] > 1 else []
+    return [f"results/{wildcards.paper}/draws/{start}-{start + size - 1}.json" for start in starts]
+
+def cached(wildcards):
+    """An input function: the samples of a paper that are kept in config/draws."""
+    path = samples_path(wildcards.paper)
+    return [path] if config["kept"] and Path(path).is_file() else []
+
+def sampled(wildcards):
+    """A params function: what samples depend on, the parameters with their ranges and the checks."""
+    parameters, wording = PARAMETERS[wildcards.paper], ("why", "source")
+    entries = {key: {part: entry[part] for part in entry if part not in wording} for key, entry in parameters.entries()}
+    return [entries, parameters.seed, decisive(claims_of(wildcards.paper))]
 
 rule theory:
-    input:
-        unpack(inputs("theory")),
+    input: each_of_paper("results/{paper}/{name}.design.json", "designs")
     output:
-        report(
-            outputs("theory"),
-            caption="../report/theory.rst",
-            category="{paper}",
-            subcategory="numbers",
-            labels={"figure": "theory", "what": "metrics"},
-        ),
-    log:
-        log_of("theory"),
-    benchmark:
-        log_of("theory", ".tsv")
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        command=command("theory"),
-        settings=settings("theory"),
-        code=code("theory"),
-        packages=packages,
-    message:
-        "{wildcards.paper}: compute the numbers of the theory"
+        report("results/{paper}/theory.metrics.csv", caption="../report/theory.rst", category="{paper}",
+               subcategory="numbers", labels={"figure": "theory", "what": "metrics"})
+    log: "logs/{paper}/theory.log"
+    benchmark: "logs/{paper}/theory.tsv"
+    conda: "../envs/reobserve.yaml"
+    params: settings=settings("theory"), code=code("theory"), packages=PACKAGES
+    message: "{wildcards.paper}: compute the numbers of the theory"
     shell:
-        RUN
+        "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
+        " --design-files {input} --output {output}) &> {log}"
 
-
-# None of these jobs with `chunks=1`: then the robustness makes all draws itself. What is in a chunk
-# stays right whatever is kept or drawn besides, so other files are awaited, and their age is none.
+# With `chunks` above one; else the robustness draws all samples. A chunk stays right whatever is
+# kept or drawn besides, so the age of its inputs does not count.
 rule draw:
     input:
-        unpack(ageless_inputs("draw")),
-    output:
-        outputs("draw"),
-    log:
-        log_of("draw"),
-    benchmark:
-        log_of("draw", ".tsv")
+        kept=ancient(cached),
+        studies=ancient(each_of_paper("results/{paper}/{name}.study.csv", "studies"))
+    output: "results/{paper}/draws/{chunk}.json"
+    log: "logs/{paper}/draws/{chunk}.log"
+    benchmark: "logs/{paper}/draws/{chunk}.tsv"
     priority: 2
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        command=command("draw"),
-        settings=lambda wildcards: digest(drawn_from(wildcards.paper)),
-        code=code("draw"),
-        packages=packages,
-    message:
-        "{wildcards.paper}: make the draws {wildcards.chunk} of what is left open"
+    conda: "../envs/reobserve.yaml"
+    params: settings=sampled, code=code("draw"), packages=PACKAGES
+    message: "{wildcards.paper}: draw the Monte Carlo samples {wildcards.chunk}"
     shell:
-        RUN
-
+        "(set -x; reobserve stage draw results/{wildcards.paper}/parameters.json {wildcards.chunk}"
+        " --kept {input.kept} --study-files {input.studies} --output {output}) &> {log}"
 
 rule robustness:
     input:
-        unpack(inputs("robustness")),
-    output:
-        outputs("robustness"),
-    log:
-        log_of("robustness"),
-    benchmark:
-        log_of("robustness", ".tsv")
+        kept=cached,
+        studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
+        chunks=chunks
+    output: "results/{paper}/robustness.json"
+    log: "logs/{paper}/robustness.log"
+    benchmark: "logs/{paper}/robustness.tsv"
     priority: 2
-    conda:
-        "../envs/reobserve.yaml"
+    conda: "../envs/reobserve.yaml"
     params:
-        command=command("robustness"),
-        settings=lambda wildcards: digest(drawn_from(wildcards.paper)),
-        code=code("robustness"),
-        packages=packages,
-    message:
-        "{wildcards.paper}: decide the claims over draws of what is left open"
+        settings=sampled, code=code("robustness"), packages=PACKAGES,
+        options=f"--draws {config['draws']}" + ("" if config["flips"] else " --no-flips")
+    message: "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
     shell:
-        RUN
-
+        "(set -x; reobserve stage robustness results/{wildcards.paper}/parameters.json {params.options}"
+        " --kept {input.kept} --chunk-files {input.chunks} --study-files {input.studies}"
+        " --output {output}) &> {log}"
 
 rule sensitivity:
-    input:
-        unpack(inputs("sensitivity")),
+    input: "results/{paper}/robustness.json"
     output:
-        report(
-            outputs("sensitivity"),
-            caption="../report/sensitivity.rst",
-            category="{paper}",
-            subcategory="evidence",
-            labels={"figure": "claims", "what": "sensitivity"},
-        ),
-    log:
-        log_of("sensitivity"),
-    benchmark:
-        log_of("sensitivity", ".tsv")
-    conda:
-        "../envs/reobserve.yaml"
+        report(expand("results/{{paper}}/{name}.{kind}", name=["specification", "sensitivity"], kind=FORMATS),
+               caption="../report/sensitivity.rst", category="{paper}", subcategory="evidence",
+               labels={"figure": "claims", "what": "sensitivity"})
+    log: "logs/{paper}/sensitivity.log"
+    benchmark: "logs/{paper}/sensitivity.tsv"
+    conda: "../envs/reobserve.yaml"
     params:
-        command=command("sensitivity"),
-        settings=lambda wildcards: digest(drawn_of_claims(wildcards.paper)),
-        code=digest_of("reobserve.stages.sensitivity"),
-        packages=packages,
-    message:
-        "{wildcards.paper}: draw what decides the claims"
+        claims=lambda wildcards: claims_of(wildcards.paper),
+        code=code_of("reobserve.stages.sensitivity"), packages=PACKAGES
+    message: "{wildcards.paper}: draw which choices decide the claims"
     shell:
-        RUN
-
+        "(set -x; reobserve stage sensitivity results/{wildcards.paper}/parameters.json {input}"
+        " --outputs {output}) &> {log}"
 
 rule claims:
     input:
-        unpack(inputs("claims")),
+        [path for path in NUMBERS if path.split("/")[1] in CLAIMED],
+        expand("results/{paper}/robustness.json", paper=CLAIMED)
     output:
-        report(
-            outputs("claims"),
-            caption="../report/claims.rst",
-            category="evidence",
-            labels={"figure": "all", "what": "claims"},
-        ),
-    log:
-        log_of("claims"),
-    benchmark:
-        log_of("claims", ".tsv")
-    conda:
-        "../envs/reobserve.yaml"
+        report("results/claims.csv", caption="../report/claims.rst", category="evidence",
+               labels={"figure": "all", "what": "claims"})
+    log: "logs/claims.log"
+    benchmark: "logs/claims.tsv"
+    conda: "../envs/reobserve.yaml"
     params:
-        command=command("claims"),
-        settings=lambda wildcards: digest(told_of_claims()),
-        code=digest_of("reobserve.stages.claims"),
-    message:
-        "decide all claims"
-    shell:
-        RUN
-
+        papers=CLAIMED, code=code_of("reobserve.stages.claims"),
+        claims=[[claims_of(paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED]
+    message: "decide all claims"
+    shell: "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
 
 rule report:
-    input:
-        unpack(inputs("report")),
+    input: FIGURES, TABLES, NUMBERS, "results/claims.csv",
+        expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS)
     output:
-        report(
-            outputs("report"),
-            caption="../report/replication.rst",
-            category="evidence",
-            labels={"figure": "all", "what": "replication report"},
-        ),
-    log:
-        log_of("report"),
-    benchmark:
-        log_of("report", ".tsv")
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        command=command("report"),
-        settings=lambda wildcards: digest(told_in_report()),
-        code=digest_of("reobserve.evidence.report"),
-        packages=packages,
-    message:
-        "write the replication report"
-    shell:
-        RUN
+        report("results/report.html", caption="../report/replication.rst", category="evidence",
+               labels={"figure": "all", "what": "replication report"})
+    log: "logs/report.log"
+    benchmark: "logs/report.tsv"
+    conda: "../envs/reobserve.yaml"
+    params: built=BUILT, texts=text_of("config", "workflow/report"), code=code_of("reobserve.evidence.report"), packages=PACKAGES
+    message: "write the replication report"
+    shell: "(set -x; reobserve report {params.built} --output {output}) &> {log}"
 
-
-# After the report, which shows what is broken: this is what fails then.
+# After the report, which shows broken claims: this fails then.
 rule verdicts:
-    input:
-        unpack(inputs("verdicts")),
-    output:
-        outputs("verdicts"),
-    log:
-        log_of("verdicts"),
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        command=command("verdicts"),
-        settings=lambda wildcards: digest(
-            [LEDGERS[paper].section("figures") for paper in GRAPH.claimed]
-        ),
-        code=digest_of("reobserve.stages.verdicts"),
-    message:
-        "count the verdicts"
-    shell:
-        RUN_AND_TELL
+    input: "results/claims.csv", "results/report.html"
+    output: "results/verdicts.md"
+    log: "logs/verdicts.log"
+    conda: "../envs/reobserve.yaml"
+    params: code=code_of("reobserve.stages.verdicts")
+    message: "count the verdicts"
+    shell: "(set -x; reobserve stage verdicts {input[0]} --output {output}) 2>&1 | tee {log} >&2"
 
-
-# On demand, as `make archive`: everything above, to be deposited and cited.
+# On demand: the build as an RO-Crate, to be deposited and cited.
 rule archive:
-    input:
-        unpack(inputs("archive")),
-    output:
-        outputs("archive"),
-    log:
-        log_of("archive"),
-    conda:
-        "../envs/reobserve.yaml"
-    params:
-        command=command("archive"),
-        settings=lambda wildcards: digest(told_in_report()),
-        code=digest_of("reobserve.stages.archive"),
-        packages=packages,
-    message:
-        "pack the build"
-    shell:
-        RUN_AND_TELL
+    input: rules.all.input, NUMBERS, expand("results/{paper}/sensitivity.{kind}", paper=CLAIMED, kind=FORMATS)
+    output: "results/archive.zip"
+    log: "logs/archive.log"
+    conda: "../envs/reobserve.yaml"
+    params: texts=text_of("config", "workflow"), code=code_of("reobserve.stages.archive"), packages=PACKAGES
+    message: "pack the build"
+    shell: "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"

@@ -11,9 +11,10 @@ from reobserve.command_line.types import tree, whole
 
 _EXAMPLES = """\
 a chain, by hand:
-  reobserve stage ledger ilo --output results/ilo/ledger.json
-  reobserve stage plant results/ilo/ledger.json constant --output results/ilo/constant/plant.parquet
-  reobserve stage observe results/ilo/ledger.json results/ilo/constant/plant.parquet sampled \\
+  reobserve stage parameters ilo --output results/ilo/parameters.json
+  reobserve stage plant results/ilo/parameters.json constant \\
+      --output results/ilo/constant/plant.parquet
+  reobserve stage observe results/ilo/parameters.json results/ilo/constant/plant.parquet sampled \\
       --output results/ilo/constant/sampled.parquet
 Each command that `snakemake --printshellcmds` prints can be run the same way.
 """
@@ -34,7 +35,10 @@ def add_stages(commands: Any) -> None:
 
 def _add_simulation(commands: Any) -> None:
     ledger = add_command(
-        commands, "ledger", "stages.ledger:run", "check a paper's config and write its ledger"
+        commands,
+        "parameters",
+        "stages.parameters:run",
+        "check a parameter file with overrides, and write it for the other stages",
     )
     ledger.add_argument("paper", help="the name of a file in config/papers")
     ledger.add_argument(
@@ -42,7 +46,7 @@ def _add_simulation(commands: Any) -> None:
         help='values to replace, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
     ledger.add_argument("--seed", type=whole(0), default=0, help="root of the random streams")
-    add_output(ledger, "the ledger, JSON")
+    add_output(ledger, "the parameters, JSON")
     add_project(ledger)
 
     plant = add_command(commands, "plant", "stages.plant:run", "simulate the plant of a scenario")
@@ -106,7 +110,9 @@ def _add_figures(commands: Any) -> None:
         "--outputs", type=Path, nargs="+", required=True,
         help=f"files, in any of {', '.join(FORMATS)}",
     )  # fmt: skip
-    plot.add_argument("--style", type=Path, metavar="FILE", help="a matplotlib style sheet")
+    plot.add_argument(
+        "--style", type=Path, nargs="?", metavar="FILE", help="a matplotlib style sheet"
+    )
     plot.add_argument(
         "--no-notes", dest="notes", action="store_false", help="put the note into the caption"
     )
@@ -174,35 +180,37 @@ def _add_evidence(commands: Any) -> None:
     archive = add_command(
         commands, "archive", "stages.archive:run", "pack a build as an RO-Crate, to be deposited"
     )
-    default = "(default: those of the config)"
-    archive.add_argument("--papers", nargs="+", help=f"papers that are built {default}")
-    archive.add_argument(
-        "--formats", nargs="+", choices=FORMATS, metavar="FORMAT",
-        help=f"formats of figures {default}",
-    )  # fmt: skip
+    archive.add_argument("products", nargs="+", help="files below results, as a build made them")
     add_output(archive, "the crate, .zip")
     add_project(archive)
 
 
 def _ledger_file(command: argparse.ArgumentParser) -> None:
-    command.add_argument("ledger_file", type=Path, help="a ledger made by `reobserve stage ledger`")
+    command.add_argument("ledger_file", type=Path, help="made by `reobserve stage parameters`")
 
 
 def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
     text = "from `reobserve stage design`" + ("" if required else ", if the ledger names a design")
-    command.add_argument("--design-file", type=Path, required=required, metavar="FILE", help=text)
+    command.add_argument(
+        "--design-file", type=Path, required=required, nargs=None if required else "?",
+        metavar="FILE", help=text,
+    )  # fmt: skip
 
 
 def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--kept", type=Path, help="kept draws, not all of which need to be repeated"
+        "--kept",
+        type=Path,
+        nargs="?",
+        metavar="FILE",
+        help="kept draws, not all of which need to be repeated",
     )
     command.add_argument(
-        "--chunk-files", type=Path, nargs="+", default=[], metavar="FILE",
+        "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
         help="from `reobserve stage draw`; draws that they lack are made here",
     )  # fmt: skip
     command.add_argument(
-        "--study-files", type=Path, nargs="+", default=[], metavar="FILE",
+        "--study-files", type=Path, nargs="*", default=[], metavar="FILE",
         help="from `reobserve stage study`, in the order of the ledger; else they are run here",
     )  # fmt: skip
 
@@ -218,5 +226,9 @@ def _figure_inputs(command: argparse.ArgumentParser) -> None:
         help="from `reobserve stage observe`, in the order of the figure's observers",
     )  # fmt: skip
     command.add_argument(
-        "--study-file", type=Path, help="from `reobserve stage study`, if the figure has one"
+        "--study-file",
+        type=Path,
+        nargs="?",
+        metavar="FILE",
+        help="from `reobserve stage study`, if the figure has one",
     )

@@ -45,7 +45,7 @@ def save(figure: Figure, path: Path) -> None:
     kind = path.suffix.removeprefix(".")
     if kind not in _METADATA:
         raise InputError(str(path), f"must end in one of .{', .'.join(_METADATA)}")
-    with laid_out(), _fonts_without_layout():
+    with laid_out():
         if kind == "eps":
             content = _eps(figure)
             write_whole(path, lambda partial: _put(partial, content))
@@ -55,23 +55,6 @@ def save(figure: Figure, path: Path) -> None:
             write_whole(
                 path, lambda partial: figure.savefig(partial, format=kind, metadata=_METADATA[kind])
             )
-
-
-@contextmanager
-def _fonts_without_layout() -> Iterator[None]:
-    """Embed fonts without the tables by which text is laid out: in a file it has been.
-
-    To read them and cut them to a few glyphs takes half as long as all else that a PDF takes, and
-    matplotlib has no option for it.
-    """
-    from fontTools.subset import Options
-
-    dropped = Options._drop_tables_default
-    Options._drop_tables_default = [*dropped, "GDEF", "GPOS", "GSUB", "MATH"]
-    try:
-        yield
-    finally:
-        Options._drop_tables_default = dropped
 
 
 def _put(path: Path, content: bytes) -> None:

@@ -56,9 +56,8 @@ _PARAMETERS.update(
 
 # Only the fonts that come with matplotlib: a font of the same name on this machine may differ.
 _BUNDLED = matplotlib.get_data_path()
-font_manager.fontManager.ttflist = [
-    font for font in font_manager.fontManager.ttflist if font.fname.startswith(_BUNDLED)
-]
+_FONTS = [font for font in font_manager.fontManager.ttflist if font.fname.startswith(_BUNDLED)]
+font_manager.fontManager.ttflist = _FONTS
 
 _HOUSE = {key: value for key, value in _PARAMETERS.copy().items() if key != "backend"}
 _DESIGNED = _HOUSE["figure.figsize"]
@@ -101,6 +100,7 @@ def use_sheet(path: Path | None) -> None:
     """
     sheet = read_sheet(path) if path else {}
     _PARAMETERS.update({**_HOUSE, **sheet})
+    font_manager.fontManager.ttflist = _FONTS
 
 
 def read_sheet(path: Path) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def _check_font(path: str, place: str, key: str, value: Any) -> None:
         _check_bounds(path, f"{place}, in points", value, _SIZES)
     if not isinstance(value, list):
         return
-    known = sorted({font.name for font in font_manager.fontManager.ttflist})
+    known = sorted({font.name for font in _FONTS})
     for name in value:
         if name not in (*known, *(_GENERIC if key == "font.family" else ())):
             listed = ", ".join(one for one in known if one.startswith(("DejaVu", "STIXG", "cm")))

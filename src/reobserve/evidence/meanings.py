@@ -13,8 +13,8 @@ from pathlib import Path
 
 from reobserve.errors import InputError
 from reobserve.ledger.config import known_papers
-from reobserve.pipeline.common import paper_module
 from reobserve.plain_data.files import read_text, write_text
+from reobserve.replication.steps import paper_module
 
 LISTS = "results/README.md"
 

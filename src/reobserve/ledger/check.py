@@ -16,7 +16,7 @@ from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import SECTIONS, paper_part
+from reobserve.ledger.names import SECTIONS, paper_part
 from reobserve.ledger.types import Job, StudyFigure, named, read_ledger
 from reobserve.numerics.arguments import as_word
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.extras import package
-from reobserve.ledger.stages import DEFAULT_STYLE, style_sheet
+from reobserve.ledger.names import DEFAULT_STYLE, style_sheet
 from reobserve.plain_data.files import read_text, reason
-from reobserve.plain_data.json_data import check_plain
+from reobserve.plain_data.json_data import check_plain, read_json
 
 Tree = dict[str, Any]
 
@@ -81,6 +81,21 @@ def read_yaml(path: Path) -> Tree:
     if not isinstance(tree, dict):
         raise InputError(str(path), "must be a mapping of keys to values")
     return tree
+
+
+def check_config_files(*paths: str | Path) -> None:
+    """Check what Snakemake's own reader would not: every key once, and plain values only.
+
+    Raises
+    ------
+    InputError
+        As `read_yaml`; files that end in ``.json`` are read as JSON.
+    """
+    for path in map(Path, paths):
+        if path.suffix == ".json":
+            read_json(path)
+        else:
+            read_yaml(path)
 
 
 def take_truths(config: Tree) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 from reobserve.errors import InputError, nearest, shown
 from reobserve.ledger.config import Tree, check_name, check_schema, known_papers, read_yaml
 from reobserve.ledger.overrides import OVERRIDDEN, is_entry, lay_over
-from reobserve.ledger.stages import seen
+from reobserve.ledger.settings import settings
 from reobserve.ledger.stored import read_stored
 from reobserve.plain_data.json_data import check_plain
 
@@ -115,21 +115,13 @@ class Ledger:
         """All entries with their dotted paths, in file order."""
         yield from _entries(self.tree, "")
 
-    def settings(self, stage: str, name: str = "", observer: str = "") -> Tree:
-        """What one job of a stage depends on, as plain values.
+    def settings(self, step: str, name: str = "") -> Tree:
+        """The values that one run of a step depends on; see `reobserve.ledger.settings.settings`.
 
-        ``name`` is the scenario (plant, observe), the design, the study, the search, the table or
-        the figure (metrics, plot); the theory has no name, it sees all but scenarios and figures.
-
-        Raises
-        ------
-        InputError
-            If the ledger has nothing of that name, or no such observer.
+        Labels, titles and sources are left out except for plots: they decide no number.
         """
-        settings = seen(self, stage, observer or name)
-        if stage == "plot":
-            return settings
-        decisive: Tree = _without_wording(settings)
+        found = settings(self, step, name)
+        decisive: Tree = found if step == "plot" else _without_wording(found)
         return decisive
 
     def refined(self) -> Ledger:
@@ -168,8 +160,13 @@ class Ledger:
 
 def default_ledger(project: Path, paper: str) -> Ledger:
     """The ledger of a paper without overrides, with the seed of the config."""
-    seed = read_yaml(project / "config" / "config.yaml")["seed"]
-    return Ledger.load(project, paper, seed=seed)
+    return Ledger.load(project, paper, seed=default_seed(project))
+
+
+def default_seed(project: Path) -> int:
+    """The root of the random streams as the config states it."""
+    seed: int = read_yaml(project / "config" / "config.yaml")["seed"]
+    return seed
 
 
 def digest(value: Any) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.names import stored_parameters
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:
@@ -64,7 +65,7 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
 def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -> None:
     """Print the ledger of a paper: key, value, unit, source, and the range of an assumption."""
     if built:
-        ledger = Ledger.read(project / "results" / paper / "ledger.json")
+        ledger = Ledger.read(project / stored_parameters(paper))
     else:
         ledger = Ledger.load(project, paper)
     width = shutil.get_terminal_size((120, 40)).columns

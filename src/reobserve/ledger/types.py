@@ -15,7 +15,7 @@ from typing import Any, get_args, get_type_hints
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.conditions import Names
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import SECTIONS, paper_part
+from reobserve.ledger.names import SECTIONS, paper_part
 from reobserve.plain_data.typed_tree import parse
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.

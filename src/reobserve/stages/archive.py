@@ -8,18 +8,13 @@ from pathlib import Path
 from reobserve.evidence.archive import write_archive
 
 
-def run(
-    output: Path,
-    project: Path,
-    papers: Sequence[str] | None = None,
-    formats: Sequence[str] | None = None,
-) -> None:
-    """Write it, and say what it holds.
+def run(products: Sequence[str], output: Path, project: Path) -> None:
+    """Write the crate of a build's products, and print how many files it holds.
 
     Raises
     ------
     InputError
-        If the build is not whole, is not of what there is now, or cannot be written.
+        If a file or the log of a job behind it is missing, or the crate cannot be written.
     """
-    count = write_archive(project, output, papers, formats)
+    count = write_archive(project, output, products)
     print(f"{output}: {count} files, described in its ro-crate-metadata.json")

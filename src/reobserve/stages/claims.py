@@ -13,8 +13,7 @@ from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.claims.table import HEADER, broken_row, row
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import AGELESS
-from reobserve.pipeline.jobs import Graph, moved
+from reobserve.ledger.names import stored_parameters
 from reobserve.plain_data.files import write_table
 from reobserve.scoring.metrics import lookup, read_metrics
 
@@ -42,16 +41,12 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
 
 
 def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
-    ledger = Ledger.read(moved(AGELESS["ledger"].format(paper=paper), results))
-    graph = Graph({paper: ledger}, project=project)
+    folder = results / paper
+    ledger = Ledger.read(folder / Path(stored_parameters(paper)).name)
     claims = read_registry(project, ledger).claims
-    numbers = {
-        " ".join(job.about) or THEORY: lookup(read_metrics(moved(path, results)))
-        for job in graph.numbers(paper)
-        for path in job.outputs
-    }
-    (drawn,) = graph.job("robustness", paper=paper).outputs
-    robustness = read_robustness(moved(drawn, results), paper)
+    named = [*ledger.tree["figures"], *([THEORY] if THEORY in ledger.tree else [])]
+    numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in named}
+    robustness = read_robustness(folder / "robustness.json", paper)
     rows = [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
     problem = "; ".join(amiss(claims))
     return [*rows, *([broken_row(paper, problem)] if problem else [])]

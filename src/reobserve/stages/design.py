@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute_design, provenance
 from reobserve.plain_data.files import write_text
+from reobserve.replication.steps import compute_design, provenance
 
 
 def run(ledger_file: Path, design: str, output: Path) -> None:

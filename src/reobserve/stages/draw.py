@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from reobserve.errors import InputError, shown
 from reobserve.evidence.claims.draws_ahead import make_ahead
 from reobserve.evidence.claims.kept_draws import read_kept
 from reobserve.evidence.claims.known_draws import read_chunks, write_chunk
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import Inquiry
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.built import evaluator_after
-from reobserve.pipeline.chunks import numbers_of
+from reobserve.replication.evaluation import Evaluator
 
 
 def run(
@@ -22,9 +23,25 @@ def run(
     """Draw and write; `reobserve.stages.robustness` gathers."""
     numbers = numbers_of(chunk)
     ledger = Ledger.read(ledger_file)
+    evaluator = Evaluator(ledger)
+    if study_files:
+        evaluator.take_studies(study_files)
     past = {} if kept is None else read_kept(kept, ledger.paper)
     made = read_chunks(chunk_files, ledger.paper)
-    evaluator = evaluator_after(ledger, study_files)
     inquiry = Inquiry.begin(evaluator, read_registry(project, ledger).claims, past, made)
     bases = {name: one.basis for name, one in inquiry.found.items()}
     write_chunk(output, ledger.paper, bases, make_ahead(inquiry, numbers))
+
+
+def numbers_of(chunk: str) -> range:
+    """The numbers of the samples in a chunk, which is named by its ends, as ``50-99``.
+
+    Raises
+    ------
+    InputError
+        If it is not the name of a chunk.
+    """
+    ends = re.fullmatch(r"(\d{1,9})-(\d{1,9})", chunk, re.ASCII)
+    if ends is None or int(ends[1]) > int(ends[2]):
+        raise InputError("chunk", f"{shown(chunk)} must be two rising numbers, as 50-99")
+    return range(int(ends[1]), int(ends[2]) + 1)

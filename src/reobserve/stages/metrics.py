@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import read_study, rows_from
-from reobserve.pipeline.figures import figure_data, measure
+from reobserve.replication.steps import figure_data, measure, read_study, rows_from
 from reobserve.scoring.metrics import write_metrics
 from reobserve.stages.records import read_estimates, read_record
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute, named_design, signed
+from reobserve.replication.steps import compute, named_design, signed
 from reobserve.stages.records import read_record
 
 
@@ -14,7 +14,7 @@ def run(
 ) -> None:
     """Observe and write; nothing is written if the observer cannot run or diverges."""
     ledger = Ledger.read(ledger_file)
-    settings = ledger.settings("observe", "", observer)
+    settings = ledger.settings("observe", observer)
     design = named_design(ledger, settings["observer"], design_file)
     plant = read_record(plant_file, ledger)
     series = compute(ledger.paper, "observe", observer, settings, plant, *design)

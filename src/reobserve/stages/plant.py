@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute, signed
+from reobserve.replication.steps import compute, signed
 
 
 def run(ledger_file: Path, scenario: str, output: Path) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from reobserve.errors import InputError, located, shown
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.types import Job, declared_keys, read_job, record_axis
-from reobserve.pipeline.common import Provenance, paper_module
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.steps import Provenance, paper_module
 from reobserve.timeseries.series import Series, Shape
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
@@ -56,7 +56,7 @@ def read_estimates(
         raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")
     found = {}
     for name, path in zip(observers, paths, strict=True):
-        stated, settings = _stated(ledger, ledger.settings("observe", "", name))
+        stated, settings = _stated(ledger, ledger.settings("observe", name))
         series = found[name] = Series.read(path)
         _job(path, series, ledger, "observe", name)
         rows, samples = len(series.time), len(plant.time)

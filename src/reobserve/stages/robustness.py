@@ -12,8 +12,8 @@ from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import assess
 from reobserve.evidence.claims.robustness_file import to_data
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.built import evaluator_after
 from reobserve.plain_data.files import write_text
+from reobserve.replication.evaluation import Evaluator
 
 
 def run(
@@ -24,7 +24,9 @@ def run(
     ledger = Ledger.read(ledger_file)
     past = {} if kept is None else read_kept(kept, ledger.paper)
     made = read_chunks(chunk_files, ledger.paper)
-    evaluator = evaluator_after(ledger, study_files)
+    evaluator = Evaluator(ledger)
+    if study_files:
+        evaluator.take_studies(study_files)
     found = assess(evaluator, read_registry(project, ledger).claims, draws, flips, past, made)
     stored = {
         "paper": ledger.paper,

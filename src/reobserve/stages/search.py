@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute, provenance
 from reobserve.plain_data.files import write_text
+from reobserve.replication.steps import compute, provenance
 from reobserve.stages.records import read_record
 
 

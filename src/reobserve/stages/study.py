@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute, named_design, paper_module
 from reobserve.plain_data.files import write_table
+from reobserve.replication.steps import compute, named_design, paper_module
 from reobserve.stages.records import read_record
 
 

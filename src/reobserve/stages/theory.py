@@ -6,7 +6,7 @@ from pathlib import Path
 
 from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.common import compute, read_design
+from reobserve.replication.steps import compute, read_design
 from reobserve.scoring.metrics import write_metrics
 
 

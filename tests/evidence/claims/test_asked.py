@@ -12,7 +12,7 @@ from reobserve.evidence.claims.outcomes import Outcomes, outcome
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import lookup
 
 ROOT = Path(__file__).parents[3]

@@ -22,7 +22,7 @@ from reobserve.evidence.claims.robustness import Inquiry, assess
 from reobserve.evidence.claims.robustness_file import to_data
 from reobserve.ledger.ledger import Ledger
 from reobserve.pipeline.chunks import chunks_of, earlier, numbers_of
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric
 
 ROOT = Path(__file__).parents[3]

@@ -19,8 +19,8 @@ from reobserve.evidence.claims.kept_draws import KeptDraws, alike, read_kept
 from reobserve.evidence.claims.registry import Claim, Registry, read_registry
 from reobserve.evidence.claims.robustness import Robustness, assess
 from reobserve.ledger.ledger import Ledger, default_ledger
-from reobserve.ledger.stages import kept_file
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.ledger.names import samples_path
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric
 
 ROOT = Path(__file__).parents[3]
@@ -119,7 +119,7 @@ def test_other_claims_and_ledgers_take_nothing(code: Code, first: Robustness, wh
 
 
 def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -> None:
-    path = tmp_path / kept_file("ilo")
+    path = tmp_path / samples_path("ilo")
     keep(tmp_path, "ilo", {"it": first})
     assert read_kept(path, "ilo") == {"it": first.to_keep}
     with pytest.raises(InputError, match="is of ilo, must be of lie"):
@@ -134,7 +134,7 @@ def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -
 def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None:
     silent = assess(Evaluator(ILO), [claim()], 20, flips=False)
     keep(tmp_path, "ilo", silent)
-    assert read_kept(tmp_path / kept_file("ilo"), "ilo") == {}
+    assert read_kept(tmp_path / samples_path("ilo"), "ilo") == {}
     looked = found(claim(), {"it": silent["it"].to_keep}, 20)
     assert looked.kept > 10
     assert looked.flip is not None
@@ -154,7 +154,7 @@ def test_draws_are_kept_of_every_claim_as_it_is(paper: str) -> None:
     """Where this fails, `make draws` makes those that are missing."""
     ledger = default_ledger(ROOT, paper)
     claims = [one for one in read_registry(ROOT, ledger).claims if one.checks and one.choices]
-    kept, here = read_kept(ROOT / kept_file(paper), paper), Evaluator(ledger)
+    kept, here = read_kept(ROOT / samples_path(paper), paper), Evaluator(ledger)
     assert {name: one.basis for name, one in kept.items()} == {
         claim.name: outcomes.basis_of(here, claim) for claim in claims
     }
@@ -166,13 +166,13 @@ def test_the_command_goes_on_and_checks(
     project = tmp_path / "project"
     shutil.copytree(ROOT / "config", project / "config")
     shutil.copytree(ROOT / "workflow", project / "workflow")
-    (project / kept_file("ilo")).unlink(missing_ok=True)
+    (project / samples_path("ilo")).unlink(missing_ok=True)
     near = Registry(claims=[claim(620), replace(claim(5000), name="never")])
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     draws_command(project, ["ilo"], 100, check=False)
     told = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in told] == ["1 of 2 claims undecided"] * 3
-    kept = read_kept(project / kept_file("ilo"), "ilo")
+    kept = read_kept(project / samples_path("ilo"), "ilo")
     assert [len([d for d in one.draws if d is not None]) for one in kept.values()] == [100, 36]
     draws_command(project, ["ilo"], 100, check=True)
     other = [claim(621), near.claims[1], replace(claim(5000), name="new")]

@@ -19,7 +19,7 @@ from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Robustness, assess
 from reobserve.evidence.claims.robustness_file import read_robustness, to_data
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric
 
 ROOT = Path(__file__).parents[3]

@@ -32,7 +32,7 @@ from reobserve.evidence.golden import tables as golden_tables
 from reobserve.evidence.golden.kept import kept_paper
 from reobserve.evidence.golden.renewal import Evidence, prepare
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.evaluation import Evaluation, Evaluator
+from reobserve.replication.evaluation import Evaluation, Evaluator
 from reobserve.plain_data.files import write_table
 from reobserve.scoring.metrics import Metric, write_metrics
 from reobserve.timeseries.series import Channel, Series

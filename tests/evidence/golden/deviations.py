@@ -9,7 +9,7 @@ from reobserve.evidence.golden.comparison import compare
 from reobserve.evidence.golden.deviation import Deviation
 from reobserve.evidence.golden.files import folder, read_metrics
 from reobserve.evidence.golden.kept import by_name, kept_parts
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from tests.pipeline.conftest import FEW_LEVELS, LEDGERS, PAPERS, ROOT
 
 

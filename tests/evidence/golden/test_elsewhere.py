@@ -21,7 +21,7 @@ from reobserve.evidence.golden.kept import kept_parts, part_names
 from reobserve.evidence.golden.processors import ONE_ULP, PINNED, REFINED, Condition
 from reobserve.evidence.golden.runs import run_all
 from reobserve.numerics.code_paths import ENABLED, KERNEL, unpinned
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, copy_project
 
 

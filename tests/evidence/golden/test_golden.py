@@ -18,7 +18,7 @@ from reobserve.evidence.golden.files import folder, read_undetermined
 from reobserve.evidence.golden.guard import check_may_renew
 from reobserve.evidence.golden.kept import part_names, record_names
 from reobserve.ledger.ledger import Ledger, leaves, matches
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from tests.evidence.golden.deviations import FEW, deviations, deviations_of_few
 from tests.pipeline.conftest import (
     EVALUATORS,

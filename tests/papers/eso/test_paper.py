@@ -20,9 +20,9 @@ from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
-from reobserve.pipeline.common import compute_design
-from reobserve.pipeline.evaluation import Evaluator
-from reobserve.pipeline.figures import figure_data
+from reobserve.replication.steps import compute_design
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.steps import figure_data
 from reobserve.plain_data.typed_tree import parse
 from reobserve.scoring.metrics import lookup
 from reobserve.scoring.responses import window
@@ -69,7 +69,7 @@ def designed(name: str) -> Tree:
 
 @cache
 def estimated(name: str, observer: str) -> Series:
-    settings = ledger().settings("observe", "disturbed", observer)
+    settings = ledger().settings("observe", observer)
     return observe.estimate(settings, record(name), designed(OBSERVERS[observer]))
 
 
@@ -315,7 +315,7 @@ def test_observers_start_where_the_ledger_says() -> None:
     start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
     changed = ledger({"observers": {"pd_pi": {"initial_estimate": start}}})
     found = observe.estimate(
-        changed.settings("observe", "disturbed", "pd_pi"), record("disturbed"), designed("pd_pi")
+        changed.settings("observe", "pd_pi"), record("disturbed"), designed("pd_pi")
     )
     first = [*found["state"][0], found["actuator_fault"][0], found["sensor_fault"][0]]
     assert first == [0.3, -0.2, 0.05, -0.06]

@@ -27,8 +27,8 @@ from reobserve.papers.eso.theory_observers import (
     missed,
     records_of_two_controllers,
 )
-from reobserve.pipeline.common import compute_design
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.steps import compute_design
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables

@@ -20,7 +20,7 @@ from reobserve.observers.imm_loop import mixing_probabilities, update_probabilit
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.pipeline.evaluation import evaluate
+from reobserve.replication.evaluation import evaluate
 from reobserve.scoring.metrics import lookup
 from tests.observers.actuator_models import (
     motion_model,

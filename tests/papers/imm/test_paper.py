@@ -24,7 +24,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.scoring import probabilities, quoted_distance
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
@@ -293,7 +293,7 @@ def test_nothing_is_outside_wide_layers() -> None:
                 factor = ledger().section("observers", name, "layer_factor")
                 assert not estimate["outside"].any(), (name, factor)
     thin = ledger({"observers": {"svsf": {"layer_factor": 1e-9}}})
-    share = observe.estimate(thin.settings("observe", "plain", "svsf"), record("plain"))["outside"]
+    share = observe.estimate(thin.settings("observe", "svsf"), record("plain"))["outside"]
     assert share[-1000:].mean() > 0.99
 
 

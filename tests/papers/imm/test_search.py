@@ -20,7 +20,7 @@ from reobserve.ledger.types import read_job
 from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial, switches
-from reobserve.pipeline.common import signed
+from reobserve.replication.steps import signed
 from reobserve.plain_data.typed_tree import parse
 from reobserve.timeseries.series import Series
 from tests.papers.imm.test_paper import SEED, Tree, ledger, record

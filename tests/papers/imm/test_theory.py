@@ -17,7 +17,7 @@ from reobserve.models.linear import LinearModel
 from reobserve.papers.imm.theory import (
     corrected_radius,
 )
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
 from reobserve.scoring.metrics import lookup
 from reobserve.timeseries.signals import Signal

@@ -19,7 +19,7 @@ from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.normal_form.direct_s import solve_s

@@ -33,7 +33,10 @@ _MEDIA = {
 
 
 def described(
-    project: Path, records: Sequence[Record], digests: Mapping[str, str]
+    project: Path,
+    records: Sequence[Record],
+    digests: Mapping[str, str],
+    products: Sequence[str],
 ) -> Mapping[str, Any]:
     """The metadata of the crate, as JSON-LD.
 
@@ -42,9 +45,11 @@ def described(
     project
         The folder that paths are relative to.
     records
-        The jobs that ran, the last one last.
+        The jobs that ran.
     digests
         By its path, the SHA-256 of each file that is packed.
+    products
+        The files that somebody looks at.
 
     Raises
     ------
@@ -55,7 +60,7 @@ def described(
     crate.metadata.extra_terms["sha256"] = "https://schema.org/sha256"
     citation = read_yaml(project / "CITATION.cff")
     files = {path: _file(crate, project, path, value) for path, value in digests.items()}
-    _describe_root(crate, citation, records[-1].ended)
+    _describe_root(crate, citation, max(record.ended for record in records))
     packages = [
         _entity(crate, f"#{name}", "SoftwareApplication", name=name, softwareVersion=version)
         for name, version in package_versions()
@@ -66,21 +71,21 @@ def described(
             name=f"reobserve stage {stage}", softwareVersion=citation["version"],
             softwareRequirements=packages,
         )
-        for stage in dict.fromkeys(record.job.stage for record in records)
+        for stage in dict.fromkeys(record.job.step for record in records)
     }  # fmt: skip
     for record in records:
         crate.add_action(
-            stages[record.job.stage],
-            identifier=f"#{record.name.replace(' ', '-')}",
+            stages[record.job.step],
+            identifier=f"#{record.name.replace('/', '-')}",
             object=[files[path] for path in record.inputs],
             result=[files[path] for path in record.job.outputs],
             properties={
                 "name": record.name,
-                "description": record.command,
+                "description": record.job.command,
                 **_times(record.began, record.ended),
             },
         )
-    _describe_run(crate, project, records, files)
+    _describe_run(crate, project, records, [files[path] for path in products], files)
     told: dict[str, Any] = crate.metadata.generate()
     told["@graph"].sort(key=lambda entity: str(entity["@id"]))
     return told
@@ -147,22 +152,25 @@ def _article(crate: Any, reference: Mapping[str, Any]) -> Any:
 
 
 def _describe_run(
-    crate: Any, project: Path, records: Sequence[Record], files: Mapping[str, Any]
+    crate: Any,
+    project: Path,
+    records: Sequence[Record],
+    products: Sequence[Any],
+    files: Mapping[str, Any],
 ) -> None:
     """The build as one action: from what no job made to what readers look at."""
     made = {path for record in records for path in record.job.outputs}
     read = dict.fromkeys(path for one in records for path in one.inputs if path not in made)
-    shown = [path for record in records[-3:] for path in record.job.outputs]
     began = [record.began for record in records if record.began is not None]
     crate.add_action(
         files[WORKFLOW],
         identifier="#build",
         object=[files[path] for path in read],
-        result=[files[path] for path in shown],
+        result=products,
         properties={
             "name": "snakemake",
             "description": "; ".join(f"{name}: {value}" for name, value in environment(project)),
-            **_times(min(began, default=None), records[-1].ended),
+            **_times(min(began, default=None), max(record.ended for record in records)),
         },
     )
 

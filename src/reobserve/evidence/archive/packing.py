@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from reobserve.evidence.archive.crate import DESCRIPTION, described
-from reobserve.evidence.archive.records import Record, built_graph, records, timing
-from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.evidence.archive.records import Record, records
 from reobserve.plain_data.files import read_bytes, write_whole
 
 # What `sha256sum --check` takes.
@@ -28,30 +27,23 @@ _DENSE = (".parquet", ".png", ".pdf")
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 
-def write_archive(
-    project: Path,
-    output: Path,
-    papers: Sequence[str] | None = None,
-    formats: Sequence[str] | None = None,
-) -> int:
-    """Write a build to a zip file, the same bytes for the same build; how many files it holds.
+def write_archive(project: Path, output: Path, products: Sequence[str]) -> int:
+    """Write a build to a zip file, the same bytes for the same build; the number of files in it.
 
-    ``papers`` and ``formats`` are what was built, if other than `config/config.yaml` says.
+    ``products`` are the files below ``results`` that somebody looks at; what they were made from
+    is found by the logs.
 
     Raises
     ------
     InputError
-        If the build is not whole or not of what there is now, see `records`; or the file cannot be
-        written.
+        If the build is not whole, see `records`, or the file cannot be written.
     """
-    config = read_yaml(project / "config" / "config.yaml")
-    built = papers or config.get("papers") or known_papers(project)
-    ran = records(project, built_graph(project, built, formats or config["formats"]))
+    ran = records(project, products)
     digests = {
         path: hashlib.sha256(read_bytes(project / path)).hexdigest()
-        for path in sorted(set(_packed(project, ran)))
+        for path in sorted({*products, *_packed(project, ran)})
     }
-    told = json.dumps(described(project, ran, digests), indent=1, ensure_ascii=False)
+    told = json.dumps(described(project, ran, digests, products), indent=1, ensure_ascii=False)
     manifest = "".join(f"{digest}  {path}\n" for path, digest in digests.items())
     made = {DESCRIPTION: f"{told}\n".encode(), MANIFEST: manifest.encode()}
     write_whole(output, lambda partial: _write(partial, project, made, digests))
@@ -61,8 +53,8 @@ def write_archive(
 def _packed(project: Path, ran: Iterable[Record]) -> Iterator[str]:
     for record in ran:
         yield from (*record.inputs, *record.job.outputs, record.job.log)
-        if (project / timing(record.job)).is_file():
-            yield timing(record.job)
+        if (project / record.job.benchmark).is_file():
+            yield record.job.benchmark
     yield from (path for path in _FILES if (project / path).is_file())
     for folder in _FOLDERS:
         for path in (project / folder).rglob("*"):

@@ -11,8 +11,8 @@ from reobserve.evidence.claims.registry import Claim, claims_file, read_registry
 from reobserve.evidence.claims.robustness import Robustness, assess
 from reobserve.ledger.config import known_papers, named_papers
 from reobserve.ledger.ledger import Ledger, default_ledger
-from reobserve.ledger.stages import kept_file
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.ledger.names import samples_path
+from reobserve.replication.evaluation import Evaluator
 
 _FIRST = 40  # draws; from here on the most is doubled, and what is there is kept each time
 
@@ -83,5 +83,5 @@ def _differences(
 
 
 def _kept(project: Path, paper: str) -> dict[str, KeptDraws]:
-    path = project / kept_file(paper)
+    path = project / samples_path(paper)
     return read_kept(path, paper) if path.exists() else {}

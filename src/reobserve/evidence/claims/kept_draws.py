@@ -18,11 +18,11 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.flips import Flip
-from reobserve.ledger.stages import kept_file
-from reobserve.pipeline.provenance import versions
+from reobserve.ledger.names import samples_path
 from reobserve.plain_data.files import write_text
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.provenance import versions
 
 _ROUNDING = 1e-6  # of a number; what is chaotic differs by more, and is drawn anew elsewhere
 
@@ -99,4 +99,4 @@ def write_kept(project: Path, paper: str, claims: Mapping[str, KeptDraws]) -> No
         for name, one in claims.items()
     )
     text = f'{head},\n "claims": {{\n' + ",\n".join(lines) + "\n }\n}\n"
-    write_text(project / kept_file(paper), text)
+    write_text(project / samples_path(paper), text)

@@ -10,7 +10,7 @@ from reobserve.errors import DivergenceError, InputError
 from reobserve.evidence.claims.checks import THEORY, Check, Numbers
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric, lookup
 
 
@@ -88,7 +88,7 @@ def metrics_of(
     evaluator: Evaluator, figure: str, asked: frozenset[str] | None = None
 ) -> list[Metric]:
     """The numbers behind a figure, or of the theory; of that perhaps those ``asked`` for only."""
-    return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).metrics
+    return evaluator.theory(asked) if figure == THEORY else evaluator.figure(figure).numbers
 
 
 def outcome(claim: Claim, numbers: Numbers) -> Outcome:

@@ -12,7 +12,7 @@ from reobserve.evidence.claims.checks import THEORY, Check, Reference
 from reobserve.evidence.claims.choices import Choice, find_choice
 from reobserve.ledger.config import Tree, check_schema, read_yaml
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import AGELESS
+from reobserve.ledger.names import claims_path
 
 HEADLINES = (2, 4)  # so many claims of a paper may be its headlines
 
@@ -70,7 +70,7 @@ class Registry:
 
 def claims_file(project: Path, paper: str) -> Path:
     """Where the claims of a paper are."""
-    return project / AGELESS["registry"].format(paper=paper)
+    return project / claims_path(paper)
 
 
 def read_registry(project: Path, ledger: Ledger) -> Registry:

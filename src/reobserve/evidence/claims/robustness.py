@@ -16,7 +16,7 @@ from reobserve.evidence.claims.known_draws import KnownDraws, MadeDraws
 from reobserve.evidence.claims.outcomes import Outcome, Outcomes, decided
 from reobserve.evidence.claims.registry import Claim
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 
 # Of the draws: from here on a claim stands whatever else a reader chooses, and as rarely as this
 # leaves it is said to fail. One in ten may choose badly. Set before anything was drawn.

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from reobserve.errors import InputError
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.stages import STAGES
-from reobserve.pipeline.evaluation import Evaluation
-from reobserve.pipeline.jobs import Graph, Job, moved
+from reobserve.replication.chain import behind, log
+from reobserve.replication.evaluation import Replication
+from reobserve.replication.logs import read_log
 from reobserve.timeseries.series import Series
 
 # Drawings that are no figures: what they show are draws, and the verdicts on them are compared.
-_OF_DRAWS = {Path(path).stem for path in STAGES["sensitivity"].makes}
+_OF_DRAWS = ("specification", "sensitivity")
 
-# The stage that makes an item, by the item's kind.
-_STAGES = {"figure": "plot", "table": "table", "theory": "theory"}
+# The step that makes an item, by the item's kind.
+_STEPS = {"figure": "plot", "table": "table", "theory": "theory"}
 
 
 def drawings(folder: Path) -> list[Path]:
@@ -22,41 +23,38 @@ def drawings(folder: Path) -> list[Path]:
     return [path for path in sorted(folder.glob("*.png")) if path.stem not in _OF_DRAWS]
 
 
-def built_series(ledger: Ledger, figure: str, results: Path) -> Evaluation:
+def built_series(ledger: Ledger, figure: str, results: Path) -> Replication:
     """The record and the estimates behind a figure, from their files, without metrics.
 
     Raises
     ------
     InputError
-        If the ledger has no such figure, or a file is missing or damaged.
+        If there is no such figure, or a file is missing or damaged.
     """
-    observers = ledger.section("figures", figure)["observers"]
-    read = Graph({ledger.paper: ledger}).job("metrics", paper=ledger.paper, figure=figure).files
-    plant, *series = (
-        Series.read(moved(path, results)) for path in (*read["plant"], *read["estimates"])
-    )
-    return Evaluation(plant, dict(zip(observers, series, strict=True)), None, [])
+    body = ledger.section("figures", figure)
+    folder = results / ledger.paper / body["scenario"]
+    plant = Series.read(folder / "plant.parquet")
+    estimates = {one: Series.read(folder / f"{one}.parquet") for one in body["observers"]}
+    return Replication(ledger, figure, plant, estimates, None, [])
 
 
 def why_missing(ledger: Ledger, name: str, kind: str, results: Path) -> str:
-    """The sentence with which the first job on the road to an item failed.
+    """The sentence with which the first step behind an item failed.
 
     ``results`` is the folder of all papers, beside that of the logs.
     """
-    for job in _road(ledger, name, kind):
-        if not all(moved(path, results).exists() for path in job.outputs):
-            said = _last_sentence(results.parent / job.log)
-            if said:
-                return said
+    project, names = results.parent, [] if kind == "theory" else [name]
+    if names and name not in ledger.tree.get(f"{kind}s", {}):
+        return "is not in the parameter file"
+    for step in behind(ledger, _STEPS[kind], *names):
+        path = log(ledger.paper, *step)
+        try:
+            job = read_log(project, path)
+        except InputError:
+            continue
+        if not all((project / file).exists() for file in job.outputs):
+            return _last_sentence(project / path)
     return "was not built, and no log says why"
-
-
-def _road(ledger: Ledger, name: str, kind: str) -> list[Job]:
-    """The jobs that an item needs, in the order in which they run; none if nothing makes it."""
-    graph, stage = Graph({ledger.paper: ledger}, formats=["png"]), _STAGES[kind]
-    if stage == "theory":
-        return graph.behind(graph.job(stage, paper=ledger.paper))
-    return graph.behind(*(job for job in graph.all_of(stage, ledger.paper) if name in job.about))
 
 
 def _last_sentence(log: Path) -> str:

@@ -16,6 +16,7 @@ from reobserve.evidence.golden.files import folder, read_series
 from reobserve.evidence.golden.kept import THEORY, by_name, kept_records
 from reobserve.evidence.golden.tables import compare_rows, read_cells
 from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.names import stored_parameters
 from reobserve.scoring.metrics import read_metrics
 
 _PARTS = (".metrics.csv", ".tolerances.csv")
@@ -71,7 +72,7 @@ class _Paper:
         self.ledger: Ledger | None = None
         self.no_ledger = ""
         try:
-            self.ledger = Ledger.read(self.results / "ledger.json")
+            self.ledger = Ledger.read(self.results / Path(stored_parameters(paper)).name)
         except InputError as error:
             self.no_ledger = str(error)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from reobserve.evidence.figure_diff.model import Origin
 from reobserve.evidence.report.environment import environment
-from reobserve.pipeline.provenance import versions
 from reobserve.plain_data.files import write_text
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.provenance import versions
 
 FILE = "versions.json"
 

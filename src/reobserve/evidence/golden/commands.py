@@ -17,7 +17,7 @@ from reobserve.evidence.golden.renewal import Evidence, prepare
 from reobserve.evidence.golden.runs import Run, run_all
 from reobserve.ledger.config import known_papers, named_papers, read_yaml
 from reobserve.ledger.ledger import default_ledger
-from reobserve.pipeline.evaluation import Evaluator
+from reobserve.replication.evaluation import Evaluator
 
 
 def check_command(project: Path) -> None:

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.pipeline.evaluation import Evaluator
-from reobserve.pipeline.provenance import versions
 from reobserve.plain_data.files import cell, write_text
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.provenance import versions
 from reobserve.timeseries.series import Series
 
 FILE = "digests.json"

@@ -16,17 +16,19 @@ import numpy as np
 from reobserve.errors import ReobserveError
 from reobserve.evidence.golden.kept import kept_paper
 from reobserve.ledger.ledger import default_ledger
-from reobserve.pipeline.evaluation import Evaluator
-from reobserve.pipeline.jobs import Job
 from reobserve.plain_data.files import write_whole
+from reobserve.replication.evaluation import Evaluator
 from reobserve.timeseries.series import Channel, Series
 
 
 class MovedByOneUlp(Evaluator):
     """An evaluator whose plants' records are off by one unit in the last place, up or down."""
 
-    def _plant(self, job: Job) -> Series:
-        record = super()._plant(job)
+    def run(self, step: str, *names: str) -> Any:
+        """Compute a step; the record of a plant is moved."""
+        record = super().run(step, *names)
+        if step != "plant":
+            return record
         random = np.random.default_rng(0)
 
         def moved(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.evidence.golden.digests import stage_digests
-from reobserve.pipeline.common import paper_module
-from reobserve.pipeline.evaluation import Evaluation, Evaluator
 from reobserve.plain_data.files import cell
+from reobserve.replication.evaluation import Evaluator, Replication
+from reobserve.replication.steps import paper_module
 from reobserve.scoring.metrics import Metric
 from reobserve.timeseries.series import Channel, Series
 
@@ -83,13 +83,13 @@ def kept_parts(evaluator: Evaluator, name: str) -> dict[str, Kept]:
     if name in tree["figures"]:
         evaluation = evaluator.figure(name)
         records = kept_records(evaluation, tree["figures"][name]["scenario"])
-        return {**records, name: Kept(metrics=by_name(evaluation.metrics))}
+        return {**records, name: Kept(metrics=by_name(evaluation.numbers))}
     if name in tree.get("tables", {}):
         return {name: Kept(cells=table_cells(evaluator.ledger.paper, evaluator.table(name)))}
     return {name: Kept(metrics=by_name(evaluator.theory()))}
 
 
-def kept_records(evaluation: Evaluation, scenario: str) -> dict[str, Kept]:
+def kept_records(evaluation: Replication, scenario: str) -> dict[str, Kept]:
     """The rows of the series behind a figure that golden numbers keep, by `record_names`."""
     records = {PLANT: evaluation.plant, **evaluation.estimates}
     return {

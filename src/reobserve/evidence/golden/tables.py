@@ -8,8 +8,8 @@ from pathlib import Path
 
 from reobserve.evidence.golden.deviation import Deviation, OtherCell
 from reobserve.evidence.golden.files import Golden, as_number, read_tolerances, write_tolerances
-from reobserve.pipeline.common import paper_module
 from reobserve.plain_data.files import read_table, write_table
+from reobserve.replication.steps import paper_module
 
 
 def compare_rows(

@@ -8,7 +8,7 @@ import subprocess
 from importlib import metadata
 from pathlib import Path
 
-from reobserve.pipeline.provenance import versions
+from reobserve.replication.provenance import versions
 
 
 def environment(project: Path) -> tuple[tuple[str, str], ...]:

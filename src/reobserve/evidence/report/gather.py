@@ -37,7 +37,7 @@ from reobserve.evidence.report.timings import timings
 from reobserve.evidence.report.verdicts import paper_claims, read_claims
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.jobs import Graph
+from reobserve.ledger.names import caption_template, stored_parameters
 
 # What is drawn of the claims of a paper, and what each shows.
 _PICTURES = {
@@ -88,7 +88,7 @@ def gather(
 
 def _ledger(project: Project, paper: str, seed: int) -> tuple[Ledger, tuple[Gap, ...]]:
     """The ledger as built, or else as it stands in config."""
-    path = f"results/{paper}/ledger.json"
+    path = stored_parameters(paper)
     try:
         project.bytes(path)
         return Ledger.read(project.folder / path), ()
@@ -119,25 +119,19 @@ class _Parts:
     claims: tuple[Claim, ...]
     meanings: Meanings
 
-    @property
-    def graph(self) -> Graph:
-        """The jobs of the paper."""
-        paper = self.ledger.paper
-        return Graph({paper: self.ledger}, [paper], self.formats, project=self.project.folder)
-
     def paper(
         self, claims: tuple[Claim, ...] | Gap, undrawn: Gap | None, gaps: tuple[Gap, ...]
     ) -> Paper:
         tree, name = self.ledger.tree, self.ledger.paper
         about = tree["about"]
-        runs = Runs(self.project, self.graph)
+        runs = Runs(self.project, self.ledger)
         obstacles = read_obstacles(self.project, name)
         figures = tuple(
-            self._figure(figure, body, runs.behind("plot", figure=figure))
+            self._figure(figure, body, runs.behind("plot", figure))
             for figure, body in tree["figures"].items()
         )
         tables = tuple(
-            self._table(table, body, runs.behind("table", table=table))
+            self._table(table, body, runs.behind("table", table))
             for table, body in tree.get("tables", {}).items()
         )
         theory, theory_jobs = self._theory(runs)
@@ -195,7 +189,7 @@ class _Parts:
 
     def _pictures(self) -> tuple[Picture, ...]:
         paper = self.ledger.paper
-        log = self.graph.job("sensitivity", paper=paper).log
+        log = f"logs/{paper}/sensitivity.log"
         return tuple(
             Picture(
                 name,
@@ -208,7 +202,7 @@ class _Parts:
     def _table(self, table: str, body: Mapping[str, Any], jobs: tuple[Run, ...]) -> PaperTable:
         place = f"{self.ledger.paper}-{table}"
         path = self._path(f"{table}.csv")
-        template = self.graph.caption(self.ledger.paper, table, "table")
+        template = caption_template(self.project.folder, self.ledger.paper, table, "table")
         content: Table | Gap
         try:
             content = plain_table(self.project, path)

@@ -1,4 +1,4 @@
-"""The jobs behind figures and tables, as the ledger has them, and the commands that ran."""
+"""The commands behind figures and tables, as they ran."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from reobserve.errors import InputError
 from reobserve.evidence.report.model import Gap, Run, StageCode
 from reobserve.evidence.report.reading import Project
-from reobserve.pipeline.jobs import Graph, Job
-from reobserve.pipeline.provenance import code_digest, import_closure, stage_modules
+from reobserve.ledger.ledger import Ledger
+from reobserve.replication.chain import behind, log
+from reobserve.replication.logs import read_log
+from reobserve.replication.provenance import code_digest, import_closure, stage_modules
 
-# How a log shows the command as it ran, in its first line.
-_PROMPT = "+ "
-
-# The one stage that serves all papers in one job.
+# The one step that serves all papers in one job.
 CLAIMS = "claims"
 
 
@@ -23,44 +22,31 @@ class Runs:
     """The jobs of one paper that ran, and the commands that their logs have."""
 
     project: Project
-    graph: Graph
+    ledger: Ledger
 
-    def behind(self, stage: str, **about: str) -> tuple[Run, ...]:
-        """The run of a stage, ``figure="fig1"`` say, and all behind it, those first it needs."""
-        job = self.graph.job(stage, **self._paper, **about)
-        return tuple(map(self._run, self.graph.behind(job)))
+    def behind(self, *step: str) -> tuple[Run, ...]:
+        """The run of a step, ``("plot", "fig1")`` say, after the runs of all that it needs."""
+        steps = behind(self.ledger, *step)
+        return tuple(self._run(name, names) for name, *names in steps)
 
     def claims(self) -> tuple[Run, ...]:
         """The runs that decide the claims: one of the paper, one of all papers."""
-        drawn = self.graph.job("robustness", **self._paper)
-        return self._run(drawn), self._run(self.graph.job(CLAIMS))
+        return self._run("robustness", []), self._run(CLAIMS, ["of all papers"])
 
-    @property
-    def _paper(self) -> dict[str, str]:
-        (paper,) = self.graph.papers
-        return {"paper": paper}
-
-    def _run(self, job: Job) -> Run:
-        name = ", ".join(reversed(job.about)) if job.stage != CLAIMS else "of all papers"
-        inputs = tuple(path for paths in job.files.values() for path in paths)
-        outputs = tuple(job.outputs)
-        return Run(job.stage, name, inputs, outputs, job.log, self._command(job.log))
-
-    def _command(self, log: str) -> str | Gap:
-        """The command as it ran."""
-        place = f"{self._paper['paper']}-made"
+    def _run(self, step: str, names: Sequence[str]) -> Run:
+        paper = self.ledger.paper
+        path = f"logs/{CLAIMS}.log" if step == CLAIMS else log(paper, step, *names)
+        name = ", ".join(reversed(names))
         try:
-            first = self.project.text(log).partition("\n")[0]
+            job = read_log(self.project.folder, path)
         except InputError as error:
-            return self.project.gaps.add(place, error)
-        if not first.startswith(_PROMPT):
-            problem = f"{log}: does not begin with the command that ran"
-            return self.project.gaps.add(place, problem)
-        return first.removeprefix(_PROMPT).strip()
+            gap: Gap = self.project.gaps.add(f"{paper}-made", error)
+            return Run(step, name, (), (), path, gap)
+        return Run(step, name, job.inputs, job.outputs, path, job.command)
 
 
 def outside_inputs(jobs: Sequence[Run]) -> list[str]:
-    """What a chain of jobs reads and does not make itself."""
+    """The files that a chain of jobs reads and does not write."""
     made = {path for job in jobs for path in job.outputs}
     return list(dict.fromkeys(path for job in jobs for path in job.inputs if path not in made))
 

@@ -1,26 +1,31 @@
-"""What the stages share: provenance, designs, what a figure reads, and the paper's own module."""
+"""The steps of the chain: each calls its paper's own function with the settings that it reads."""
 
 from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located, shown
+from reobserve.ledger.figure_data import FigureData
 from reobserve.ledger.ledger import Ledger, digest
-from reobserve.ledger.stages import paper_part
+from reobserve.ledger.names import paper_part
 from reobserve.ledger.types import Settings, declared_keys, read_job
-from reobserve.pipeline.provenance import code_digest, versions
 from reobserve.plain_data.files import read_table
 from reobserve.plain_data.json_data import read_json
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.provenance import code_digest, versions
+from reobserve.scoring.metrics import Metric
+from reobserve.scoring.study_table import StudyTable
 from reobserve.timeseries.series import Series
 
-# What each stage calls of a paper, and the section whose branch an error is about.
+Rows = Iterable[Mapping[str, Any]]  # of a study
+
+# The function of a paper that a step calls, and the section that its errors are about.
 _CALLS = {
     "design": ("compute", "designs"),
     "plant": ("simulate", ""),
@@ -187,3 +192,31 @@ def read_study(paper: str, path: Path | None) -> list[dict[str, str]] | None:
         return None
     module = paper_module(paper, "study_rows")
     return read_table(path, module.HEADER, module.KINDS)
+
+
+def figure_data(
+    paper: str,
+    settings: Settings,
+    plant: Series,
+    estimates: Mapping[str, Series],
+    rows: Rows | None = None,
+) -> FigureData:
+    """The data of a figure of a paper; ``rows`` are those of its study, if it has one.
+
+    Raises
+    ------
+    InputError
+        If a setting cannot be used.
+    """
+    with located(paper):
+        job = read_job(declared_keys(paper), settings)
+    data = FigureData(job, plant, estimates)
+    if rows is None:
+        return data
+    return replace(data, study=StudyTable.of(rows, paper_module(paper, "study_rows").KINDS))
+
+
+def measure(paper: str, data: FigureData) -> list[Metric]:
+    """The metrics of a figure; `InputError` if a setting of the metrics cannot be used."""
+    with located(paper):
+        return list(paper_module(paper, "metrics").measure(data))

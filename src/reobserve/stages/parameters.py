@@ -1,4 +1,4 @@
-"""Stage ledger: a paper's config with the user's overrides, checked and written for the others."""
+"""Stage parameters: a parameter file with the overrides of a user, checked and written."""
 
 from __future__ import annotations
 

@@ -1,1 +1,0 @@
-"""Jobs forked from one warm process: the server, and what asks it."""

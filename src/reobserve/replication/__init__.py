@@ -1,0 +1,1 @@
+"""A paper's figures recomputed: the chain plant -> observers -> metrics -> plot in one process."""

@@ -1,0 +1,93 @@
+"""The commands of a build, from the logs of its jobs: each begins with the command that ran."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from reobserve.errors import InputError
+from reobserve.plain_data.files import read_text
+
+_PROMPT = "+ "  # as ``set -x`` of a shell prints commands
+_WRITTEN = ("--output", "--outputs", "--caption")
+
+
+@dataclass(frozen=True)
+class LoggedJob:
+    """A job that ran: its command and the files it names, with paths relative to the project."""
+
+    log: str
+    command: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def step(self) -> str:
+        """The command of `reobserve` that ran, such as ``plant``."""
+        words = shlex.split(self.command)
+        return words[2] if words[1] == "stage" else words[1]
+
+    @property
+    def benchmark(self) -> str:
+        """The file in which Snakemake recorded time and memory."""
+        return self.log.removesuffix(".log") + ".tsv"
+
+
+def read_log(project: Path, log: str) -> LoggedJob:
+    """The job of a log.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or does not begin with a command.
+    """
+    try:
+        first = read_text(project / log).partition("\n")[0]
+    except InputError as error:
+        raise InputError(log, error.problem) from None
+    if not first.startswith(f"{_PROMPT}reobserve "):
+        raise InputError(log, "does not begin with the command that ran")
+    command = first.removeprefix(_PROMPT).strip()
+    files: dict[bool, list[str]] = {True: [], False: []}
+    option = ""
+    for word in shlex.split(command):
+        if word.startswith("--"):
+            option = word
+        elif "/" in word:
+            files[option in _WRITTEN].append(word)
+    return LoggedJob(log, command, tuple(files[False]), tuple(files[True]))
+
+
+def jobs_behind(project: Path, targets: Iterable[str]) -> list[LoggedJob]:
+    """The jobs that made these files and all that they read, each after those it reads from.
+
+    Raises
+    ------
+    InputError
+        If no log names the job that made a file below ``results``.
+    """
+    makers: dict[str, LoggedJob] = {}
+    for path in sorted((project / "logs").rglob("*.log")):
+        try:
+            job = read_log(project, path.relative_to(project).as_posix())
+        except InputError:
+            continue
+        makers |= dict.fromkeys(job.outputs, job)
+    found: dict[str, LoggedJob] = {}
+
+    def visit(path: str) -> None:
+        if path not in makers:
+            if path.startswith("results/") and not path.endswith("/parameters.json"):
+                raise InputError(path, "no log in logs/ names the command that made it")
+            return
+        job = makers[path]
+        if job.log not in found:
+            for needed in job.inputs:
+                visit(needed)
+            found[job.log] = job
+
+    for target in targets:
+        visit(target)
+    return list(found.values())

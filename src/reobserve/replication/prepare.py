@@ -1,0 +1,114 @@
+"""The parameters of a build: read and checked for the Snakefile, and written for its jobs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError, ReobserveError, shown
+from reobserve.ledger.config import check_config, known_papers, take_truths
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.names import DEFAULT_STYLE, stored_parameters, style_sheet
+from reobserve.ledger.types import read_ledger
+from reobserve.plain_data.files import write_text
+from reobserve.timeseries.signals import sample_files
+
+_DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
+
+
+def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
+    """The parameters of all papers with the overrides of ``config``, to which defaults are added.
+
+    All keys are checked; `write_parameters` also constructs plants and observers.
+
+    Raises
+    ------
+    InputError
+        If a key is unknown or a value is not allowed.
+    """
+    if os.name != "posix":
+        raise InputError(
+            "the workflow", "needs bash and Linux or macOS; the library runs here, too"
+        )
+    papers = known_papers(project)
+    take_truths(config)
+    check_config(project, config, papers)
+    for key, default in {**_DEFAULTS, "papers": papers}.items():
+        config.setdefault(key, default)
+    if config["style"] != DEFAULT_STYLE:  # else this would import matplotlib in vain
+        from reobserve.drawing.look import read_sheet
+
+        read_sheet(project / style_sheet(config["style"]))
+    found = {}
+    for paper in papers:
+        found[paper] = Ledger.load(project, paper, config.get(paper), config["seed"])
+        read_ledger(found[paper])
+        _check_files(found[paper])
+    return found
+
+
+def write_parameters(
+    project: Path, parameters: Mapping[str, Ledger], config: Mapping[str, Any]
+) -> None:
+    """Write the parameters that have changed, once plants and observers could be constructed.
+
+    Raises
+    ------
+    SystemExit
+        With one sentence, if they cannot, or a file cannot be written.
+    """
+    try:
+        changed = [
+            paper
+            for paper, ledger in parameters.items()
+            if _stored(project, paper) != ledger.text()
+        ]
+        if changed:
+            _check({paper: config.get(paper, {}) for paper in changed})
+        for paper in changed:
+            write_text(project / stored_parameters(paper), parameters[paper].text())
+    except ReobserveError as error:
+        sys.exit(f"reobserve: {error}")
+
+
+def _stored(project: Path, paper: str) -> str:
+    try:
+        return (project / stored_parameters(paper)).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _check(overrides: Mapping[str, Any]) -> None:
+    """Run `reobserve check` in a process of its own, which loads kernels.
+
+    Its loops take a few steps, so that interpreting them is faster than compiling. Compiled code
+    decides where that fails: it divides by zero without an error.
+    """
+    command = [sys.executable, "-m", "reobserve", "check", "--overrides", "-", "--", *overrides]
+    for variables in ({"NUMBA_DISABLE_JIT": "1"}, {}):
+        done = subprocess.run(
+            command, input=json.dumps(overrides), env={**os.environ, **variables},
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode == 0:
+            return
+    sys.exit(
+        (done.stderr.strip().splitlines() or ["reobserve: the check of parameters failed"])[-1]
+    )
+
+
+def _check_files(ledger: Ledger) -> None:
+    """Refuse names of files that Snakemake would take for patterns."""
+    for key, entry in ledger.entries():
+        files: Iterable[str] = sample_files(entry["value"])
+        if entry["unit"] == "file":
+            files = [*files, str(entry["value"])]
+        for file in files:
+            if set(file) & set("{}"):
+                problem = f"{shown(file)} has braces in its name, which stand for wildcards"
+                raise InputError(f"{ledger.paper}.{key}", problem)
