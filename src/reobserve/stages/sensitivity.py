@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from reobserve.drawing.fitting import fix_layout
 from reobserve.drawing.formats import save
 from reobserve.evidence.claims.plot import sensitivity_bars, specification_curves
 from reobserve.evidence.claims.registry import read_registry
@@ -20,6 +21,7 @@ def run(ledger_file: Path, robustness_file: Path, outputs: list[Path], project: 
     found = read_robustness(robustness_file, ledger.paper)
     for name, draw in _PICTURES.items():
         picture = draw(claims, found)
+        fix_layout(picture)
         for output in outputs:
             if output.stem == name:
                 save(picture, output)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
 
 from reobserve.evidence.claims import sequential
 from reobserve.evidence.claims.checks import Check
@@ -49,28 +53,48 @@ def _told(low: float, high: float) -> str:
 def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: int) -> float:
     """The first number on the way beyond which the verdict is another."""
     bound = claim.checks[k].bound
-    found = _found(claim, k, bound, stated, drawn)
+    verdict = _Verdict.of(claim, k, stated, drawn)
+    found = verdict.at(bound)
     ends = {one.numbers[k] for one in (stated, *drawn) if one.numbers}
     ahead = [end for end in ends if math.isfinite(end) and way * end >= way * bound]
     ahead.sort(reverse=way < 0)
     for end, following in pairwise([*ahead, way * math.inf]):
         beyond = (end + following) / 2 if math.isfinite(following) else end + way
-        if _found(claim, k, beyond, stated, drawn) != found:
+        if verdict.at(beyond) != found:
             return end
     return way * math.inf
 
 
-def _found(
-    claim: Claim, k: int, bound: float, stated: Outcome, drawn: Sequence[Outcome]
-) -> tuple[bool, bool | None]:
-    """Whether the claim holds with another bound of a check, and whether that is firm."""
+@dataclass(frozen=True)
+class _Verdict:
+    """Whether a claim holds, and whether that is firm, by the bound of one of its checks.
 
-    def held(outcome: Outcome) -> bool:
-        return bool(outcome.numbers) and all(
-            check.satisfied_by(number, bound if check is claim.checks[k] else None)
-            for check, number in zip(claim.checks, outcome.numbers, strict=True)
+    ``numbers`` are those that decide the check, as stated and in the draws, and ``others`` tells
+    where all other checks hold, both of shape (1 + draws,).
+    """
+
+    check: Check
+    numbers: NDArray[np.float64]
+    others: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome]) -> _Verdict:
+        outcomes = (stated, *drawn)
+        rest = [(j, check) for j, check in enumerate(claim.checks) if j != k]
+        return cls(
+            claim.checks[k],
+            np.array([one.numbers[k] if one.numbers else math.nan for one in outcomes]),
+            np.array(
+                [
+                    bool(one.numbers) and all(c.satisfied_by(one.numbers[j]) for j, c in rest)
+                    for one in outcomes
+                ]
+            ),
         )
 
-    holds = held(stated)
-    agreed = sum(held(one) == holds for one in drawn)
-    return holds, sequential.above(FIRM, agreed, len(drawn)) if drawn else True
+    def at(self, bound: float) -> tuple[bool, bool | None]:
+        """The verdict with another bound."""
+        met = self.numbers < bound if self.check.relation == "below" else self.numbers > bound
+        holds, *drawn = (self.others & met).tolist()
+        agreed = drawn.count(holds)
+        return holds, sequential.above(FIRM, agreed, len(drawn)) if drawn else True
