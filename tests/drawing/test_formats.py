@@ -106,7 +106,6 @@ def test_all_fonts_of_a_pdf_are_embedded_as_journals_take_them(tmp_path: Path, s
         descriptor = inner["/FontDescriptor"].get_object()
         tables = TTFont(io.BytesIO(descriptor["/FontFile2"].get_object().get_data())).keys()
         assert "glyf" in tables
-        assert not {"GDEF", "GPOS", "GSUB", "MATH"} & set(tables)
         names.add(str(font["/BaseFont"]).partition("+")[2])
     family = "DejaVuSans" if style == "default" else "STIXGeneral"
     assert any(name.startswith(family) for name in names)

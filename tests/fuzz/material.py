@@ -62,7 +62,7 @@ def ledger(paper: str) -> Ledger:
 @cache
 def ledger_file(paper: str) -> Path:
     """The ledger of a paper as the command line writes it."""
-    path = _folder() / f"{paper}.ledger.json"
+    path = _folder() / f"{paper}.parameters.json"
     path.write_text(ledger(paper).text(), encoding="utf-8")
     return path
 
@@ -111,7 +111,7 @@ def claims_table() -> Path:
     """The verdicts on the claims of `eso`, without their robustness."""
     path, results = _folder() / "claims.csv", _folder() / "results"
     (results / "eso").mkdir(parents=True)
-    (results / "eso" / "ledger.json").write_bytes(ledger_file("eso").read_bytes())
+    (results / "eso" / "parameters.json").write_bytes(ledger_file("eso").read_bytes())
     nothing = {"paper": "eso", "seed": 0, "draws": 1, "claims": {}}
     (results / "eso" / "robustness.json").write_text(json.dumps(nothing))
     for figure in (*ledger("eso").tree["figures"], "theory"):

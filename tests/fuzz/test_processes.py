@@ -68,7 +68,7 @@ def places(tmp_path: Path) -> Path:
 def test_a_result_goes_to_no_other_kind_of_thing(places: Path, place: str) -> None:
     before = sorted(os.listdir(places))
     done = reobserve(
-        places, "stage", "ledger", "ilo", "--output", place, "--project", os.fspath(ROOT)
+        places, "stage", "parameters", "ilo", "--output", place, "--project", os.fspath(ROOT)
     )
     assert refused(done)
     assert sorted(os.listdir(places)) == before
@@ -79,7 +79,7 @@ def test_a_result_goes_to_no_other_kind_of_thing(places: Path, place: str) -> No
     "name", ["ü\u202ename".encode(), b"\xff\xfe", b"a\nb; touch $HOME", b"\xf0\x9f\x98\x80"]
 )
 def test_a_result_may_have_any_name(places: Path, name: bytes) -> None:
-    line = ("stage", "ledger", "ilo", "--project", os.fspath(ROOT), "--output", name)
+    line = ("stage", "parameters", "ilo", "--project", os.fspath(ROOT), "--output", name)
     done = reobserve(places, *line, locale="C")
     assert done.returncode == 0, done.stderr.decode()
     assert name in os.listdir(os.fsencode(places))

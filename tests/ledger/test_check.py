@@ -50,15 +50,15 @@ def test_the_ledgers_as_they_are_can_be_built(paper: str) -> None:
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_what_every_job_sees_is_declared(paper: str) -> None:
     ledger, keys = Ledger.load(ROOT, paper), declared_keys(paper)
-    jobs = [("plant", name, "") for name in ledger.tree["scenarios"]]
-    jobs += [("observe", "", name) for name in ledger.tree["observers"]]
+    jobs = [("theory", "")]
     for stage, section in (
-        ("design", "designs"), ("study", "studies"), ("search", "searches"), ("table", "tables"),
+        ("plant", "scenarios"), ("observe", "observers"), ("design", "designs"),
+        ("study", "studies"), ("search", "searches"), ("table", "tables"),
         ("metrics", "figures"), ("plot", "figures"),
     ):  # fmt: skip
-        jobs += [(stage, name, "") for name in ledger.tree.get(section, {})]
-    for stage, name, observer in [*jobs, ("theory", "", "")]:
-        job = read_job(keys, ledger.settings(stage, name, observer))
+        jobs += [(stage, name) for name in ledger.tree.get(section, {})]
+    for stage, name in jobs:
+        job = read_job(keys, ledger.settings(stage, name))
         assert isinstance(job.plant, sys.modules[keys.__module__].Plant)
         assert read_job(keys, job) is job
 

@@ -90,11 +90,11 @@ def test_like_starts_from_a_sibling_and_changes_only_what_is_said() -> None:
 
 def test_the_ledger_survives_its_file(tmp_path: Path) -> None:
     ledger = Ledger.load(ROOT, "ilo", seed=7)
-    path = tmp_path / "ledger.json"
+    path = tmp_path / "parameters.json"
     path.write_text(ledger.text())
     assert Ledger.read(path) == ledger
     path.write_text(ledger.text()[:100])
-    with pytest.raises(InputError, match=r"ledger.json: is not JSON: Unterminated string"):
+    with pytest.raises(InputError, match=r"parameters.json: is not JSON: Unterminated string"):
         Ledger.read(path)
 
 
@@ -102,9 +102,9 @@ def test_a_job_sees_what_it_may_depend_on_and_nothing_else() -> None:
     """Change every entry in turn: the digest of a job moves if and only if it should."""
     ledger = load()
     jobs = {
-        "plant constant": ("plant", "constant", ""),
-        "observe forgetting": ("observe", "constant", "forgetting"),
-        "metrics fig1": ("metrics", "fig1", ""),
+        "plant constant": ("plant", "constant"),
+        "observe forgetting": ("observe", "forgetting"),
+        "metrics fig1": ("metrics", "fig1"),
     }
     seen: dict[str, set[str]] = {job: set() for job in jobs}
     for key, _ in ledger.entries():

@@ -55,7 +55,7 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
 
 def test_parameters_of_a_build_are_those_it_was_made_of(project: Path, capsys: Capture) -> None:
     ledger = Ledger.load(project, "toy", {"scenarios": {"push": {"disturbance": 3.0}}})
-    path = project / "results/toy/ledger.json"
+    path = project / "results/toy/parameters.json"
     path.parent.mkdir(parents=True)
     path.write_text(ledger.text())
     stated, built = (

@@ -80,7 +80,8 @@ def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
 
 def test_importing_the_library_leaves_warnings_and_the_cache_of_others_alone() -> None:
     program = (
-        "import warnings, numba, scipy.linalg, scipy.integrate; before = list(warnings.filters), numba.config.CACHE_DIR\n"
+        "import warnings, numba, scipy.linalg, scipy.integrate\n"
+        "before = list(warnings.filters), numba.config.CACHE_DIR\n"
         "import reobserve.observers.imm, reobserve.observers.extended_high_gain\n"
         "assert before == (list(warnings.filters), numba.config.CACHE_DIR)"
     )

@@ -310,7 +310,7 @@ BAD_CONFIG: list[Any] = [
 def test_the_ledger(
     overrides: dict[str, Any], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    target = tmp_path / "ledger.json"
+    target = tmp_path / "parameters.json"
     arguments = [
         "stage",
         "ledger",

@@ -18,9 +18,7 @@ import pytest
 from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
-from reobserve.replication.steps import read_study
 from reobserve.replication.evaluation import Evaluator
-from tests.pipeline import warm_snakemake
 
 ROOT = Path(__file__).parents[2]
 
@@ -80,10 +78,7 @@ class Project:
 
     def snakemake(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         """Run Snakemake in the copy."""
-        words = ("--cores", "2", *arguments)
-        done = warm_snakemake.snakemake(words, self.folder, self.environment)
-        assert done.returncode == 0 or not check, done.stdout + done.stderr
-        return done
+        return self.run("snakemake", "--cores", "2", *arguments, check=check)
 
     def stale(self, *arguments: str, config: Sequence[str] = ()) -> dict[str, int]:
         """How many jobs of each rule a build would run now, with these pairs of ``--config``."""
@@ -157,7 +152,7 @@ def evaluators(as_built: Project) -> dict[str, Evaluator]:
     for paper, evaluator in EVALUATORS.items():
         for study in FEW_LEVELS.keys() & LEDGERS[paper].tree.get("studies", {}).keys():
             table = as_built.folder / "results" / paper / f"{study}.study.csv"
-            evaluator.take("study", read_study(paper, table), study=study)
+            evaluator.take_study(study, table)
     return EVALUATORS
 
 

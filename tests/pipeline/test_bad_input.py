@@ -140,8 +140,8 @@ def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
     overrides, where, what = BAD_CONFIG[case]
     said = refused(
         capsys,
-        *("stage", "ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
-        *("--output", tmp_path / "ledger.json"),
+        *("stage", "parameters", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("--output", tmp_path / "parameters.json"),
     )
     assert where in said
     assert what in said
@@ -155,8 +155,8 @@ def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
     overrides = {"scenarios": {"constant": {"fault": [term]}}}
     said = refused(
         capsys,
-        *("stage", "ledger", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
-        *("--output", tmp_path / "ledger.json"),
+        *("stage", "parameters", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("--output", tmp_path / "parameters.json"),
     )
     assert str(record) in said
     assert "'torque', row 2 is nan" in said
@@ -164,8 +164,8 @@ def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
 
 @pytest.fixture
 def ledger_file(tmp_path: Path) -> Path:
-    path = tmp_path / "ledger.json"
-    assert main(["stage", "ledger", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
+    path = tmp_path / "parameters.json"
+    assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
     return path
 
 
@@ -262,7 +262,7 @@ def test_an_output_folder_that_cannot_be_written(ledger_file: Path, capsys: Capt
     blocked = ledger_file / "plant.parquet"
     said = refused(capsys, "stage", "plant", ledger_file, "constant", "--output", blocked)
     assert said.startswith(f"{blocked}: cannot be written")
-    assert [path.name for path in ledger_file.parent.iterdir()] == ["ledger.json"]
+    assert [path.name for path in ledger_file.parent.iterdir()] == ["parameters.json"]
 
 
 def closed_folder(tmp_path: Path) -> Path:

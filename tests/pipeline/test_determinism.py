@@ -66,7 +66,7 @@ def test_one_core_and_two_give_the_same_bytes(as_built: Project, fresh: Project)
     killed = [name for name in everything if name.startswith(f"{KILLED}/")]
     assert killed
     for name in killed:
-        if name != f"{KILLED}/ledger.json":
+        if name != f"{KILLED}/parameters.json":
             everything.pop(name)
     assert_same_files(everything, results)
 
@@ -81,7 +81,7 @@ def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Proje
     On one core, where the other was built on two.
     """
     everything = of_figures(as_built)
-    ledgers = {name: text for name, text in everything.items() if "/ledger.json" in name}
+    ledgers = {name: text for name, text in everything.items() if "/parameters.json" in name}
     mine = {name: text for name, text in everything.items() if name.startswith(f"{KILLED}/")}
     whole = ledgers | mine
     whole.pop(f"{KILLED}/theory.metrics.csv")
@@ -113,7 +113,7 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
-        while not (fresh.folder / "results/ilo/ledger.json").exists():
+        while not (fresh.folder / "results/ilo/parameters.json").exists():
             assert first.poll() is None
             time.sleep(0.02)
         second = fresh.snakemake(target, check=False)

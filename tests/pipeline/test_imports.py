@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.ledger.names import STAGES, paper_part
-from reobserve.pipeline import provenance
+from reobserve.replication import provenance
 
 from .conftest import LEDGERS, PAPERS, Project
 

@@ -36,7 +36,7 @@ def test_provenance_says_what_made_a_series(built: Project) -> None:
 def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
     fresh.snakemake("results/ilo/fig3.pdf")
     chain = {
-        *(f"{paper}/ledger.json" for paper in known_papers(ROOT)),
+        *(f"{paper}/parameters.json" for paper in known_papers(ROOT)),
         "ilo/aperiodic/plant.parquet",
         *(f"ilo/aperiodic/{name}.parquet" for name in ("sampled", "continuous", "forgetting")),
         "ilo/fig3.metrics.csv",

@@ -9,9 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from snakemake_interface_logger_plugins.common import LogEvent
-
 import snakemake_logger_plugin_reobserve as plugin
+from snakemake_interface_logger_plugins.common import LogEvent
 
 from .conftest import Project
 

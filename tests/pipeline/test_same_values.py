@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.replication.steps import paper_module
-from reobserve.replication.evaluation import Evaluator
 from reobserve.plain_data.files import write_table
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.steps import paper_module
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series
 
@@ -34,7 +34,7 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
     evaluation = evaluator.figure(figure)
     folder = as_built.folder / "results" / paper
     for mine, theirs in zip(
-        evaluation.metrics, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
+        evaluation.numbers, read_metrics(folder / f"{figure}.metrics.csv"), strict=True
     ):
         assert (mine.observer, mine.metric, mine.unit) == (
             theirs.observer, theirs.metric, theirs.unit,
@@ -62,7 +62,7 @@ def test_a_study_has_the_same_bytes(
     evaluator = EVALUATORS[paper].sibling(
         with_few_levels(ledger) if study in FEW_LEVELS else ledger
     )
-    rows = evaluator._once(evaluator._job("study", study=study))
+    rows = evaluator.result("study", study)
     write_table(tmp_path / "study.csv", rows, paper_module(paper, "study_rows").HEADER)
     built = (as_built.folder / "results" / paper / f"{study}.study.csv").read_bytes()
     mine = (tmp_path / "study.csv").read_bytes()

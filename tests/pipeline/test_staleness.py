@@ -244,7 +244,7 @@ def test_the_closure_holds_every_module_that_a_stage_loads(
     """
     jobs: dict[tuple[str, bool, bool], list[str]] = {}
     for words in commands:
-        of_paper = f"results/{paper}/ledger.json" in words
+        of_paper = f"results/{paper}/parameters.json" in words
         dear = words[0] == "study" and STUDIES[paper] not in words
         if of_paper and words[0] in ALL_STAGES and not dear:
             kind = (words[0], "--design-file" in words, "--study-file" in words)

@@ -92,7 +92,7 @@ def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
     option = with_config(fresh, ilo={"scenarios": {"mine": {"like": "constant", "fault": [term]}}})
     fresh.snakemake("results/ilo/mine/plant.parquet", *option)
     assert not (fresh.folder / "ran").exists()
-    stored = json.loads((fresh.folder / "results/ilo/ledger.json").read_text())
+    stored = json.loads((fresh.folder / "results/ilo/parameters.json").read_text())
     assert stored["ledger"]["scenarios"]["mine"]["fault"]["value"] == [term]
 
 

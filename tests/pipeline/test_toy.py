@@ -18,8 +18,8 @@ from rocrate.rocrate import ROCrate
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER
-from reobserve.replication.steps import read_design
 from reobserve.plain_data.files import read_table
+from reobserve.replication.steps import read_design
 from reobserve.timeseries.series import Series
 
 from .conftest import Project, copy_toy
@@ -32,7 +32,7 @@ ALL = {
 }  # fmt: skip
 FROM_DESIGN = {key: min(number, 1) for key, number in ALL.items() if key != "plant"}
 STATIC = ("design", "table", "theory")  # without the plant's record
-LEDGER = "results/toy/ledger.json"
+LEDGER = "results/toy/parameters.json"
 PLANT = "results/toy/push/plant.parquet"
 DESIGN = "results/toy/gains.design.json"
 
@@ -61,7 +61,7 @@ def refused(project: Project, *command: str) -> str:
 def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -> None:
     built = {name for name in toy.results() if name.startswith("toy/")}
     assert built == {
-        "toy/ledger.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
+        "toy/parameters.json", "toy/gains.design.json", "toy/table1.csv", "toy/faster.study.csv",
         "toy/theory.metrics.csv", "toy/robustness.json", "toy/specification.svg",
         "toy/sensitivity.svg",
         *(f"toy/push/{name}.parquet" for name in ("plant", "placed", "slow")),
@@ -401,10 +401,10 @@ def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> 
 
 def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     overrides = ("--overrides", '{"designs": {"gains": {"pole": -1}}}')
-    said = refused(toy, "stage", "ledger", "toy", *overrides)
+    said = refused(toy, "stage", "parameters", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: -1 must be greater than zero"
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
-    said = refused(toy, "stage", "ledger", "toy", *overrides)
+    said = refused(toy, "stage", "parameters", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: gives a number that is not finite"
     said = refused(toy, "stage", "design", LEDGER, "gain")
     assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"

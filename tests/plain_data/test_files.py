@@ -117,7 +117,7 @@ def test_an_output_that_is_no_file_is_one_sentence(
     output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["stage", "ledger", "ilo", "--project", str(ROOT), "--output", output]) == 1
+    assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", output]) == 1
     said = capsys.readouterr().err
     assert said.startswith("reobserve: ")
     assert said.count("\n") == 1
@@ -310,10 +310,13 @@ def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> No
     ("arguments", "said"),
     [
         (
-            ["stage", "ledger", "ilo", "--seed", "-5"],
+            ["stage", "parameters", "ilo", "--seed", "-5"],
             "--seed: '-5' must be a whole number from 0 to 9007199",
         ),
-        (["stage", "ledger", "ilo", "--seed", "x" * 20_000], "must be a whole number from 0 to"),
+        (
+            ["stage", "parameters", "ilo", "--seed", "x" * 20_000],
+            "must be a whole number from 0 to",
+        ),
         (
             ["stage", "robustness", "l.json", "--draws", "-3"],
             "--draws: '-3' must be a whole number from 1",
@@ -324,11 +327,17 @@ def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> No
         ),
         (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
         (
-            ["stage", "ledger", "ilo", "--overrides", "[" * 20_000],
+            ["stage", "parameters", "ilo", "--overrides", "[" * 20_000],
             "is nested deeper than 40 levels",
         ),
-        (["stage", "ledger", "ilo", "--overrides", '{"a": NaN}'], "a: nan must be a finite number"),
-        (["stage", "ledger", "ilo", "--overrides", '{"a": 1, "a": 1}'], "has the key 'a' twice"),
+        (
+            ["stage", "parameters", "ilo", "--overrides", '{"a": NaN}'],
+            "a: nan must be a finite number",
+        ),
+        (
+            ["stage", "parameters", "ilo", "--overrides", '{"a": 1, "a": 1}'],
+            "has the key 'a' twice",
+        ),
     ],
 )
 def test_odd_arguments_are_refused_when_they_are_parsed(
@@ -375,7 +384,7 @@ def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
     folder = tmp_path / "née"
     for arguments, code in (
         (["list", "delay"], 0),
-        (["stage", "ledger", "ilo", "--output", f"{folder}/ledger.json"], 0),
+        (["stage", "parameters", "ilo", "--output", f"{folder}/parameters.json"], 0),
         (
             [
                 "stage",
@@ -393,4 +402,4 @@ def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
         done = subprocess.run(command, env=told, capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
-    assert os.listdir(folder) == ["ledger.json"]
+    assert os.listdir(folder) == ["parameters.json"]

@@ -24,9 +24,9 @@ from reobserve.papers.eso.stored_design import stored_design
 from reobserve.papers.lie import keys as lie_keys
 from reobserve.papers.lie.setup import stored_form
 from reobserve.papers.lie.table import rows as table_rows
-from reobserve.pipeline import common
-from reobserve.replication.steps import compute_design, read_design, rows_from
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication import steps as common
+from reobserve.replication.steps import compute_design, read_design, rows_from
 from reobserve.stages.records import read_estimates, read_record
 from reobserve.timeseries.series import Channel, Series
 from tests.pipeline.conftest import ROOT
@@ -48,7 +48,7 @@ MADE = {"settings": {}, "settings_digest": "a", "code_digest": "b", "packages": 
 @pytest.fixture(scope="module")
 def ledger(tmp_path_factory: pytest.TempPathFactory) -> Ledger:
     ledger = Ledger.load(ROOT, "ilo", SHORT)
-    path = tmp_path_factory.getbasetemp() / "stored-ledger.json"
+    path = tmp_path_factory.getbasetemp() / "stored-parameters.json"
     path.write_text(ledger.text())
     return Ledger.read(path)
 
@@ -57,7 +57,7 @@ def ledger(tmp_path_factory: pytest.TempPathFactory) -> Ledger:
 def made(ledger: Ledger, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a ledger, a record and an estimate, by the command line."""
     folder = tmp_path_factory.mktemp("made")
-    path = folder / "ledger.json"
+    path = folder / "parameters.json"
     path.write_text(ledger.text())
     plant, estimate = folder / "plant.parquet", folder / "sampled.parquet"
     assert main(["stage", "plant", str(path), "constant", "--output", str(plant)]) == 0
@@ -144,7 +144,7 @@ def test_a_record_is_checked_against_the_ledger(
     with pytest.raises(InputError, match=said) as caught:
         read_record(path, ledger)
     assert str(caught.value).startswith(str(path))
-    arguments = ["stage", "observe", str(made / "ledger.json"), str(path), "sampled"]
+    arguments = ["stage", "observe", str(made / "parameters.json"), str(path), "sampled"]
     assert main([*arguments, "--output", str(output)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert not output.exists()
@@ -438,7 +438,10 @@ def test_robustness_that_is_none_is_refused(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda t: t.pop("ledger"), "ledger.json.ledger: is missing; the stored ledger needs it$"),
+        (
+            lambda t: t.pop("ledger"),
+            "parameters.json.ledger: is missing; the stored ledger needs it$",
+        ),
         (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
         (lambda t: t.update(paper="../x"), "'../x' is no name: a letter, then"),
         (lambda t: t["ledger"].pop("plant"), "has no section 'plant'; build the ledger anew$"),
@@ -467,7 +470,7 @@ def test_robustness_that_is_none_is_refused(
 def test_a_ledger_that_is_none_is_refused(
     change: Callable[[Any], Any], said: str, tmp_path: Path
 ) -> None:
-    path = tmp_path / "ledger.json"
+    path = tmp_path / "parameters.json"
     stored = json.loads(Ledger.load(ROOT, "ilo").text())
     change(stored)
     path.write_text(json.dumps(stored))

@@ -140,6 +140,10 @@ def _add_evidence(commands: Any) -> None:
         "--no-flips", dest="flips", action="store_false",
         help="skip the search for the smallest change that flips a claim, which takes longest",
     )  # fmt: skip
+    robustness.add_argument(
+        "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
+        help="from `reobserve stage draw`; draws that they lack are made here",
+    )  # fmt: skip
     _what_is_known(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
     add_project(robustness)
@@ -199,15 +203,8 @@ def _design_file(command: argparse.ArgumentParser, *, required: bool = False) ->
 
 def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--kept",
-        type=Path,
-        nargs="?",
-        metavar="FILE",
+        "--kept", type=Path, nargs="?", metavar="FILE",
         help="kept draws, not all of which need to be repeated",
-    )
-    command.add_argument(
-        "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage draw`; draws that they lack are made here",
     )  # fmt: skip
     command.add_argument(
         "--study-files", type=Path, nargs="*", default=[], metavar="FILE",

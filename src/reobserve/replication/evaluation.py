@@ -30,7 +30,6 @@ from reobserve.timeseries.series import Series
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
     from reobserve.drawing.figures import PaperFigure
 
@@ -72,8 +71,10 @@ class Replication:
         """The study of the figure as a table; None if it has none."""
         return None if self.rows is None else _frame(self.rows)
 
-    def plot(self, *, notes: bool = True) -> Figure:
-        """The figure as the workflow draws it, in the default style, with its notes or without.
+    def plot(self, *, notes: bool = True) -> PaperFigure:
+        """The figure as the workflow draws it, a `matplotlib.figure.Figure` in the default style.
+
+        ``notes`` says whether the remarks below the panels are drawn.
 
         Raises
         ------
@@ -224,8 +225,12 @@ class Evaluator:
         for name, path in zip(studies, files, strict=True):
             if path.name != (wanted := f"{name}.study.csv"):
                 raise InputError("--study-files", f"{shown(path.name)} stands where {wanted} must")
-            key = self.key("study", name)
-            self._done[key], self._files[key] = read_study(self.ledger.paper, path), path
+            self.take_study(name, path)
+
+    def take_study(self, study: str, path: Path) -> None:
+        """Read one study from a file; `InputError` if that is missing or damaged."""
+        key = self.key("study", study)
+        self._done[key], self._files[key] = read_study(self.ledger.paper, path), path
 
     def run(self, step: str, *names: str) -> Any:
         """Compute the result of a step from those that it reads; `result` computes each once."""

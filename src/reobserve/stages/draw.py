@@ -9,7 +9,7 @@ from pathlib import Path
 from reobserve.errors import InputError, shown
 from reobserve.evidence.claims.draws_ahead import make_ahead
 from reobserve.evidence.claims.kept_draws import read_kept
-from reobserve.evidence.claims.known_draws import read_chunks, write_chunk
+from reobserve.evidence.claims.known_draws import write_chunk
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import Inquiry
 from reobserve.ledger.ledger import Ledger
@@ -17,8 +17,8 @@ from reobserve.replication.evaluation import Evaluator
 
 
 def run(
-    ledger_file: Path, chunk: str, kept: Path | None, chunk_files: Sequence[Path],
-    study_files: Sequence[Path], output: Path, project: Path,
+    ledger_file: Path, chunk: str, kept: Path | None, study_files: Sequence[Path], output: Path,
+    project: Path,
 ) -> None:  # fmt: skip
     """Draw and write; `reobserve.stages.robustness` gathers."""
     numbers = numbers_of(chunk)
@@ -27,8 +27,7 @@ def run(
     if study_files:
         evaluator.take_studies(study_files)
     past = {} if kept is None else read_kept(kept, ledger.paper)
-    made = read_chunks(chunk_files, ledger.paper)
-    inquiry = Inquiry.begin(evaluator, read_registry(project, ledger).claims, past, made)
+    inquiry = Inquiry.begin(evaluator, read_registry(project, ledger).claims, past)
     bases = {name: one.basis for name, one in inquiry.found.items()}
     write_chunk(output, ledger.paper, bases, make_ahead(inquiry, numbers))
 

@@ -21,9 +21,9 @@ from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Inquiry, assess
 from reobserve.evidence.claims.robustness_file import to_data
 from reobserve.ledger.ledger import Ledger
-from reobserve.pipeline.chunks import chunks_of, earlier, numbers_of
 from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Metric
+from reobserve.stages.draw import numbers_of
 
 ROOT = Path(__file__).parents[3]
 ILO = Ledger.load(ROOT, "ilo", seed=1)
@@ -79,10 +79,15 @@ def gathered(
     return json.dumps({name: to_data(one) for name, one in found.items()})
 
 
+def chunks_of(draws: int, chunks: int) -> list[str]:
+    """The names of the chunks, as the rules have them."""
+    size = -(-draws // chunks)
+    return [f"{start}-{start + size - 1}" for start in range(0, draws, size)]
+
+
 def make(folder: Path, chunk: str, kept: dict[str, KeptDraws] | None = None) -> Path:
-    """The file of a chunk, made from those that it waits for."""
-    waited = [folder / f"{one}.json" for one in earlier(chunk)]
-    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, kept, read_chunks(waited, "ilo"))
+    """The file of a chunk."""
+    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, kept)
     bases = {name: one.basis for name, one in inquiry.found.items()}
     path = folder / f"{chunk}.json"
     write_chunk(path, "ilo", bases, make_ahead(inquiry, numbers_of(chunk)))
@@ -121,23 +126,28 @@ def _numbers(one: object) -> range:
     return range(one.draws + len(one.refused))  # type: ignore[attr-defined]
 
 
-def test_claims_stop_by_themselves(code: Code, tmp_path: Path) -> None:
-    """Each in its chunk, where that follows those it waits for; else at the end of the wave."""
+def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path: Path) -> None:
+    """The first one knows that; later ones, which do not wait for it, draw all their numbers."""
     ends = {name: _numbers(one).stop for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
-    assert ends["soon decided"] < ends["later decided"] < DRAWS < ends["near the line"]
-    make_all(tmp_path, 9)
+    assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS < ends["near the line"]
+    first, second = (json.loads(path.read_text())["claims"] for path in make_all(tmp_path, 2))
     for name, end in ends.items():
-        numbers = [
-            number
-            for chunk in chunks_of(DRAWS, 9)
-            for number in json.loads((tmp_path / f"{chunk}.json").read_text())["claims"][name][
-                "numbers"
-            ]
-        ]
-        waves = (10, 30, 70, DRAWS)
-        last = next((wave for wave in waves if wave >= end), DRAWS)
-        assert numbers[:end] == list(range(min(end, DRAWS)))
-        assert len(numbers) <= last <= max(2 * end + 10, 10)
+        assert first[name]["numbers"] == list(range(min(end, 45)))
+        assert second[name]["numbers"] == list(range(45, DRAWS))
+
+
+def test_a_chunk_draws_nothing_of_a_claim_that_kept_draws_decide(
+    code: Code, tmp_path: Path
+) -> None:
+    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
+    chunk = json.loads(make(tmp_path, "50-59", kept).read_text())["claims"]
+    assert chunk["soon decided"]["numbers"] == []
+
+
+@pytest.mark.parametrize("name", ["", "7", "9-2", "1-2-3", "-1-5", "0-1e3"])
+def test_a_chunk_is_named_by_two_rising_numbers(name: str) -> None:
+    with pytest.raises(InputError, match=r"^chunk: .* must be two rising numbers, as 50-99$"):
+        numbers_of(name)
 
 
 def test_a_chunk_that_is_made_again_is_the_same(code: Code, tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ from reobserve.evidence.golden import tables as golden_tables
 from reobserve.evidence.golden.kept import kept_paper
 from reobserve.evidence.golden.renewal import Evidence, prepare
 from reobserve.ledger.ledger import Ledger
-from reobserve.replication.evaluation import Evaluation, Evaluator
 from reobserve.plain_data.files import write_table
+from reobserve.replication.evaluation import Evaluator, Replication
 from reobserve.scoring.metrics import Metric, write_metrics
 from reobserve.timeseries.series import Channel, Series
 from tests.browser import browser  # noqa: F401
@@ -61,10 +61,12 @@ class Made(Evaluator):
     ledger: Ledger = LEDGER
     _done: dict[str, Any] = field(default_factory=dict)
 
-    def figure(self, figure: str) -> Evaluation:
+    def figure(self, figure: str) -> Replication:
         plant = Series(TIME, {"x": Channel(np.sin(TIME), "1")})
         watch = Series(TIME, {"x": Channel(np.cos(TIME), "1")})
-        return Evaluation(plant, {"watch": watch}, None, [Metric("watch", "rms", 0.5, "1")])
+        return Replication(
+            self.ledger, figure, plant, {"watch": watch}, None, [Metric("watch", "rms", 0.5, "1")]
+        )
 
     def table(self, table: str) -> list[dict[str, Any]]:
         return [{"term": "x1", "value": 2.5}]
@@ -92,7 +94,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy2(ROOT / template, project / template)
     for name in TREE["figures"]:
         draw(results / f"{name}.png")
-        write_metrics(results / f"{name}.metrics.csv", made.figure(name).metrics)
+        write_metrics(results / f"{name}.metrics.csv", made.figure(name).numbers)
     write_metrics(results / "theory.metrics.csv", made.theory())
     write_table(results / "table1.csv", made.table("table1"), TABLE.HEADER)
     with pytest.MonkeyPatch.context() as patch:
@@ -103,7 +105,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     evaluation = made.figure("fig1")
     evaluation.plant.write(results / "slow/plant.parquet")
     evaluation.estimates["watch"].write(results / "slow/watch.parquet")
-    (results / "ledger.json").write_text(LEDGER.text())
+    (results / "parameters.json").write_text(LEDGER.text())
     for name in TREE["figures"]:
         (project / "tests/reference/made").mkdir(parents=True, exist_ok=True)
         shutil.copy2(results / f"{name}.png", project / "tests/reference/made")
@@ -200,7 +202,10 @@ def fail_to_draw(project: Path) -> None:
     (project / "results/made/fig1.png").unlink()
     log = project / "logs/made/fig1.plot.log"
     log.parent.mkdir(parents=True)
-    log.write_text("+ reobserve plot\nreobserve: made.figures.fig1: <label> has no glyph\n")
+    log.write_text(
+        "+ reobserve stage plot --outputs results/made/fig1.png\n"
+        "reobserve: made.figures.fig1: <label> has no glyph\n"
+    )
 
 
 def fail_to_observe(project: Path) -> None:
@@ -216,7 +221,10 @@ def fail_to_observe(project: Path) -> None:
     (project / "results/made/gains.design.json").touch()
     log = project / "logs/made/slow/watch.log"
     log.parent.mkdir(parents=True)
-    log.write_text("reobserve: made.observers.watch diverged\n")
+    log.write_text(
+        "+ reobserve stage observe --output results/made/slow/watch.parquet\n"
+        "reobserve: made.observers.watch diverged\n"
+    )
 
 
 def fail_to_design(project: Path) -> None:
@@ -227,7 +235,8 @@ def fail_to_design(project: Path) -> None:
     (project / "results/made/slow/watch.parquet").unlink()
     (project / "logs/made").mkdir(parents=True)
     (project / "logs/made/gains.design.log").write_text(
-        "+ reobserve design\nOf what a library said,\n\n"
+        "+ reobserve stage design --output results/made/gains.design.json\n"
+        "Of what a library said,\n\n"
         "reobserve: made.designs.gains: has no solution\n"
     )
 
@@ -319,9 +328,9 @@ KEPT, BUILT = "tests/golden/made", "results/made"
             "watch.parquet: is damaged",
         ),
         (
-            corrupt(f"{BUILT}/ledger.json", "{"),
+            corrupt(f"{BUILT}/parameters.json", "{"),
             {"fig1": "gap", "fig2": "gap"},
-            "ledger.json: is not JSON",
+            "parameters.json: is not JSON",
         ),
     ],
 )

@@ -24,7 +24,7 @@ def deviations(evaluator: Evaluator, part: str, kept: Path | None = None) -> Ite
 def deviations_of_few(evaluator: Evaluator, figure: str) -> Iterator[str]:
     """What is off of a figure's metrics that a study of few levels has."""
     golden = read_metrics(folder(ROOT, evaluator.ledger.paper), figure)
-    found = by_name(evaluator.figure(figure).metrics)
+    found = by_name(evaluator.figure(figure).numbers)
     assert len(found.keys() & golden.keys()) > len(found) / 2
     for name in found.keys() & golden.keys():
         kept, value = golden[name], float(found[name].values[0])

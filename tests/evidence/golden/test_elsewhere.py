@@ -71,8 +71,8 @@ def test_every_processor_has_its_own_code_paths(monkeypatch: pytest.MonkeyPatch)
 
 def test_one_unit_in_the_last_place_is_what_it_says() -> None:
     evaluator = MovedByOneUlp(LEDGERS["ilo"])
-    job = evaluator._job("plant", scenario="constant")
-    moved, plant = evaluator._plant(job), super(MovedByOneUlp, evaluator)._plant(job)
+    step = ("plant", "constant")
+    moved, plant = evaluator.run(*step), super(MovedByOneUlp, evaluator).run(*step)
     for name, values in plant.flat().items():
         off = np.abs(moved.flat()[name] - values)
         whole = values == np.round(values)

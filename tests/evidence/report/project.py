@@ -25,18 +25,26 @@ It lags.
 """
 
 # What a log begins with, by the file: the command as it ran.
+_TOY, _PUSH = "results/toy", "results/toy/push"
+_SHOWN = f"--plant-file {_PUSH}/plant.parquet --estimate-files {_PUSH}/placed.parquet"
 LOGS = {
-    "push/plant": "plant results/toy/ledger.json push",
-    "push/placed": "observe results/toy/ledger.json results/toy/push/plant.parquet placed",
-    "push/slow": "observe results/toy/ledger.json results/toy/push/plant.parquet slow",
-    "gains.design": "design results/toy/ledger.json gains",
-    "faster.study": "study results/toy/ledger.json results/toy/push/plant.parquet faster",
-    "fig1.metrics": "metrics results/toy/ledger.json fig1",
-    "fig1.plot": "plot results/toy/ledger.json fig1",
-    "table1.table": "table results/toy/ledger.json table1",
-    "theory": "theory results/toy/ledger.json",
-    "robustness": "robustness results/toy/ledger.json",
-    "sensitivity": "sensitivity results/toy/ledger.json results/toy/robustness.json",
+    "push/plant": f"plant {_TOY}/parameters.json push --output {_PUSH}/plant.parquet",
+    "push/placed": f"observe {_TOY}/parameters.json {_PUSH}/plant.parquet placed"
+    f" --design-file {_TOY}/gains.design.json --output {_PUSH}/placed.parquet",
+    "push/slow": f"observe {_TOY}/parameters.json {_PUSH}/plant.parquet slow"
+    f" --design-file --output {_PUSH}/slow.parquet",
+    "gains.design": f"design {_TOY}/parameters.json gains --output {_TOY}/gains.design.json",
+    "faster.study": f"study {_TOY}/parameters.json {_PUSH}/plant.parquet faster"
+    f" --output {_TOY}/faster.study.csv",
+    "fig1.metrics": f"metrics {_TOY}/parameters.json fig1 {_SHOWN} {_PUSH}/slow.parquet"
+    f" --study-file {_TOY}/faster.study.csv --output {_TOY}/fig1.metrics.csv",
+    "fig1.plot": f"plot {_TOY}/parameters.json fig1 {_SHOWN} {_PUSH}/slow.parquet"
+    f" --metrics-file {_TOY}/fig1.metrics.csv --template workflow/report/toy/fig1.rst"
+    f" --outputs {_TOY}/fig1.svg --caption {_TOY}/fig1.caption.rst",
+    "table1.table": f"table {_TOY}/parameters.json table1 --output {_TOY}/table1.csv",
+    "theory": f"theory {_TOY}/parameters.json --output {_TOY}/theory.metrics.csv",
+    "robustness": f"robustness {_TOY}/parameters.json --output {_TOY}/robustness.json",
+    "sensitivity": f"sensitivity {_TOY}/parameters.json {_TOY}/robustness.json",
 }
 
 _DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
@@ -109,7 +117,7 @@ def make_project(folder: Path) -> Path:
     shutil.copytree(ROOT / "workflow/schemas", folder / "workflow/schemas")
     shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
     shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
-    (built / "ledger.json").write_text(Ledger.load(folder, "toy", seed=1).text())
+    (built / "parameters.json").write_text(Ledger.load(folder, "toy", seed=1).text())
     for picture in ("fig1", "specification", "sensitivity"):
         (built / f"{picture}.svg").write_text(SVG)
     (built / "fig1.caption.rst").write_text(CAPTION)
@@ -138,7 +146,7 @@ def make_project(folder: Path) -> Path:
     for name, command in LOGS.items():
         log = folder / "logs" / "toy" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_text(f"+ reobserve {command}\n")
+        log.write_text(f"+ reobserve stage {command}\n")
         log.with_suffix(".tsv").write_text("s\th:m:s\tmax_rss\n1.5\t0:00:01\t100.5\n")
-    (folder / "logs/claims.log").write_text("+ reobserve claims toy\n")
+    (folder / "logs/claims.log").write_text("+ reobserve stage claims toy\n")
     return folder

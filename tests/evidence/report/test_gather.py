@@ -82,17 +82,16 @@ def test_the_jobs_behind_a_figure_come_in_order_with_their_commands(project: Pat
     paper = gathered(project)[1]
     jobs = paper.figures[0].jobs
     assert [(job.stage, job.name) for job in jobs] == [
-        ("design", "gains"), ("plant", "push"), ("observe", "placed, push"),
+        ("plant", "push"), ("design", "gains"), ("observe", "placed, push"),
         ("observe", "slow, push"), ("study", "faster"), ("metrics", "fig1"), ("plot", "fig1"),
     ]  # fmt: skip
-    assert jobs[1].command == "reobserve plant results/toy/ledger.json push"
+    assert jobs[0].command.startswith("reobserve stage plant results/toy/parameters.json push ")
     assert "results/toy/gains.design.json" in jobs[2].inputs
     assert "results/toy/gains.design.json" not in jobs[3].inputs
-    assert outside_inputs(jobs) == ["results/toy/ledger.json", "workflow/report/toy/fig1.rst"]
+    assert outside_inputs(jobs) == ["results/toy/parameters.json", "workflow/report/toy/fig1.rst"]
     assert [job.stage for job in paper.tables[0].jobs] == ["design", "table"]
     assert [job.stage for job in paper.theory_jobs] == ["design", "theory"]
     assert [job.stage for job in paper.claims_jobs] == ["robustness", "claims"]
-    assert "results/toy/theory.metrics.csv" in paper.claims_jobs[1].inputs
 
 
 def test_the_code_of_a_stage_is_named(project: Path) -> None:
@@ -163,7 +162,7 @@ def test_the_same_choice_of_two_observers_is_one_row(project: Path) -> None:
     path = project / "config/papers/toy.yaml"
     slow = path.read_text().partition("  slow:\n")[2].partition("\nstudies:")[0]
     path.write_text(path.read_text().replace("  slow:\n", f"  twin:\n{slow}  slow:\n"))
-    (project / "results/toy/ledger.json").unlink()
+    (project / "results/toy/parameters.json").unlink()
     entries = gathered(project)[1].entries
     both = ("observers.twin.gains", "observers.slow.gains")
     assert [entry.keys for entry in entries if entry.status == "assumed"] == [both]
@@ -199,7 +198,7 @@ TAKEN = [
     ("results/toy/theory.metrics.csv", "cannot be read", "toy-theory"),
     ("results/toy/robustness.json", "cannot be read", "toy-claims"),
     ("results/toy/sensitivity.svg", "results/toy/sensitivity.svg: not built", "toy-claims"),
-    ("results/toy/ledger.json", "cannot be read", "toy"),
+    ("results/toy/parameters.json", "cannot be read", "toy"),
     ("results/claims.csv", "cannot be read", "summary"),
     ("config/claims/toy.yaml", "cannot be read", "toy"),
     ("config/errata/toy.yaml", "cannot be read", "toy-errata"),
@@ -245,7 +244,7 @@ def test_a_missing_file_is_one_gap_in_its_place(
         ("results/toy/table1.csv", 'a,b\n"1,2\n', "cannot be read (unexpected end of data)"),
         ("results/toy/robustness.json", "{", "is not JSON"),
         ("results/toy/robustness.json", "[]", "must be a mapping"),
-        ("results/toy/ledger.json", "{}", "paper: is missing; the stored ledger needs it"),
+        ("results/toy/parameters.json", "{}", "paper: is missing; the stored ledger needs it"),
         ("results/claims.csv", "a,b\n", "results/claims.csv: has the columns"),
         ("config/claims/toy.yaml", "claims: {}", "has no key 'obstacles'"),
         ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "sign: has no key 'printed'"),
@@ -404,11 +403,9 @@ def test_a_study_on_another_scenario_brings_its_plant(project: Path) -> None:
         "studies": {"faster": {"scenario": "pull"}},
     }
     ledger = Ledger.load(project, "toy", other, seed=1)
-    (project / "results/toy/ledger.json").write_text(ledger.text())
+    (project / "results/toy/parameters.json").write_text(ledger.text())
     jobs = gathered(project)[1].figures[0].jobs
     assert [job.name for job in jobs if job.stage == "plant"] == ["push", "pull"]
-    (study,) = (job for job in jobs if job.stage == "study")
-    assert "results/toy/pull/plant.parquet" in study.inputs
 
 
 @pytest.mark.parametrize(

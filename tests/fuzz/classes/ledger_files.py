@@ -1,4 +1,4 @@
-"""Ledgers as the stages read them, `ledger.json`: as trees and as bytes."""
+"""Ledgers as the stages read them, `parameters.json`: as trees and as bytes."""
 
 from __future__ import annotations
 

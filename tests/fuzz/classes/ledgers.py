@@ -41,7 +41,15 @@ def case(paper: str, tree: Any, told: str) -> Case:
     def run() -> None:
         # A tree that YAML has read already: what reads bytes is another class.
         with mock.patch("reobserve.ledger.ledger.read_yaml", read):
-            command("stage", "ledger", paper, "--project", material.ROOT, "--output", "ledger.json")
+            command(
+                "stage",
+                "parameters",
+                paper,
+                "--project",
+                material.ROOT,
+                "--output",
+                "parameters.json",
+            )
 
     def read(path: Path) -> Any:
         if path.parent.name == "papers":

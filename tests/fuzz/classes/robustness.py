@@ -52,7 +52,10 @@ def case(content: bytes, told: str) -> Case:
                 "claims.csv", next(line for line in told.splitlines() if "json: " in line)
             )
 
-    results = {"ledger.json": material.ledger_file("eso").read_bytes(), "robustness.json": content}
+    results = {
+        "parameters.json": material.ledger_file("eso").read_bytes(),
+        "robustness.json": content,
+    }
     for figure in (*material.ledger("eso").tree["figures"], "theory"):
         results[f"{figure}.metrics.csv"] = material.metrics("eso", figure)
     return Case(told, run, {f"results/eso/{name}": part for name, part in results.items()})

@@ -197,7 +197,7 @@ def test_high_gains_end_at_the_bias_of_the_expansion() -> None:
 
 
 def test_runs_at_the_rho_of_the_figures_are_those_of_the_figures() -> None:
-    fig1 = lookup(Evaluator(Ledger.load(ROOT, "delay")).figure("fig1").metrics)
+    fig1 = lookup(Evaluator(Ledger.load(ROOT, "delay")).figure("fig1").numbers)
     found = numbers().at("order2", "varying_peak_delay_error", rho=5)
     assert found == pytest.approx(fig1["order2", "varying_peak_delay_error"], rel=1e-6)
 

@@ -20,10 +20,9 @@ from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
-from reobserve.replication.steps import compute_design
-from reobserve.replication.evaluation import Evaluator
-from reobserve.replication.steps import figure_data
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.steps import compute_design, figure_data
 from reobserve.scoring.metrics import lookup
 from reobserve.scoring.responses import window
 from reobserve.synthesis.extended_state import pd_pi, pi
@@ -334,7 +333,7 @@ def test_pulses_are_as_wide_as_the_ledger_says() -> None:
 
 
 def test_a_figure_has_the_scores_of_its_observers() -> None:
-    found = lookup(Evaluator(ledger()).figure("fig2").metrics)
+    found = lookup(Evaluator(ledger()).figure("fig2").numbers)
     assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "least_gamma"}
     for observer in ("pi", "pd_pi"):
         for metric, value in scored("disturbed", observer).items():

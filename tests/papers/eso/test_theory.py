@@ -27,8 +27,8 @@ from reobserve.papers.eso.theory_observers import (
     missed,
     records_of_two_controllers,
 )
-from reobserve.replication.steps import compute_design
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.steps import compute_design
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
@@ -296,7 +296,7 @@ def test_control_is_not_in_the_error_unless_the_model_is_wrong() -> None:
 def test_errors_are_seen_against_the_faults_and_what_shows_against_their_constants() -> None:
     scenario = evaluator().ledger.section("scenarios", "noisy")
     rules = evaluator().ledger.section("metrics")
-    found = lookup(evaluator().figure("fig5").metrics)
+    found = lookup(evaluator().figure("fig5").numbers)
     for fault in UNITS:
         first, last = rules[f"{fault}_varying"]
         values = Signal.parse(fault, scenario[f"{fault}_fault"], 1)(np.arange(first, last, 1e-3))
@@ -310,7 +310,7 @@ def test_errors_are_seen_against_the_faults_and_what_shows_against_their_constan
 
 def test_what_is_said_of_noise_and_reconstruction_are_the_numbers() -> None:
     """Errors of the sensor fault over its size: noise counted as an error, or with the fault."""
-    found = lookup(evaluator().figure("fig5").metrics)
+    found = lookup(evaluator().figure("fig5").numbers)
     size = found["plant", "rms_sensor_fault_varying"]
     for observer, alone, both in (("pd_pi", 0.47, 0.71), ("least_gamma", 0.59, 0.37)):
         errors = [found[observer, f"rms_{name}_error_varying"] / size

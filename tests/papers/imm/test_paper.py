@@ -24,8 +24,8 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.scoring import probabilities, quoted_distance
-from reobserve.replication.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 from tests.observers.actuator_models import ACTUATOR
@@ -48,7 +48,7 @@ def evaluator() -> Evaluator:
 
 @cache
 def measured(figure: str) -> dict[tuple[str, str], float]:
-    return {(m.observer, m.metric): m.value for m in evaluator().figure(figure).metrics}
+    return {(m.observer, m.metric): m.value for m in evaluator().figure(figure).numbers}
 
 
 @cache

@@ -20,8 +20,8 @@ from reobserve.ledger.types import read_job
 from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial, switches
-from reobserve.replication.steps import signed
 from reobserve.plain_data.typed_tree import parse
+from reobserve.replication.steps import signed
 from reobserve.timeseries.series import Series
 from tests.papers.imm.test_paper import SEED, Tree, ledger, record
 from tests.papers.imm.test_studies import KEPT
@@ -307,10 +307,10 @@ def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) -> None:
-    (tmp_path / "ledger.json").write_text(small_ledger().text(), encoding="utf-8")
+    (tmp_path / "parameters.json").write_text(small_ledger().text(), encoding="utf-8")
     write_record(tmp_path / "plant.parquet", small_ledger())
     output = tmp_path / "found.search.json"
-    files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
+    files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
     done = reobserve("stage", "search", *files, "calibrated", "--output", output)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
@@ -323,9 +323,9 @@ def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) 
 
 def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path) -> None:
     bad = ledger({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
-    (tmp_path / "ledger.json").write_text(bad.text(), encoding="utf-8")
+    (tmp_path / "parameters.json").write_text(bad.text(), encoding="utf-8")
     write_record(tmp_path / "plant.parquet", bad)
-    files = tmp_path / "ledger.json", tmp_path / "plant.parquet"
+    files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
     output = tmp_path / "found.search.json"
     for name, said in (
         ("calibrated", "reobserve: imm.search.leave: [0.2, 0.1] must be above 0 and rise\n"),

@@ -17,8 +17,8 @@ from reobserve.models.linear import LinearModel
 from reobserve.papers.imm.theory import (
     corrected_radius,
 )
-from reobserve.replication.evaluation import Evaluator
 from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import lookup
 from reobserve.timeseries.signals import Signal
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model

@@ -19,8 +19,8 @@ from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.replication.evaluation import Evaluator
 from reobserve.power_series.maps import PolynomialMap
+from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
@@ -59,7 +59,7 @@ def evaluator() -> Evaluator:
 
 @cache
 def measured(figure: str) -> Numbers:
-    return lookup(evaluator().figure(figure).metrics)
+    return lookup(evaluator().figure(figure).numbers)
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.evidence.claims.known_draws import Numbers
+from reobserve.evidence.claims.known_draws import AGAIN, Numbers
 from reobserve.evidence.claims.registry import Claim
 from reobserve.evidence.claims.robustness import Inquiry
 
@@ -10,11 +10,14 @@ from reobserve.evidence.claims.robustness import Inquiry
 def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
     """The draws of a chunk by claim, without those that are kept.
 
-    Nothing is drawn of a claim that is decided by the draws before, as far as these are known. A
-    chunk that lacks some of them, because others make them at the same time, may draw what nobody
-    will need; it cannot draw what would decide otherwise.
+    Nothing is drawn of a claim that the kept draws before the chunk decide. Chunks do not wait for
+    each other, so a chunk may draw what nobody will need; it cannot draw what would decide
+    otherwise.
     """
     known = inquiry.known
+    again = [claim for claim in inquiry.claims if known[claim.name].kept]
+    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is kept
+        inquiry.ask(number, again)
     joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
     for number in numbers:
         going = [claim for claim in inquiry.claims if not inquiry.found[claim.name].decided]

@@ -26,7 +26,7 @@ Numbers = tuple[float, ...] | None
 MadeDraws = Mapping[str, Mapping[str, Mapping[int, Numbers]]]
 
 # Of draws that are kept so many are made again, to see whether the code still gives what it gave.
-_AGAIN = 2
+AGAIN = 2
 
 
 @dataclass
@@ -52,7 +52,7 @@ class KnownDraws:
 
     def is_kept(self, number: int) -> bool:
         """Whether a draw is kept, and none of those that are made again to see."""
-        return _AGAIN <= number < self.length
+        return AGAIN <= number < self.length
 
     def __contains__(self, number: int) -> bool:
         return number in self.made or self.is_kept(number)

@@ -7,18 +7,16 @@ from pathlib import Path
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.replication.evaluation import evaluator_after
-from reobserve.replication.steps import paper_module
-from reobserve.replication.evaluation import Evaluator
 from reobserve.plain_data.files import write_table
-
-from .conftest import EVALUATORS, LEDGERS
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.steps import paper_module
+from tests.pipeline.conftest import EVALUATORS, LEDGERS
 
 
 @pytest.fixture(scope="module")
 def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     evaluator = EVALUATORS["ilo"]
-    rows = evaluator._once(evaluator._job("study", study="matching"))
+    rows = evaluator.result("study", "matching")
     path = tmp_path_factory.mktemp("built") / "matching.study.csv"
     write_table(path, rows, paper_module("ilo", "study_rows").HEADER)
     return path
@@ -30,9 +28,10 @@ def test_studies_are_read_and_give_the_same_numbers(
     def refuse(*_: object) -> None:
         raise AssertionError("the study is run again")
 
-    after = evaluator_after(LEDGERS["ilo"], [study_file])
-    monkeypatch.setattr(Evaluator, "_study", refuse)
-    found, wanted = (one.figure("fig4_matched").metrics for one in (after, EVALUATORS["ilo"]))
+    after = Evaluator(LEDGERS["ilo"])
+    after.take_studies([study_file])
+    monkeypatch.setattr(paper_module("ilo", "study"), "run", refuse)
+    found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
     assert repr(found) == repr(wanted)  # a nan is itself, then
     # With other values the study that was made is not theirs.
     tree = {**LEDGERS["ilo"].tree, "plant": {**LEDGERS["ilo"].tree["plant"]}}
@@ -45,7 +44,7 @@ def test_there_must_be_a_file_for_each_study(study_file: Path) -> None:
     with pytest.raises(
         InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
     ):
-        evaluator_after(LEDGERS["ilo"], [study_file] * 2)
+        Evaluator(LEDGERS["ilo"]).take_studies([study_file] * 2)
 
 
 def test_the_files_of_studies_must_be_in_the_order_of_the_ledger(tmp_path: Path) -> None:
@@ -53,14 +52,18 @@ def test_the_files_of_studies_must_be_in_the_order_of_the_ledger(tmp_path: Path)
     first, second, *others = LEDGERS["imm"].tree["studies"]
     wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
     with pytest.raises(InputError) as caught:
-        evaluator_after(LEDGERS["imm"], wrong)
+        Evaluator(LEDGERS["imm"]).take_studies(wrong)
     said = f"--study-files: '{second}.study.csv' stands where {first}.study.csv must"
     assert str(caught.value) == said
 
 
-def test_rows_that_a_figure_misses_are_told_with_the_file() -> None:
+def test_rows_that_a_figure_misses_are_told_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_table(Path("orders.study.csv"), [], paper_module("lie", "study_rows").HEADER)
     evaluator = Evaluator(LEDGERS["lie"])
-    evaluator.take("study", [], Path("orders.study.csv"), study="orders")
+    evaluator.take_study("orders", Path("orders.study.csv"))
     for each in (evaluator, evaluator.apart(), evaluator.sibling(LEDGERS["lie"])):
         with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the fig"):
             each.figure("fig1_orders")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.pipeline import provenance
+from reobserve.replication import provenance
 
 MODULE = "reobserve.papers.ilo.plant"
 FILE, PACKAGE = Path("plant.py"), Path("plant/__init__.py")
