@@ -18,12 +18,16 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures report archive quick test check elsewhere bench figdiff accept draws mutations docs lock package env \
+.PHONY: figures unlock report archive quick test check elsewhere bench figdiff accept draws mutations docs lock package env \
 	cluster clean distclean help
 .DEFAULT_GOAL := figures
 
 figures: $(STAMP)  ## every figure, claim and results/report.html (the default); CORES=4 for more cores
-	snakemake --cores $(CORES)
+	@snakemake --cores $(CORES) || { [ -z "$$(ls .snakemake/locks 2>/dev/null)" ] || \
+		echo "make: if no other build runs in this folder, one was killed: make unlock" >&2; exit 1; }
+
+unlock: $(STAMP)  ## after a build was killed: let the next one go on where it ended
+	snakemake --unlock
 
 archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/archive.zip, to deposit and cite
 	snakemake --cores $(CORES) results/archive.zip
@@ -42,7 +46,6 @@ check: $(STAMP)  ## style, types, workflow lint
 	ruff check .
 	ruff format --check .
 	mypy
-	snakefmt --check Snakefile workflow
 	snakemake --lint
 
 elsewhere: $(STAMP)  ## compare the golden numbers under every processor that this one can stand in for

@@ -198,7 +198,7 @@ def generate(project: Path, count: int, seed: int) -> list[Mutation]:
     """``count`` changes of different lines, every line with one as likely as any other."""
     paths = sorted((project / "src/reobserve").rglob("*.py"))
     found: list[list[Mutation]] = []
-    for path in [*paths, project / "workflow/rules/common.smk"]:
+    for path in paths:
         file = path.relative_to(project).as_posix()
         if tests := room(file):
             found += sites(file, path.read_text(encoding="utf-8"), tests).values()

@@ -99,20 +99,23 @@ def use() -> None:
         assert b"\r" not in path.read_bytes() or path.suffix in (".png", ".parquet"), path
 
 
-def refuse(rules: Path) -> None:
-    """Where the system is none of a kind, the rules say so before they import what it lacks."""
+def refuse() -> None:
+    """Where there is no bash, the rules say so in a sentence."""
+    from reobserve.errors import InputError
+    from reobserve.replication.prepare import load_parameters
+
     said, os.name = "", "nt"
     try:
-        exec(compile(rules.read_text(encoding="utf-8"), str(rules), "exec"), {})
-    except SystemExit as stop:
-        said = str(stop)
+        load_parameters(Path(), {})
+    except InputError as error:
+        said = str(error)
     finally:
         os.name = "posix"
-    assert said.startswith("reobserve: the pipeline takes bash"), said
+    assert said.startswith("the workflow: needs bash"), said
 
 
 if __name__ == "__main__":
     pretend(sys.argv[1])
     use()
     if sys.argv[1] == "win32":
-        refuse(Path(sys.argv[2]))
+        refuse()

@@ -14,7 +14,8 @@ import pytest
 
 from .environments import ROOT, build
 
-PACKAGES = ("reobserve", "snakemake_logger_plugin_reobserve")
+# Beside the package: what `reobserve.replicate` reads where there is no checkout.
+DATA = ("config/config.yaml", "config/papers", "config/searches", "workflow/schemas")
 
 
 @pytest.fixture(scope="module")
@@ -61,9 +62,14 @@ def test_the_wheel_holds_the_packages_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         found = {name: archive.read(name) for name in archive.namelist()}
     mine = {name for name in found if ".dist-info/" not in name}
-    assert {f"src/{name}" for name in mine} == tracked(*(f"src/{name}" for name in PACKAGES))
+    data = {name for name in mine if name.startswith("reobserve/project/")}
+    assert {name.removeprefix("reobserve/project/") for name in data} == tracked(*DATA)
+    assert {f"src/{name}" for name in mine - data} == tracked("src/reobserve")
     for name in mine:
-        assert found[name] == (ROOT / "src" / name).read_bytes(), name
+        source = (
+            ROOT / name.removeprefix("reobserve/project/") if name in data else ROOT / "src" / name
+        )
+        assert found[name] == source.read_bytes(), name
     assert "reobserve/py.typed" in mine
     (licence,) = (text for name, text in found.items() if name.endswith("/licenses/LICENSE"))
     assert licence == (ROOT / "LICENSE").read_bytes()

@@ -1,88 +1,19 @@
-"""What stages import of what is slow to load: those that compute nothing wait for no compiler."""
+"""What short steps import: nothing is compiled to compute metrics or to draw."""
 
 from __future__ import annotations
 
-import ast
 import json
 import shlex
-from functools import cache
 from pathlib import Path
 
-import pytest
-
-from reobserve.ledger.names import STAGES, paper_part
-from reobserve.replication import provenance
+from reobserve.ledger.names import paper_part
 
 from .conftest import LEDGERS, PAPERS, Project
 
-SLOW = (
-    "numba", "cvxpy", "matplotlib", "pandas", "scipy.signal", "scipy.stats", "sympy", "jinja2",
-)  # fmt: skip
+SLOW = ("numba", "cvxpy", "matplotlib", "pandas", "scipy.signal", "scipy.stats", "sympy")
+MAY = {"metrics": {"scipy.stats"}, "plot": {"matplotlib", "scipy.stats"}}
 
-# Where observers are built or run; matplotlib where somebody asks a run for its picture.
-RUNS = {"numba", "scipy.signal", "matplotlib"}
-
-# The most that a stage may import, at once or late.
-MAY = {
-    **dict.fromkeys(("ledger", "design", "plant", "observe", "study", "search", "table"), RUNS),
-    **dict.fromkeys(("theory", "draw", "robustness"), RUNS),
-    "metrics": set(),
-    "plot": {"matplotlib", "jinja2"},
-    "sensitivity": {"matplotlib", "scipy.stats"},
-    "claims": set(),
-    "verdicts": set(),
-    "report": {"jinja2"},
-    "archive": {"jinja2"},
-}
-
-# And in one paper besides: matrix inequalities, exact series, and intervals of shares.
-BESIDES = {
-    **{("eso", stage): {"cvxpy"} for stage in MAY if MAY[stage] is RUNS},
-    **{("lie", stage): {"sympy"} for stage in MAY if MAY[stage] is RUNS},
-    **{("imm", stage): {"scipy.stats"} for stage in ("metrics", "plot", "draw", "robustness")},
-}
-
-
-@cache
-def named(module: str) -> set[str]:
-    """All that a module imports, at once or late, by a statement or by `package`."""
-    path = provenance._source(module)
-    assert path is not None
-    calls = [node for node in ast.walk(ast.parse(path.read_bytes())) if isinstance(node, ast.Call)]
-    late = {
-        call.args[0].value
-        for call in calls
-        if getattr(call.func, "id", "") == "package" and isinstance(call.args[0], ast.Constant)
-    }
-    return {*provenance._imports(module), *late}
-
-
-def imported(stage: str, paper: str) -> dict[str, list[str]]:
-    """By what is slow: the modules of the stage that import it."""
-    report = ["reobserve.evidence.report"]
-    start = report if stage == "report" else provenance.stage_modules(stage, paper)
-    found: dict[str, list[str]] = {}
-    for module in provenance.import_closure(start):
-        for slow in SLOW:
-            if any(f"{name}.".startswith(f"{slow}.") for name in named(module)):
-                found.setdefault(slow, []).append(module)
-    return found
-
-
-def test_the_table_has_all_stages() -> None:
-    assert set(MAY) == {"ledger", *STAGES}
-
-
-@pytest.mark.parametrize("stage", MAY)
-def test_a_stage_imports_what_it_needs(stage: str) -> None:
-    for paper in PAPERS:
-        found = imported(stage, paper)
-        found.pop("pandas", None)  # series and runs give data frames, for which no stage asks
-        allowed = MAY[stage] | BESIDES.get((paper, stage), set())
-        assert {slow: found[slow] for slow in found if slow not in allowed} == {}, paper
-
-
-# Each job in a process that has imported numpy and what files are read with.
+# Each step in a process that has imported numpy and what files are read with.
 LOADED = f"""
 import importlib, json, os, sys
 import pyarrow.parquet
@@ -100,17 +31,16 @@ for line in sys.stdin:
 """
 
 
-def words_of(built: Project, stage: str, paper: str, figure: str) -> list[str]:
-    """The arguments of ``reobserve stage`` that the log of a figure has."""
-    log = STAGES[stage].log.format(paper=paper, figure=figure)
-    command = (built.folder / log).read_text().partition("\n")[0]
+def words_of(built: Project, step: str, paper: str, figure: str) -> list[str]:
+    """The arguments of ``reobserve stage`` in the log of a figure."""
+    command = (built.folder / f"logs/{paper}/{figure}.{step}.log").read_text().partition("\n")[0]
     return shlex.split(command)[3:]  # after what shells put before a command that they show
 
 
 def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> None:
-    """What they import by way of others, too: each paper is judged again, and one is drawn.
+    """The metrics of a study's figure of each paper, and one drawing, since drawing takes long.
 
-    Drawings take long; of the other papers what draws is imported.
+    Of the other papers the module that draws is imported.
     """
     jobs: list[tuple[list[str], list[str]]] = []
     for paper in PAPERS:
@@ -120,7 +50,7 @@ def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> N
         jobs.append(([], [*words, str(tmp_path / f"{paper}.csv")]))
     drawn = PAPERS[0]
     words = words_of(built, "plot", drawn, next(iter(LEDGERS[drawn].tree["figures"])))
-    words = words[: words.index("--caption")]
+    words = words[: words.index("--outputs")]
     words += ["--caption", str(tmp_path / "one.rst"), "--outputs", str(tmp_path / "one.svg")]
     jobs.append(([paper_part(paper, "plot") for paper in PAPERS], words))
     asked = "\n".join(map(json.dumps, jobs))

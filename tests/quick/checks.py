@@ -77,15 +77,12 @@ def checks_of(root: Path, files: Iterable[str]) -> list[list[str]]:
     """Commands that try what is in these files: style and types first, one pytest for each room."""
     files = list(files)
     python = [file for file in files if file.endswith(".py")]
-    rules = [file for file in files if file.endswith(".smk") or file.endswith("Snakefile")]
     papers = {
         Path(file).stem for file in files if file.startswith("config/papers/")
     }  # their ledgers as a build checks them
     checks: list[list[str]] = []
     if python:
         checks += [["ruff", "check", *python], ["ruff", "format", "--check", *python], ["mypy"]]
-    if rules:
-        checks.append(["snakefmt", "--check", *rules])
     if papers:
         checks.append([sys.executable, "-m", "reobserve", "check", *sorted(papers)])
     plain = dict.fromkeys(["tests/test_project.py"])

@@ -47,11 +47,10 @@ def test_a_change_is_tried_by_the_room_tests_its_room() -> None:
     assert room_tests("docs/pages/tutorials/ilo.md").endswith(' -k "tutorials/ilo.md"')
     files = [
         "config/papers/ilo.yaml", "src/reobserve/drawing/captions.py", "src/reobserve/cli.py",
-        "workflow/rules/start.smk",
+        "workflow/rules/figures.smk",
     ]  # fmt: skip
     commands = checks_of(ROOT, files)
     assert ["ruff", "check", *files[1:3]] in commands
-    assert ["snakefmt", "--check", "workflow/rules/start.smk"] in commands
     assert [sys.executable, "-m", "reobserve", "check", "ilo"] in commands
     tried = [command for command in commands if command[0] == "pytest"]
     assert sum("tests/drawing/test_captions.py" in command for command in tried) == 1

@@ -68,7 +68,8 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
         "There is no laboratory here.", "The gains of one observer are not given.",
         "0.5 to 5 each", "l₂ = 15.9", "It is the square of the pole, which is 4.",
-        "reobserve stage plant results/toy/parameters.json push", "reobserve.drawing.figures", "numpy",
+        "reobserve stage plant results/toy/parameters.json push", "reobserve.drawing.figures",
+        "numpy",
         "As <code>chosen</code>.",
     ):  # fmt: skip
         assert told in text, told

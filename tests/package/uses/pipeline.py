@@ -15,6 +15,5 @@ for path in sorted(package.rglob("*.py")):
     name = ".".join(path.relative_to(package.parent).with_suffix("").parts)
     if path.stem != "__main__":
         importlib.import_module(name.removesuffix(".__init__"))
-importlib.import_module("snakemake_logger_plugin_reobserve")
 assert "sampled" in told("list", "ilo", "--project", sys.argv[1])
 told("check", "lie", "--project", sys.argv[1])

@@ -160,12 +160,13 @@ def _describe_run(
 ) -> None:
     """The build as one action: from what no job made to what readers look at."""
     made = {path for record in records for path in record.job.outputs}
-    read = dict.fromkeys(path for one in records for path in one.inputs if path not in made)
+    read = {path for one in records for path in one.inputs if path not in made}
+    read |= {path for path in files if path.startswith("config/")}
     began = [record.began for record in records if record.began is not None]
     crate.add_action(
         files[WORKFLOW],
         identifier="#build",
-        object=[files[path] for path in read],
+        object=[files[path] for path in sorted(read)],
         result=products,
         properties={
             "name": "snakemake",

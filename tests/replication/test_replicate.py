@@ -1,0 +1,122 @@
+"""`reobserve.replicate`: the chain of a figure in one call."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import reobserve
+from reobserve import InputError, replicate
+from reobserve.evidence.golden.comparison import compare
+from reobserve.evidence.golden.files import folder
+from reobserve.evidence.golden.kept import kept_records
+from reobserve.ledger.ledger import default_ledger
+from reobserve.replication.evaluation import Evaluator
+from tests.evidence.golden.deviations import deviations
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_figure_has_its_golden_numbers() -> None:
+    """All metrics and series, bitwise as the steps of the workflow compute them."""
+    found = replicate("ilo", "fig1")
+    evaluator = Evaluator(default_ledger(ROOT, "ilo"))
+    assert repr(found.numbers) == repr(evaluator.figure("fig1").numbers)
+    assert list(deviations(evaluator, "fig1")) == []
+    records = kept_records(found, found.ledger.tree["figures"]["fig1"]["scenario"])
+    for name, kept in records.items():
+        assert list(compare(kept, "ilo", name, folder(ROOT, "ilo"))) == []
+    assert list(found.estimates) == ["sampled", "continuous", "forgetting"]
+    assert found.estimates["sampled"]["fault"].shape == (len(found.estimates["sampled"].time), 3)
+    assert found.study is None
+
+
+def test_metrics_and_studies_are_data_frames() -> None:
+    found = replicate("ilo", "fig4_matched")
+    table = found.metrics
+    assert list(table.columns) == ["observer", "metric", "value", "unit"]
+    assert repr(table.to_dict("records")) == repr([vars(number) for number in found.numbers])
+    assert found.study is not None
+    assert found.rows is not None
+    assert len(found.study) == len(found.rows) > 1
+
+
+def test_an_override_moves_what_depends_on_it_and_nothing_else() -> None:
+    before = replicate("ilo", "fig1")
+    after = replicate("ilo", "fig1", {"observers": {"sampled": {"K2": 500.0}}})
+    assert np.array_equal(before.plant["fault"], after.plant["fault"])
+    for name in before.estimates:
+        same = np.array_equal(before.estimates[name]["fault"], after.estimates[name]["fault"])
+        assert same == (name != "sampled")
+
+
+def test_the_plot_is_that_of_the_workflow_and_leaves_the_style_of_others_alone() -> None:
+    import matplotlib
+    from matplotlib import font_manager
+
+    import reobserve.drawing.look  # noqa: F401, which sets the style of its own process
+
+    with matplotlib.rc_context({"lines.linewidth": 7.0}):
+        before, fonts = dict(matplotlib.rcParams), font_manager.fontManager.ttflist
+        drawn = replicate("ilo", "fig1").plot()
+        assert dict(matplotlib.rcParams) == before
+        assert font_manager.fontManager.ttflist is fonts
+    assert drawn.get_figwidth() == pytest.approx(6.6)
+    assert {line.get_linewidth() for axes in drawn.axes for line in axes.lines} != {7.0}
+    assert [text for axes in drawn.axes if (text := axes.get_ylabel())]
+
+
+def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ledger = default_ledger(ROOT, "imm")
+    (figure,) = (
+        name
+        for name, body in ledger.tree["figures"].items()
+        if body.get("study") == "neighbourhood"
+    )
+    monkeypatch.chdir(tmp_path)
+    assert replicate("imm", figure).study is not None
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("ill", "fig1"), "paper: there is no 'ill'; did you mean 'ilo'?"),
+        (("ilo", "fig11"), "figure: ilo has no 'fig11'; did you mean 'fig1'?"),
+        (("ilo", "fig1", []), r"overrides: \[\] must be a mapping"),
+        (("ilo", "fig1", {"observers": {"sampled": {"K22": 1}}}), "unknown key; did you mean 'K2'"),
+        (("ilo", "fig1", {"observers": {"sampled": {"K2": 90_000}}}), "must give stable"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments: tuple[object, ...], said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        replicate(*arguments)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_an_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
+    """As the wheel lays them out; `tests/package` compares that with the checkout."""
+    site = tmp_path / "site"
+    (site / "reobserve").mkdir(parents=True)
+    for path in Path(reobserve.__file__).parent.iterdir():
+        (site / "reobserve" / path.name).symlink_to(path)
+    (site / "reobserve/project").mkdir()
+    for name in ("config", "workflow"):
+        (site / "reobserve/project" / name).symlink_to(ROOT / name)
+    program = (
+        "import reobserve; found = reobserve.replicate('lie', 'fig1'); "
+        "print(reobserve.__file__, len(found.numbers))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": str(site)},
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(str(site))
