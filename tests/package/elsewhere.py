@@ -104,9 +104,9 @@ def refuse() -> None:
     from reobserve.errors import InputError
     from reobserve.replication.prepare import load_parameters
 
-    said, os.name = "", "nt"
+    said, folder, os.name = "", Path(), "nt"
     try:
-        load_parameters(Path(), {})
+        load_parameters(folder, {})
     except InputError as error:
         said = str(error)
     finally:

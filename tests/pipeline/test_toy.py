@@ -142,7 +142,7 @@ def test_a_build_is_packed_with_its_provenance(toy: Project, tmp_path: Path) -> 
     assert crate.mainEntity.id == "workflow/Snakefile"
     actions = {one.id: one for one in crate.get_by_type("CreateAction")}
     assert len(actions) == 1 + sum(ALL.values())
-    placed = actions["#toy-observe-push-placed"]
+    placed = actions["#toy-push-placed"]
     assert placed["instrument"]["name"] == "reobserve stage observe"
     assert {one.id for one in placed["object"]} == {LEDGER, PLANT, DESIGN}
     assert [one.id for one in placed["result"]] == ["results/toy/push/placed.parquet"]
@@ -327,7 +327,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
         ("papers/toy/table.py", {"table": 1, **TOLD}),
         ("stages/table.py", {"table": 1, **TOLD}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
-        ("pipeline/common.py", ALL),
+        ("replication/steps.py", ALL),
     ],
 )
 def test_an_edit_makes_stale_what_reads_the_design(

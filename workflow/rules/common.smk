@@ -47,7 +47,7 @@ def each_of_paper(pattern, section):
 
 FIGURES = [path for kind in (*FORMATS, "caption.rst") for path in each("results/{paper}/{name}." + kind, "figures")]
 TABLES = each("results/{paper}/{name}.csv", "tables")
-THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in PAPERS if names("theory", paper)]
+THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree]
 NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + THEORIES
 WORDS = [path for path in (*FIGURES, *TABLES, *NUMBERS) if path.endswith((".rst", ".csv"))]
 LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"]]
