@@ -29,13 +29,17 @@ def test_the_python_of_the_readme_and_of_the_library_s_page_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (short,) = python_of(README)
+    short, figure = python_of(README)
     names: dict[str, object] = {}
     exec(compile(short, "README.md", "exec"), names)
     # J w' of the record is all "fault" here: the first axis moves, and 1.5 of it couples over.
     time, fault = names["time"], names["run"]["fault"]  # type: ignore[index]
     expected = 0.01 * np.cos(time)[:, None] * [36, 1.5, 0]  # type: ignore[index]
     assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
+    replicated: dict[str, object] = {}
+    exec(compile(figure, "README.md", "exec"), replicated)
+    assert replicated["result"].metrics.shape[1] == 4  # type: ignore[attr-defined]
+    assert (tmp_path / "fig1.pdf").read_bytes().startswith(b"%PDF")
     blocks = python_of(LIBRARY)
     assert blocks[0].startswith(short.rstrip())
     names = {}

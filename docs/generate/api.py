@@ -18,6 +18,7 @@ ROOMS = {
     "designs": "Gains with their certificate, as files",
     "export": "Observers as C, Python and LaTeX",
     "own_data": "Records of one's own: specification, policies, streams, reports",
+    "replication": "A figure of a paper recomputed in one process",
     "scoring": "Errors, settling times, tables of studies",
     "timeseries": "Series and their files, grids, signals, past inputs",
     "power_series": "Series in several variables",

@@ -17,6 +17,11 @@ def sampled(wildcards):
     entries = {key: {part: entry[part] for part in entry if part not in wording} for key, entry in parameters.entries()}
     return [entries, parameters.seed, decisive(claims_of(wildcards.paper))]
 
+def checks(wildcards):
+    """A params function: what pictures of samples depend on, the checks and which claims are main ones."""
+    claims = claims_of(wildcards.paper)
+    return [decisive(claims), [name for name, body in claims.get("claims", {}).items() if body.get("headline")]]
+
 rule theory:
     input: each_of_paper("results/{paper}/{name}.design.json", "designs")
     output:
@@ -77,7 +82,7 @@ rule sensitivity:
     benchmark: "logs/{paper}/sensitivity.tsv"
     conda: "../envs/reobserve.yaml"
     params:
-        claims=lambda wildcards: claims_of(wildcards.paper),
+        checks=checks,
         code=code_of("reobserve.stages.sensitivity"), packages=PACKAGES
     message: "{wildcards.paper}: draw which choices decide the claims"
     shell:
