@@ -112,9 +112,9 @@ def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Proje
 
 
 def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
-    target = "results/ilo/constant/plant.parquet"
+    target, other = "results/ilo/fig4_matched.svg", "results/lie/figure/plant.parquet"
     first = subprocess.Popen(
-        ["snakemake", "--cores", "1", "results/ilo/fig4_matched.svg"],
+        ["snakemake", "--cores", "1", target],
         cwd=fresh.folder, env=fresh.environment, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
@@ -123,12 +123,21 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
             assert first.poll() is None
             time.sleep(0.02)
         second = fresh.snakemake(target, check=False)
+        changed = fresh.snakemake(other, "--config", "lie={plant: {step: 0.004}}", check=False)
     finally:
         os.killpg(first.pid, signal.SIGKILL)
         first.wait()
     assert second.returncode != 0
     assert "Directory cannot be locked" in second.stderr
     assert "Traceback" not in second.stderr
+    assert changed.returncode != 0
+    assert (
+        changed.stderr.rstrip()
+        .splitlines()[-1]
+        .startswith(
+            "reobserve: another build runs in this folder, with other parameters of lie; wait for it"
+        )
+    )
     done = fresh.run(
         "make",
         "figures",

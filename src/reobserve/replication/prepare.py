@@ -69,11 +69,26 @@ def write_parameters(
             if _stored(project, paper) != ledger.text()
         ]
         if changed:
+            _refuse_beside_another_build(project, changed)
             _check({paper: config.get(paper, {}) for paper in changed})
         for paper in changed:
             write_text(project / stored_parameters(paper), parameters[paper].text())
     except ReobserveError as error:
         sys.exit(f"reobserve: {error}")
+
+
+def _refuse_beside_another_build(project: Path, changed: list[str]) -> None:
+    """Refuse to change parameters that the jobs of another build may still have to read.
+
+    Snakemake lets two builds run in one folder if they write different files.
+    """
+    locks = list((project / ".snakemake" / "locks").glob("*.output.lock"))
+    if len(locks) > 1:
+        problem = (
+            f"another build runs in this folder, with other parameters of {', '.join(changed)}; "
+            "wait for it to end, or type `snakemake --unlock` if it was killed"
+        )
+        raise ReobserveError(problem)
 
 
 def _stored(project: Path, paper: str) -> str:
