@@ -83,7 +83,9 @@ def slurm() -> Iterator[dict[str, str]]:
 def test_slurm_runs_the_jobs_and_a_killed_one_again(
     toy: Project, in_one: bytes, slurm: dict[str, str]
 ) -> None:
-    """Two behind the table go as one, two are chunks, one of them twice, and one gathers."""
+    """Jobs of Slurm: all behind the figures, two chunks, one of them twice, one that gathers them,
+    and all that follows.
+    """
     shutil.rmtree(toy.folder / "results/toy")
     paths = (toy.environment["PYTHONPATH"], str(PLUGIN))
     environment = toy.environment | slurm | {"PYTHONPATH": os.pathsep.join(paths)}
@@ -91,7 +93,7 @@ def test_slurm_runs_the_jobs_and_a_killed_one_again(
         "snakemake", "--profile", "profiles/slurm", "--cores", "2", "--latency-wait", "5",
         "--slurm-no-account", "--slurm-status-command", "squeue",
         "--slurm-init-seconds-before-status-checks", "1", "--seconds-between-status-checks", "3",
-        "results/toy/table1.csv", ROBUSTNESS, "--config", *WHOLE, "chunks=2",
+        "--config", *WHOLE, "chunks=2",
     )  # fmt: skip
     log = (toy.folder / "slurm.log").open("w+")
     with log, subprocess.Popen(command, cwd=toy.folder, env=environment, stderr=log) as build:
@@ -107,9 +109,10 @@ def test_slurm_runs_the_jobs_and_a_killed_one_again(
     assert f"'{killed}' failed, SLURM status is: 'CANCELLED'" in told
     assert chunks(toy) == ["0-19", "20-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
-    assert (toy.folder / "results/toy/table1.csv").is_file()
+    for name in ("toy/table1.csv", "toy/fig1.svg", "toy/sensitivity.svg", "report.html"):
+        assert (toy.folder / "results" / name).is_file()
     states = ask(slurm, "squeue", "--noheader", "--states=all", "--format=%T").split()
-    assert sorted(states) == ["CANCELLED", *4 * ["COMPLETED"]]
+    assert sorted(states) == ["CANCELLED", *5 * ["COMPLETED"]]
 
 
 def kill_first_chunk(slurm: dict[str, str], build: subprocess.Popen[bytes]) -> str:
