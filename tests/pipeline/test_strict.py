@@ -175,3 +175,27 @@ def test_what_only_building_shows_is_checked_once(fresh: Project) -> None:
     last = done.stderr.rstrip().splitlines()[-1]
     assert last.startswith("reobserve: ilo.observers.sampled.K1, K2: must give stable")
     assert written.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b'{"a', b"[1]"])
+def test_damaged_metadata_of_snakemake_is_one_sentence(fresh: Project, content: bytes) -> None:
+    metadata = fresh.folder / ".snakemake/metadata"
+    metadata.mkdir(parents=True)
+    (metadata / "cmVz").write_bytes(content)
+    done = fresh.snakemake("--dry-run", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: .snakemake/metadata/cmVz: is damaged; delete .snakemake/metadata and run "
+        "`snakemake --forceall`"
+    )
+    assert "Traceback" not in done.stderr
+
+
+def test_a_results_folder_that_cannot_be_written_is_one_sentence(fresh: Project) -> None:
+    """A file where a folder must be: that stops root, too."""
+    (fresh.folder / "results/ilo").write_text("")
+    done = fresh.snakemake("results/lie/figure/plant.parquet", check=False)
+    assert done.returncode == 1
+    last = done.stderr.rstrip().splitlines()[-1]
+    assert last.startswith("reobserve: results/ilo/parameters.json: cannot be written (")
+    assert "Traceback" not in done.stderr

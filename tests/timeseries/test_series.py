@@ -12,6 +12,7 @@ import pytest
 
 from reobserve.errors import InputError
 from reobserve.numerics.random_streams import held_normal, random_stream
+from reobserve.plain_data import files
 from reobserve.plain_data.files import read_table, write_table, write_text, write_whole
 from reobserve.scoring.metrics import (
     Metric,
@@ -369,3 +370,13 @@ def test_held_noise_changes_every_so_many_samples(samples: int, hold: int) -> No
     values, before = held_normal(random_stream(7, "noise"), samples, hold)
     assert values.tolist() == [drawn[k // hold] for k in range(samples)]
     assert before.tolist() == [drawn[max(k - 1, 0) // hold] for k in range(samples)]
+
+
+def test_a_record_of_any_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step must be able to read what the one before it could write."""
+    monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
+    series = Series(np.arange(1000.0), {"x": Channel(np.arange(1000.0), "m")}, {}, {})
+    series.write(tmp_path / "x.parquet")
+    with pytest.raises(InputError, match="more than 100 bytes"):
+        files.read_bytes(tmp_path / "x.parquet")
+    assert np.array_equal(Series.read(tmp_path / "x.parquet")["x"], series["x"])

@@ -11,7 +11,7 @@ from reobserve.errors import ReobserveError
 from reobserve.evidence.claims.registry import decisive
 from reobserve.ledger.config import check_config_files, read_yaml
 from reobserve.ledger.names import caption_template, claims_path, samples_path, style_sheet
-from reobserve.replication.prepare import load_parameters, write_parameters
+from reobserve.replication.prepare import check_metadata, load_parameters, write_parameters
 from reobserve.replication.provenance import code_digest, closure_digest, versions
 from reobserve.timeseries.signals import sample_files
 
@@ -21,6 +21,7 @@ if not workflow.deployment_settings.deployment_method:
     shell.prefix(f"set -euo pipefail; export PATH={here}:$PATH; ")
 
 try:
+    check_metadata(Path())
     check_config_files("config/config.yaml", *workflow.configfiles)
     configfile: "config/config.yaml"
     PARAMETERS = load_parameters(Path(), config)

@@ -28,14 +28,14 @@ MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
 _AS_IT_IS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
-def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
+def read_bytes(path: str | Path, most: int | None = MOST_BYTES) -> bytes:
     """A file, whole; opened without waiting, as a fifo would make one wait.
 
     Raises
     ------
     InputError
-        If the file is missing, cannot be read, is no regular file or has more than ``most`` bytes;
-        or the path is no path.
+        If the file is missing, cannot be read, is no regular file, has more than ``most`` bytes or
+        does not fit in memory; or the path is no path.
     """
     _check_path(path)
     try:
@@ -44,12 +44,14 @@ def read_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
             about = os.fstat(handle)
             if not stat.S_ISREG(about.st_mode):
                 raise InputError(str(path), f"is {_kind(about.st_mode)}, must be a regular file")
-            content = stream.read(most + 1)
+            content = stream.read() if most is None else stream.read(most + 1)
     except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
         if isinstance(error, InputError):
             raise
         raise InputError(str(path), f"cannot be read ({reason(error)})") from None
-    if len(content) > most:
+    except MemoryError:
+        raise InputError(str(path), "does not fit in memory") from None
+    if most is not None and len(content) > most:
         raise InputError(str(path), f"has more than {most} bytes, which is too large to be read")
     return content
 

@@ -21,6 +21,24 @@ from reobserve.timeseries.signals import sample_files
 _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
 
+def check_metadata(project: Path) -> None:
+    """Check the files in which Snakemake remembers how results were made, see `--rerun-triggers`.
+
+    Raises
+    ------
+    InputError
+        If one of them is damaged, which Snakemake answers with a traceback.
+    """
+    for path in sorted((project / ".snakemake" / "metadata").glob("*")):
+        try:
+            whole = isinstance(json.loads(path.read_bytes().decode("utf-8")), dict)
+        except (OSError, ValueError):
+            whole = path.is_dir()
+        if not whole:
+            problem = "is damaged; delete .snakemake/metadata and run `snakemake --forceall`"
+            raise InputError(str(path), problem)
+
+
 def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
     """The parameters of all papers with the overrides of ``config``, to which defaults are added.
 

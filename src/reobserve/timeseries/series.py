@@ -181,7 +181,8 @@ class Series:
         InputError
             If the file is missing, cut short, damaged or not one of ours.
         """
-        about, columns = _read(str(path), read_bytes(path))
+        # Of any size: a record that one step could write, the next must be able to read.
+        about, columns = _read(str(path), read_bytes(path, None))
         with located(str(path)):
             channels = {
                 name: Channel(_gather(columns, name, one.components), one.unit)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import llvmlite.binding
@@ -14,8 +15,9 @@ import pytest
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.golden import digests, files, kept, tables
 from reobserve.evidence.golden.comparison import Worst, compare, differences
-from reobserve.evidence.golden.kept import Kept, KeptPaper
-from reobserve.evidence.golden.renewal import Evidence, prepare
+from reobserve.evidence.golden.files import Golden, text_of, write_series
+from reobserve.evidence.golden.kept import Kept, KeptPaper, kept_records
+from reobserve.evidence.golden.renewal import Evidence, _at_times_of, prepare
 from reobserve.evidence.golden.tolerances import (
     Tolerance,
     determined,
@@ -23,7 +25,7 @@ from reobserve.evidence.golden.tolerances import (
     rounded_up,
     two_digits_up,
 )
-from reobserve.timeseries.series import Channel
+from reobserve.timeseries.series import Channel, Series
 
 TIME = np.arange(21) * 0.1
 ULP = 2.0**-52
@@ -334,3 +336,31 @@ def test_a_table_keeps_its_text_within_rounding(
 class _Header:
     HEADER = ("term", "printed", "computed")
     KINDS: ClassVar[dict[str, Any]] = {}
+
+
+@pytest.mark.parametrize(
+    ("step", "period", "rows"), [(0.25, 0.25, 9), (0.03, 0.09, 3), (0.05, 0.1, 5), (2.0, 2.0, 9)]
+)
+def test_rows_are_kept_at_times_that_the_record_has(
+    tmp_path: Path, step: float, period: float, rows: int
+) -> None:
+    """Also where a step is longer than the usual period, or does not divide it."""
+    time = np.arange(9) * step
+    series = Series(time, {"x": Channel(np.sin(time), "m")}, {}, {})
+    evaluation: Any = SimpleNamespace(plant=series, estimates={})
+    kept = kept_records(evaluation, "slow")["slow/plant"]
+    assert kept.period == pytest.approx(period, rel=1e-12)
+    column = Golden(text_of(kept.series["x"].values), "m", Tolerance(1e-12))
+    write_series(tmp_path, "slow", {"x": column}, kept.period)
+    table = np.loadtxt(tmp_path / "slow.series.csv", delimiter=",", skiprows=1)
+    assert len(table) == rows
+    np.testing.assert_allclose(table[:, 1], np.sin(table[:, 0]), atol=1e-12)
+    # Halving the step changes no value here; rows are compared at the times that both have.
+    half = np.arange(17) * step / 2
+    finer = Series(half, {"x": Channel(np.sin(half), "m")}, {}, {})
+    refined = kept_records(SimpleNamespace(plant=finer, estimates={}), "slow")["slow/plant"]  # type: ignore[arg-type]
+    found = _at_times_of(kept, refined)["x"].values
+    there = np.isfinite(found)
+    assert there[0]
+    assert there.sum() > 1
+    np.testing.assert_allclose(found[there], kept.series["x"].values[there], atol=1e-12)

@@ -145,7 +145,7 @@ class _Paper:
         scenario = self.ledger.section("figures", item.name)["scenario"]
         evaluation = built_series(self.ledger, item.name, self.results.parent)
         for part, kept in kept_records(evaluation, scenario).items():
-            for moved in series_differences(kept.series, self.paper, part, self.golden):
+            for moved in series_differences(kept, self.paper, part, self.golden):
                 if not moved.exceeds:
                     continue
                 item.deviations.append(moved)
@@ -155,7 +155,9 @@ class _Paper:
                     golden[moved.column].values,
                     golden[moved.column].tolerance.allowed,
                 )
-                item.series.append(MovedSeries(name, new.unit, values, new.values, allowed))
+                item.series.append(
+                    MovedSeries(name, new.unit, values, new.values, allowed, kept.period)
+                )
 
     def _compare_metrics(self, item: Item, file: Path) -> None:
         found = by_name(read_metrics(file))

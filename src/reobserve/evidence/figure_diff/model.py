@@ -7,18 +7,19 @@ from pathlib import Path
 
 from reobserve.evidence.figure_diff.pixels import PixelDifference
 from reobserve.evidence.golden.deviation import Deviation, OtherCell
-from reobserve.evidence.golden.kept import Array
+from reobserve.evidence.golden.kept import PERIOD, Array
 
 
 @dataclass(frozen=True)
 class MovedSeries:
-    """A series that left its tolerance: golden and new values, one each `golden.kept.PERIOD`."""
+    """A series that left its tolerance: golden and new values, one each ``period`` [s]."""
 
     name: str
     unit: str
     golden: Array
     new: Array
     tolerance: float
+    period: float = PERIOD
 
 
 @dataclass

@@ -12,7 +12,6 @@ from reobserve.drawing.figures import STYLES, TRUTH, new_figure
 from reobserve.drawing.fitting import fix_layout
 from reobserve.drawing.formats import save
 from reobserve.evidence.figure_diff.model import MovedSeries
-from reobserve.evidence.golden.kept import PERIOD
 
 
 def draw_moved(series: Sequence[MovedSeries]) -> bytes:
@@ -22,7 +21,7 @@ def draw_moved(series: Sequence[MovedSeries]) -> bytes:
     """
     figure, panels = new_figure((1.5, 0.9) * len(series), share_time=False)
     for one, both, difference in zip(series, panels[::2], panels[1::2], strict=True):
-        golden_time, time = (np.arange(len(v)) * PERIOD for v in (one.golden, one.new))
+        golden_time, time = (np.arange(len(v)) * one.period for v in (one.golden, one.new))
         both.plot(golden_time, one.golden, **TRUTH.line(), label="golden")
         both.fill_between(
             golden_time, one.golden - one.tolerance, one.golden + one.tolerance,

@@ -18,7 +18,7 @@ from reobserve.evidence.golden.files import (
     read_series,
     read_undetermined,
 )
-from reobserve.evidence.golden.kept import PERIOD, Array, Kept
+from reobserve.evidence.golden.kept import Array, Kept
 from reobserve.timeseries.series import Channel
 
 
@@ -39,15 +39,14 @@ def differences(kept: Kept, paper: str, part: str, golden: Path) -> Iterator[Dev
         yield from tables.differences(kept.cells, paper, part, golden)
         return
     if kept.series:
-        yield from series_differences(kept.series, paper, part, golden)
+        yield from series_differences(kept, paper, part, golden)
     if kept.metrics or not kept.series:
         yield from metric_differences(kept.metrics, paper, part, golden)
 
 
-def series_differences(
-    found: Mapping[str, Channel], paper: str, part: str, golden: Path
-) -> Iterator[Deviation]:
+def series_differences(record: Kept, paper: str, part: str, golden: Path) -> Iterator[Deviation]:
     """Of each series of a record, as `kept_records` gives them, its worst row; as `compare`."""
+    found = record.series
     if found.keys() <= read_undetermined(golden).get(part, {}).keys():
         return  # nothing of it is kept, not even a file
     path = golden / f"{part}.series.csv"
@@ -61,7 +60,7 @@ def series_differences(
         worst = int(np.argmax(off_by(values, kept)))
         yield Deviation(
             f"{paper} {part}",
-            f"{name} at {worst * PERIOD:g} s",
+            f"{name} at {worst * record.period:g} s",
             float(kept[worst]),
             float(values[worst]),
             column.tolerance.allowed,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.evidence.golden.kept import PERIOD, Array
+from reobserve.evidence.golden.kept import Array
 from reobserve.evidence.golden.tolerances import Tolerance
 from reobserve.plain_data.files import NAME, NUMBER, UNIT, Kind, read_table, write_table, write_text
 from reobserve.plain_data.json_data import read_json
@@ -80,15 +80,17 @@ def read_series(golden: Path, part: str) -> dict[str, Golden]:
     }
 
 
-def write_series(golden: Path, part: str, columns: Mapping[str, Golden]) -> None:
-    """Write the columns of a record, with their tolerances in a file beside; no files for none."""
+def write_series(golden: Path, part: str, columns: Mapping[str, Golden], period: float) -> None:
+    """Write the columns of a record, a row each ``period`` [s], with their tolerances in a file
+    beside; no files for none.
+    """
     if not columns:
         for kind in ("series", "tolerances"):
             (golden / f"{part}.{kind}.csv").unlink(missing_ok=True)
         return
     length = max(len(column.text) for column in columns.values())
     rows = (
-        {"time": f"{i * PERIOD:.6g}"} | {name: column.text[i] for name, column in columns.items()}
+        {"time": f"{i * period:.6g}"} | {name: column.text[i] for name, column in columns.items()}
         for i in range(length)
     )
     write_table(golden / f"{part}.series.csv", rows, ["time", *columns])

@@ -24,18 +24,19 @@ Array = NDArray[np.float64]
 
 THEORY = "theory"
 PLANT = "plant"
-PERIOD = 0.1  # [s] between the rows kept of each series
+PERIOD = 0.1  # [s] between the rows kept of each series, as near as its step allows
 
 
 @dataclass(frozen=True)
 class Kept:
     """What is kept of a part: the series of a record, the metrics of a figure or a theory, or the
-    ``cells`` of a table.
+    ``cells`` of a table. ``period`` is the time [s] between rows of the series.
     """
 
     series: Mapping[str, Channel] = field(default_factory=dict)
     metrics: Mapping[str, Channel] = field(default_factory=dict)
     cells: tuple[Mapping[str, str], ...] | None = None
+    period: float = PERIOD
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,10 @@ def kept_records(evaluation: Replication, scenario: str) -> dict[str, Kept]:
     """The rows of the series behind a figure that golden numbers keep, by `record_names`."""
     records = {PLANT: evaluation.plant, **evaluation.estimates}
     return {
-        f"{scenario}/{owner}": Kept(dict(_columns(series))) for owner, series in records.items()
+        f"{scenario}/{owner}": Kept(
+            dict(_columns(series)), period=series.step * _rows_between(series)
+        )
+        for owner, series in records.items()
     }
 
 
@@ -111,8 +115,13 @@ def table_cells(paper: str, rows: Iterable[Mapping[str, Any]]) -> tuple[dict[str
     return tuple({column: cell(row.get(column)) for column in header} for row in rows)
 
 
+def _rows_between(series: Series) -> int:
+    """How many samples there are to a row that is kept; each one of a step beyond `PERIOD`."""
+    return max(1, round(PERIOD / series.step))
+
+
 def _columns(series: Series) -> Iterator[tuple[str, Channel]]:
-    every = round(PERIOD / series.step)
+    every = _rows_between(series)
     units = {name: channel.unit for name, channel in series.channels.items()}
     for column, values in series.flat().items():
         name = column if column in units else column.rpartition("_")[0]

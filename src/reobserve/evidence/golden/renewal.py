@@ -107,9 +107,9 @@ class _Part:
         if kept.series:
             series = self._numbers(
                 self._before(files.read_series),
-                kept.series, [other.series for other in others], refined.series,
+                kept.series, [other.series for other in others], _at_times_of(kept, refined),
             )  # fmt: skip
-            writes.append(lambda: files.write_series(golden, part, series))
+            writes.append(lambda: files.write_series(golden, part, series, kept.period))
         return writes
 
     def _before(self, read: Callable[[Path, str], dict[str, Golden]]) -> dict[str, Golden]:
@@ -214,6 +214,22 @@ def _furthest(values: Array, others: Array) -> float:
     if values.shape != others.shape:
         return float("inf")
     return float(np.max(off_by(values, others), initial=0.0))
+
+
+def _at_times_of(kept: Kept, refined: Kept) -> dict[str, Channel]:
+    """The series of a refined run at the times of the rows kept; nan where it has no such row."""
+    found = {}
+    for name, channel in refined.series.items():
+        rows = len(kept.series[name].values) if name in kept.series else 0
+        times = np.arange(rows) * kept.period
+        places = np.round(times / refined.period).astype(int)
+        there = (np.abs(places * refined.period - times) < 1e-6 * refined.period) & (
+            places < len(channel.values)
+        )
+        values = np.full(rows, np.nan)
+        values[there] = channel.values[places[there]]
+        found[name] = Channel(values, channel.unit)
+    return found
 
 
 def _common(values: Array, others: Array) -> tuple[Array, Array]:
