@@ -10,6 +10,7 @@ from pathlib import Path
 from reobserve.errors import ReobserveError
 from reobserve.evidence.claims.registry import decisive
 from reobserve.ledger.config import check_config_files, read_yaml
+from reobserve.ledger.ledger import digest
 from reobserve.ledger.names import caption_template, claims_path, samples_path, style_sheet
 from reobserve.replication.prepare import check_metadata, load_parameters, write_parameters
 from reobserve.replication.provenance import code_digest, closure_digest, versions
@@ -46,7 +47,7 @@ def each_of_paper(pattern, section):
     """An input function: the same for the paper of a job."""
     return lambda wildcards: expand(pattern, paper=wildcards.paper, name=names(section, wildcards.paper))
 
-FIGURES = [path for kind in (*FORMATS, "caption.rst") for path in each("results/{paper}/{name}." + kind, "figures")]
+FIGURES = [path for kind in (*FORMATS, "caption.rst") for path in each(f"results/{{paper}}/{{name}}.{kind}", "figures")]
 TABLES = each("results/{paper}/{name}.csv", "tables")
 THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree]
 NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + THEORIES
@@ -82,11 +83,79 @@ def claims_of(paper):
         return {"problem": str(error)}
 
 def text_of(*folders):
-    """The text of all files in folders: what the report shows besides results."""
+    """A digest of all files in folders: what the report shows besides results."""
     files = sorted(path for folder in folders for path in Path(folder).rglob("*.*") if path.is_file())
-    return {str(path): path.read_text(encoding="utf-8") for path in files}
+    return digest([[str(path), path.read_text(encoding="utf-8")] for path in files])
 
-# No rule makes these files: Snakemake does not see that the params of a job have changed while a
+def branch(section, about):
+    """The parameters that a wildcard names: ``branch("studies", "study")(wildcards)``."""
+    return lambda wildcards: PARAMETERS[wildcards.paper].section(section, wildcards[about])
+
+def design_of(section, about):
+    """An input function: the design that an observer, a study or a table names, if it does."""
+    body = branch(section, about)
+    return lambda wildcards: expand("results/{paper}/{name}.design.json", paper=wildcards.paper,
+                                    name=[body(wildcards)["design"]] if "design" in body(wildcards) else [])
+
+def plant_of(section, about):
+    """An input function: the record of the scenario that a study or a search names."""
+    body = branch(section, about)
+    return lambda wildcards: f"results/{wildcards.paper}/{body(wildcards)['scenario']}/plant.parquet"
+
+def recorded(wildcards):
+    """An input function: files with recorded samples that the plant or the scenario names."""
+    parameters = PARAMETERS[wildcards.paper]
+    values = parameters.section("plant") | parameters.section("scenarios", wildcards.scenario)
+    return [file for value in values.values() for file in sample_files(value)]
+
+def files_of(wildcards):
+    """An input function: the files that a study names, such as what a search has found."""
+    body = PARAMETERS[wildcards.paper].tree["studies"][wildcards.study]
+    return [entry["value"] for entry in body.values() if isinstance(entry, dict) and entry["unit"] == "file"]
+
+def behind(wildcards):
+    """An input function: the record, the estimates and the study behind a figure."""
+    figure = PARAMETERS[wildcards.paper].section("figures", wildcards.figure)
+    folder = f"results/{wildcards.paper}/{figure['scenario']}"
+    return {
+        "plant": f"{folder}/plant.parquet",
+        "estimates": [f"{folder}/{observer}.parquet" for observer in figure["observers"]],
+        "study": [f"results/{wildcards.paper}/{figure['study']}.study.csv"] if "study" in figure else [],
+    }
+
+def template(wildcards):
+    """An input function: the template of a caption, then what all captions of the paper share."""
+    shared = sorted(map(str, Path(f"workflow/report/{wildcards.paper}").glob("_*.rst")))
+    return [caption_template(Path(), wildcards.paper, wildcards.figure, "figure"), *shared]
+
+def table_caption(wildcards):
+    """A params function: the caption of a table."""
+    return caption_template(Path(), wildcards.paper, wildcards.table, "table")
+
+def chunks(wildcards):
+    """An input function: the samples of a paper in chunks of one size; none if one job draws all."""
+    size = -(-config["draws"] // config["chunks"])
+    starts = range(0, config["draws"], size) if config["chunks"] > 1 else []
+    return [f"results/{wildcards.paper}/draws/{start}-{start + size - 1}.json" for start in starts]
+
+def cached(wildcards):
+    """An input function: the samples of a paper that are kept in config/draws."""
+    path = samples_path(wildcards.paper)
+    return [path] if config["kept"] and Path(path).is_file() else []
+
+def sampled(wildcards):
+    """A params function: a digest of the parameters with their ranges and of the checks."""
+    parameters, wording = PARAMETERS[wildcards.paper], ("why", "source")
+    entries = {key: {part: entry[part] for part in entry if part not in wording} for key, entry in parameters.entries()}
+    return digest([entries, parameters.seed, decisive(claims_of(wildcards.paper))])
+
+def checks(wildcards):
+    """A params function: a digest of the checks, and of which claims are main ones."""
+    claims = claims_of(wildcards.paper)
+    main = [name for name, body in claims.get("claims", {}).items() if body.get("headline")]
+    return digest([decisive(claims), main])
+
+# No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.
 onstart:
     write_parameters(Path(), PARAMETERS, config)

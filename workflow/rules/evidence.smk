@@ -1,27 +1,5 @@
 # Whether the claims hold: theory and Monte Carlo samples -> robustness -> claims -> report, verdicts.
 
-def chunks(wildcards):
-    """An input function: the samples of a paper in chunks of one size; none if one job draws all."""
-    size = -(-config["draws"] // config["chunks"])
-    starts = range(0, config["draws"], size) if config["chunks"] > 1 else []
-    return [f"results/{wildcards.paper}/draws/{start}-{start + size - 1}.json" for start in starts]
-
-def cached(wildcards):
-    """An input function: the samples of a paper that are kept in config/draws."""
-    path = samples_path(wildcards.paper)
-    return [path] if config["kept"] and Path(path).is_file() else []
-
-def sampled(wildcards):
-    """A params function: what samples depend on, the parameters with their ranges and the checks."""
-    parameters, wording = PARAMETERS[wildcards.paper], ("why", "source")
-    entries = {key: {part: entry[part] for part in entry if part not in wording} for key, entry in parameters.entries()}
-    return [entries, parameters.seed, decisive(claims_of(wildcards.paper))]
-
-def checks(wildcards):
-    """A params function: what pictures of samples depend on, the checks and which claims are main ones."""
-    claims = claims_of(wildcards.paper)
-    return [decisive(claims), [name for name, body in claims.get("claims", {}).items() if body.get("headline")]]
-
 rule theory:
     input: each_of_paper("results/{paper}/{name}.design.json", "designs")
     output:
@@ -101,7 +79,7 @@ rule claims:
     conda: "../envs/reobserve.yaml"
     params:
         papers=CLAIMED, code=code_of("reobserve.stages.claims"),
-        claims=[[claims_of(paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED]
+        claims=digest([[claims_of(paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED])
     message: "decide all claims"
     shell: "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
 
@@ -114,19 +92,21 @@ rule report:
     log: "logs/report.log"
     benchmark: "logs/report.tsv"
     conda: "../envs/reobserve.yaml"
-    params: built=BUILT, texts=text_of("config", "workflow/report"), code=code_of("reobserve.evidence.report"), packages=PACKAGES
+    params:
+        built=BUILT, texts=text_of("config", "workflow/report"),
+        code=code_of("reobserve.evidence.report"), packages=PACKAGES
     message: "write the replication report"
     shell: "(set -x; reobserve report {params.built} --output {output}) &> {log}"
 
 # After the report, which shows broken claims: this fails then.
 rule verdicts:
-    input: "results/claims.csv", "results/report.html"
+    input: claims="results/claims.csv", report="results/report.html"
     output: "results/verdicts.md"
     log: "logs/verdicts.log"
     conda: "../envs/reobserve.yaml"
     params: code=code_of("reobserve.stages.verdicts")
     message: "count the verdicts"
-    shell: "(set -x; reobserve stage verdicts {input[0]} --output {output}) 2>&1 | tee {log} >&2"
+    shell: "(set -x; reobserve stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
 
 # On demand: the build as an RO-Crate, to be deposited and cited.
 rule archive:

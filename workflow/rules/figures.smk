@@ -1,24 +1,5 @@
 # From records to what readers see: metrics, drawings with captions, and tables.
 
-def behind(wildcards):
-    """An input function: the record, the estimates and the study behind a figure."""
-    figure = PARAMETERS[wildcards.paper].section("figures", wildcards.figure)
-    folder = f"results/{wildcards.paper}/{figure['scenario']}"
-    return {
-        "plant": f"{folder}/plant.parquet",
-        "estimates": [f"{folder}/{observer}.parquet" for observer in figure["observers"]],
-        "study": [f"results/{wildcards.paper}/{figure['study']}.study.csv"] if "study" in figure else [],
-    }
-
-def template(wildcards):
-    """An input function: the template of a caption, then what all captions of the paper share."""
-    shared = sorted(map(str, Path(f"workflow/report/{wildcards.paper}").glob("_*.rst")))
-    return [caption_template(Path(), wildcards.paper, wildcards.figure, "figure"), *shared]
-
-def table_caption(wildcards):
-    """A params function: the caption of a table."""
-    return caption_template(Path(), wildcards.paper, wildcards.table, "table")
-
 STYLE = [path for path in [style_sheet(config["style"])] if Path(path).is_file()]
 
 rule metrics:

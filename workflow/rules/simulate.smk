@@ -1,31 +1,5 @@
 # From parameters to records: plants, the designs that observers share, observers, and studies.
 
-def branch(section, about):
-    """The parameters that a wildcard names: ``branch("studies", "study")(wildcards)``."""
-    return lambda wildcards: PARAMETERS[wildcards.paper].section(section, wildcards[about])
-
-def design_of(section, about):
-    """An input function: the design that an observer, a study or a table names, if it does."""
-    body = branch(section, about)
-    return lambda wildcards: expand("results/{paper}/{name}.design.json", paper=wildcards.paper,
-                                    name=[body(wildcards)["design"]] if "design" in body(wildcards) else [])
-
-def plant_of(section, about):
-    """An input function: the record of the scenario that a study or a search names."""
-    body = branch(section, about)
-    return lambda wildcards: f"results/{wildcards.paper}/{body(wildcards)['scenario']}/plant.parquet"
-
-def recorded(wildcards):
-    """An input function: files with recorded samples that the plant or the scenario names."""
-    parameters = PARAMETERS[wildcards.paper]
-    values = parameters.section("plant") | parameters.section("scenarios", wildcards.scenario)
-    return [file for value in values.values() for file in sample_files(value)]
-
-def files_of(wildcards):
-    """An input function: the files that a study names, such as what a search has found."""
-    body = PARAMETERS[wildcards.paper].tree["studies"][wildcards.study]
-    return [entry["value"] for entry in body.values() if isinstance(entry, dict) and entry["unit"] == "file"]
-
 rule plant:
     input: recorded
     output: "results/{paper}/{scenario}/plant.parquet"

@@ -339,7 +339,7 @@ class _Header:
 
 
 @pytest.mark.parametrize(
-    ("step", "period", "rows"), [(0.25, 0.25, 9), (0.03, 0.09, 3), (0.05, 0.1, 5), (2.0, 2.0, 9)]
+    ("step", "period", "rows"), [(0.25, 0.25, 9), (0.03, 0.06, 5), (0.05, 0.1, 5), (2.0, 2.0, 9)]
 )
 def test_rows_are_kept_at_times_that_the_record_has(
     tmp_path: Path, step: float, period: float, rows: int

@@ -6,6 +6,7 @@ figures show, ``SCENARIO/plant`` or ``SCENARIO/OBSERVER``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -116,8 +117,15 @@ def table_cells(paper: str, rows: Iterable[Mapping[str, Any]]) -> tuple[dict[str
 
 
 def _rows_between(series: Series) -> int:
-    """How many samples there are to a row that is kept; each one of a step beyond `PERIOD`."""
-    return max(1, round(PERIOD / series.step))
+    """How many samples there are to a row that is kept.
+
+    If the step does not divide `PERIOD` it is a power of two, so that a run with half the step
+    keeps rows at the same times. Of a step beyond `PERIOD` each sample is kept.
+    """
+    ratio = PERIOD / series.step
+    if ratio >= 1 and math.isclose(ratio, round(ratio), rel_tol=1e-9):
+        return round(ratio)
+    return 2 ** max(0, math.floor(math.log2(ratio)))
 
 
 def _columns(series: Series) -> Iterator[tuple[str, Channel]]:
