@@ -1,7 +1,6 @@
 # The parameters of all papers, and what a job depends on besides its input files: the parameter
 # values that it reads, the code that it imports, and the versions of packages.
 
-import re
 import shlex
 import sys
 from functools import cache
@@ -46,11 +45,10 @@ def each(pattern, section):
 def each_of_paper(pattern, section):
     """An input function: the same for the paper of a job."""
     return lambda wildcards: expand(pattern, paper=wildcards.paper, name=names(section, wildcards.paper))
-
 FIGURES = [path for kind in (*FORMATS, "caption.rst") for path in each(f"results/{{paper}}/{{name}}.{kind}", "figures")]
 TABLES = each("results/{paper}/{name}.csv", "tables")
-THEORIES = [f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree]
-NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + THEORIES
+NUMBERS = each("results/{paper}/{name}.metrics.csv", "figures") + [
+    f"results/{paper}/theory.metrics.csv" for paper in PAPERS if "theory" in PARAMETERS[paper].tree]
 WORDS = [path for path in (*FIGURES, *TABLES, *NUMBERS) if path.endswith((".rst", ".csv"))]
 LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"]]
 
@@ -87,20 +85,19 @@ def text_of(*folders):
     files = sorted(path for folder in folders for path in Path(folder).rglob("*.*") if path.is_file())
     return digest([[str(path), path.read_text(encoding="utf-8")] for path in files])
 
-def branch(section, about):
-    """The parameters that a wildcard names: ``branch("studies", "study")(wildcards)``."""
-    return lambda wildcards: PARAMETERS[wildcards.paper].section(section, wildcards[about])
-
 def design_of(section, about):
     """An input function: the design that an observer, a study or a table names, if it does."""
-    body = branch(section, about)
-    return lambda wildcards: expand("results/{paper}/{name}.design.json", paper=wildcards.paper,
-                                    name=[body(wildcards)["design"]] if "design" in body(wildcards) else [])
+    def design(wildcards):
+        body = PARAMETERS[wildcards.paper].section(section, wildcards[about])
+        return [f"results/{wildcards.paper}/{body['design']}.design.json"] if "design" in body else []
+    return design
 
 def plant_of(section, about):
     """An input function: the record of the scenario that a study or a search names."""
-    body = branch(section, about)
-    return lambda wildcards: f"results/{wildcards.paper}/{body(wildcards)['scenario']}/plant.parquet"
+    def plant(wildcards):
+        body = PARAMETERS[wildcards.paper].section(section, wildcards[about])
+        return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
+    return plant
 
 def recorded(wildcards):
     """An input function: files with recorded samples that the plant or the scenario names."""

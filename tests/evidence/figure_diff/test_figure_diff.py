@@ -604,7 +604,7 @@ def test_a_build_goes_on_past_what_fails(tmp_path: Path) -> None:
     git(source, "init", "--quiet")
     copy_project(source, copy)
     assert sorted(path.name for path in copy.iterdir()) == [".gitignore", "Snakefile"]
-    assert not build(copy, 1, tmp_path / "build.log")
+    assert not build(copy, copy, 1, tmp_path / "build.log")
     assert (copy / "good").exists()
     assert "Error in rule bad" in (tmp_path / "build.log").read_text()
 

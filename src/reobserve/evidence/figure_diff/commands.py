@@ -93,7 +93,7 @@ def _built_copy(
         copy_project(project, copy)
         what = ", ".join(papers) or "everything"
         print(f"building {what} from nothing in a temporary folder, some minutes", flush=True)
-        whole = build(copy, cores, log, papers)
+        whole = build(copy, project, cores, log, papers)
         yield copy, [] if whole else [f"the build failed in part; {log} has what it said"]
 
 

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import reobserve
 from reobserve.errors import ReobserveError
 
 
@@ -34,12 +33,8 @@ def copy_project(project: Path, target: Path) -> None:
 
 
 def copy_environment(folder: Path) -> dict[str, str]:
-    """The variables under which commands in the copy ``folder`` run its own package.
-
-    Compiled loops are shared with this package, as far as their sources are the same.
-    """
+    """The variables under which commands run the package in the ``src`` of a folder."""
     return {
-        "NUMBA_CACHE_DIR": str(Path(reobserve.__file__).parent / "__pycache__"),
         **os.environ,
         "PYTHONDONTWRITEBYTECODE": "",  # each of many processes would compile the package again
         "PYTHONPATH": str(folder / "src"),
@@ -47,17 +42,18 @@ def copy_environment(folder: Path) -> dict[str, str]:
     }
 
 
-def build(folder: Path, cores: int, log: Path, papers: Sequence[str] = ()) -> bool:
+def build(folder: Path, project: Path, cores: int, log: Path, papers: Sequence[str] = ()) -> bool:
     """Build everything that can be in the copy ``folder``, or of these papers; whether all was.
 
-    What Snakemake prints goes to ``log``.
+    The package is that of ``project``, of which ``folder`` is a copy, so that its compiled kernels
+    are used. What Snakemake prints goes to ``log``.
     """
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--keep-going"]
     command += ["--config", f"papers=[{','.join(papers)}]"] if papers else []
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w", encoding="utf-8") as stream:
         done = subprocess.run(
-            command, cwd=folder, env=copy_environment(folder),
+            command, cwd=folder, env=copy_environment(project.resolve()),
             stdout=stream, stderr=subprocess.STDOUT, check=False,
         )  # fmt: skip
     return done.returncode == 0
