@@ -134,9 +134,7 @@ class Paper:
     @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Its figures, as accepted."""
-        return tuple(
-            self._figure(name, body) for name, body in self.ledger.tree["figures"].items()
-        )
+        return tuple(self._figure(name, body) for name, body in self.ledger.tree["figures"].items())
 
     def _figure(self, name: str, body: Mapping[str, Any]) -> Figure:
         template = caption_template(self.root, self.name, name, "figure")

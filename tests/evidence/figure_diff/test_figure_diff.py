@@ -438,7 +438,7 @@ def checkout(project: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     git(project, "add", "--all")
     git(project, "commit", "--quiet", "--message", "all")
 
-    def stand_in(folder: Path, cores: int, log: Path, papers: Sequence[str]) -> bool:
+    def stand_in(folder: Path, project: Path, cores: int, log: Path, papers: Sequence[str]) -> bool:
         assert not (folder / "results").exists()
         shutil.copytree(project / "results", folder / "results")
         return (folder / "results/made/fig1.png").exists()

@@ -125,7 +125,7 @@ def _rows_between(series: Series) -> int:
     ratio = PERIOD / series.step
     if ratio >= 1 and math.isclose(ratio, round(ratio), rel_tol=1e-9):
         return round(ratio)
-    return 2 ** max(0, math.floor(math.log2(ratio)))
+    return 1 << max(0, math.floor(math.log2(ratio)))
 
 
 def _columns(series: Series) -> Iterator[tuple[str, Channel]]:
