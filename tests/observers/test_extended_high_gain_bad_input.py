@@ -313,7 +313,7 @@ def test_the_ledger(
     target = tmp_path / "parameters.json"
     arguments = [
         "stage",
-        "ledger",
+        "parameters",
         "delay",
         "--project",
         str(ROOT),

@@ -112,14 +112,14 @@ def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Proje
 
 
 def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
-    target, other = "results/ilo/fig4_matched.svg", "results/lie/figure/plant.parquet"
+    target, other = "results/imm/fig8_closeness.svg", "results/lie/figure/plant.parquet"
     first = subprocess.Popen(
         ["snakemake", "--cores", "1", target],
         cwd=fresh.folder, env=fresh.environment, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
-        while not (fresh.folder / "results/ilo/parameters.json").exists():
+        while not (fresh.folder / "results/lie/parameters.json").exists():
             assert first.poll() is None
             time.sleep(0.02)
         second = fresh.snakemake(target, check=False)

@@ -158,7 +158,7 @@ def test_there_are_commands_of_all_kinds() -> None:
 def test_a_build_ends_with_the_sentence_that_is_printed(fresh: Project) -> None:
     text = (ROOT / "docs/pages/start/two-commands.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^Job 0: (.*)$", text, re.MULTILINE)
-    assert f"Job 0: {line}" in fresh.snakemake("--dry-run").stderr
+    assert f"Job 0: {line}" in fresh.snakemake("--dry-run").stdout
 
 
 def wants_conda(line: str, told: str) -> bool:

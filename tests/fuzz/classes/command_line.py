@@ -116,5 +116,5 @@ def _lines() -> list[list[str]]:
         ["stage", "robustness", lie, "--draws", "8", "--no-flips", "--output", "out.json", *root],
         ["stage", "draw", lie, "0-49", "--kept", "file", "--output", "out.json", *root],
         ["stage", "sensitivity", lie, "file", "--outputs", "out.pdf", "out.png", *root],
-        ["stage", "archive", "--papers", "lie", "--output", "out.zip", *root],
+        ["stage", "archive", "results/lie/fig1.pdf", "--output", "out.zip", *root],
     ]  # fmt: skip

@@ -38,7 +38,7 @@ def case(paper: str, over: Any) -> Case:
     def run() -> None:
         command(
             "stage",
-            "ledger",
+            "parameters",
             paper,
             "--overrides",
             text,

@@ -323,5 +323,5 @@ def test_an_increased_layer_has_not_what_fig_8_shows() -> None:
     for factor, agrees in ((0.01, True), (100.0, False)):
         changes = {"observers": {"svsf_thin_tuned": {"layer_factor": factor}}}
         figure = evaluate(Ledger.load(ROOT, "imm", changes, SEED), "fig8")
-        leakage = lookup(figure.metrics)["svsf_thin_tuned", "leakage_after"]
+        leakage = lookup(figure.numbers)["svsf_thin_tuned", "leakage_after"]
         assert (abs(leakage - quoted) < 0.1) == agrees, leakage

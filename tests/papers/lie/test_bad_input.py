@@ -264,7 +264,7 @@ def test_the_ledger(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str
     target = tmp_path / "parameters.json"
     arguments = [
         "stage",
-        "ledger",
+        "parameters",
         "lie",
         "--project",
         str(ROOT),

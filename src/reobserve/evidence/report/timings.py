@@ -9,6 +9,8 @@ from pathlib import Path
 from reobserve.evidence.report.model import Run, Timing
 from reobserve.evidence.report.reading import Project
 
+_SAMPLED = 0.5  # [s] until Snakemake looks at the memory of a job for the second time
+
 
 def timings(project: Project, paper: str, jobs: Iterable[Run]) -> list[Timing]:
     """Seconds and memory of a paper's jobs by stage, in the order in which stages first come.
@@ -39,11 +41,12 @@ def timings(project: Project, paper: str, jobs: Iterable[Run]) -> list[Timing]:
 
 
 def _read(path: Path) -> tuple[float, float] | None:
-    """Seconds and peak memory [MB] of a job; of one too short to be sampled the memory is 0."""
+    """Seconds and peak memory [MB] of a job; 0 MB where Snakemake has sampled its shell alone."""
     try:
         with path.open(newline="", encoding="utf-8") as stream:
             row = next(csv.DictReader(stream, delimiter="\t"))
-        memory = row["max_rss"]
-        return float(row["s"]), 0.0 if memory in ("NA", "-") else float(memory)
+        seconds, memory = float(row["s"]), row["max_rss"]
+        unknown = memory in ("NA", "-") or seconds < _SAMPLED
+        return seconds, 0.0 if unknown else float(memory)
     except (OSError, StopIteration, KeyError, TypeError, ValueError):
         return None
