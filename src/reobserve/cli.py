@@ -93,7 +93,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-@cache  # a process that forks its jobs reads many command lines
+@cache
 def command_parser() -> argparse.ArgumentParser:
     """What reads a command line: all sub-commands, their options and help."""
     parser = _Parser(

@@ -78,6 +78,11 @@ def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
         assert run(package, NUMBA_CACHE_DIR=f"{blocked}/cache", HOME=blocked) == "2.0 0\n"
 
 
+def test_a_user_without_a_home_compiles_nevertheless(package: Path) -> None:
+    program = f"import os.path; os.path.expanduser = lambda path: path; {RUN}"
+    assert run(package, program) == "2.0 0\n"
+
+
 def test_importing_the_library_leaves_warnings_and_the_cache_of_others_alone() -> None:
     program = (
         "import warnings, numba, scipy.linalg, scipy.integrate\n"

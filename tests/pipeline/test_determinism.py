@@ -126,6 +126,7 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
         here = (f"STAMP={fresh.folder}", f"BIN={Path(sys.executable).parent}")
         made = fresh.run("make", "figures", *here, check=False)
         changed = fresh.snakemake(other, "--config", "lie={plant: {step: 0.004}}", check=False)
+        again = fresh.snakemake(target, check=False)
     finally:
         os.killpg(first.pid, signal.SIGKILL)
         first.wait()
@@ -137,5 +138,6 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
     assert changed.returncode != 0
     said = "reobserve: another build runs in this folder, with other parameters of lie; wait for it"
     assert changed.stderr.rstrip().splitlines()[-1].startswith(said)
+    assert "Directory cannot be locked" in again.stderr, "a refusal leaves the lock of others"
     fresh.run("snakemake", "--unlock")
     fresh.snakemake("results/ilo/constant/plant.parquet")

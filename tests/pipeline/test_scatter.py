@@ -19,6 +19,7 @@ from reobserve.ledger.config import read_yaml
 
 from .conftest import ROOT, Project, copy_toy
 from .slurm_node import ask, missing, slurm_node
+from .test_staleness import edited
 
 ROBUSTNESS = "results/toy/robustness.json"
 WHOLE = ("draws=40", "flips=false")
@@ -65,6 +66,18 @@ def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) ->
     (toy.folder / "results/toy/draws/30-39.json").unlink()
     lost = toy.stale(ROBUSTNESS, config=[*WHOLE, "chunks=4"])
     assert lost == {"draw": 1, "robustness": 1}
+
+
+def test_chunks_follow_what_they_are_drawn_from(toy: Project, in_one: bytes) -> None:
+    """In the same build, also where a study before them has to run first."""
+    config = [*WHOLE, "chunks=2"]
+    toy.snakemake(ROBUSTNESS, "--config", *config)
+    gain = "toy={observers: {slow: {gains: [0.9, 1.1]}}}"
+    assert toy.stale(ROBUSTNESS, config=[*config, gain])["draw"] == 2
+    with edited(toy.folder / "src/reobserve/papers/toy/study.py"):
+        stale = toy.stale(ROBUSTNESS, config=config)
+    assert stale == {"study": 1, "draw": 2, "robustness": 1}
+    assert toy.stale(ROBUSTNESS, config=config) == {}
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -86,11 +87,29 @@ def test_a_touch_makes_nothing_stale(built: Project) -> None:
 
 
 def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Project) -> None:
-    """All that computes or draws; not what counts verdicts."""
-    versions = built.folder / "src/reobserve/replication/provenance.py"
-    with edited(versions, "metadata.version(name) for", '"0.1" + metadata.version(name) for'):
+    """All that computes or draws; by metadata that are found before those of the real package."""
+    about = built.folder / "src/numpy-0.1.dist-info"
+    about.mkdir()
+    try:
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
         stale = built.stale("figures", config=["papers=[ilo]"])
+    finally:
+        shutil.rmtree(about)
     assert stale == ALL
+    assert built.stale("figures", config=["papers=[ilo]"]) == {}
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "ilo={figures: {fig2: {observers: [sampled]}}}",
+        "ilo={figures: {fig2: {scenario: constant}}}",
+        "eso={observers: {pi: {design: pi_optimal}}}",
+    ],
+)
+def test_samples_depend_on_what_figures_and_observers_name(built: Project, override: str) -> None:
+    stale = built.stale(config=[*FEW_DRAWS, override])
+    assert stale["robustness"] == stale["sensitivity"] == 1
 
 
 def test_a_value_makes_stale_what_reads_it(built: Project) -> None:

@@ -185,7 +185,7 @@ def test_damaged_metadata_of_snakemake_is_one_sentence(fresh: Project, content: 
     done = fresh.snakemake("--dry-run", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: .snakemake/metadata/cmVz: is damaged; delete .snakemake/metadata and run "
+        "reobserve: .snakemake/metadata/cmVz: is damaged; delete it, then run "
         "`snakemake --forceall`"
     )
     assert "Traceback" not in done.stderr
@@ -199,3 +199,33 @@ def test_a_results_folder_that_cannot_be_written_is_one_sentence(fresh: Project)
     last = done.stderr.rstrip().splitlines()[-1]
     assert last.startswith("reobserve: results/ilo/parameters.json: cannot be written (")
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("results/lie/constant/plant.parquet", "lie.scenarios: there is no 'constant'; there are"),
+        ("results/lie/figure/sampled.parquet", "lie.observers: there is no 'sampled'; did you"),
+        ("results/delay/fig4.pdf", "delay.figures: there is no 'fig4'; did you mean 'fig3'?"),
+    ],
+)
+def test_a_target_that_another_paper_has_is_one_sentence(
+    fresh: Project, target: str, said: str
+) -> None:
+    done = fresh.snakemake("--dry-run", target, check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1].startswith(f"reobserve: {said}")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("claims", ["claims: [a, b]", "claims: {a: words}", "[]", "a: b"])
+def test_claims_that_are_no_claims_do_not_stop_the_figures(fresh: Project, claims: str) -> None:
+    (fresh.folder / "config/claims/ilo.yaml").write_text(claims)
+    assert fresh.stale("figures") != {}
+    assert fresh.stale() != {}
+
+
+def test_files_of_editors_are_left_alone(fresh: Project) -> None:
+    for name in ("config/papers/.ilo.yaml.swp", "workflow/.Snakefile.swp"):
+        (fresh.folder / name).write_bytes(b"\xff\xfe\x00")
+    assert fresh.stale() != {}

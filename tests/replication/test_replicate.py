@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -55,20 +56,53 @@ def test_an_override_moves_what_depends_on_it_and_nothing_else() -> None:
         assert same == (name != "sampled")
 
 
-def test_the_plot_is_that_of_the_workflow_and_leaves_the_style_of_others_alone() -> None:
-    import matplotlib
-    from matplotlib import font_manager
+PLOT = """
+import matplotlib.style
+from matplotlib import font_manager
 
-    import reobserve.drawing.look  # noqa: F401, which sets the style of its own process
+matplotlib.style.use("dark_background")
+matplotlib.rcParams["lines.linewidth"] = 7.0
+before, fonts = dict(matplotlib.rcParams), font_manager.fontManager.ttflist
 
-    with matplotlib.rc_context({"lines.linewidth": 7.0}):
-        before, fonts = dict(matplotlib.rcParams), font_manager.fontManager.ttflist
-        drawn = replicate("ilo", "fig1").plot()
-        assert dict(matplotlib.rcParams) == before
-        assert font_manager.fontManager.ttflist is fonts
-    assert drawn.get_figwidth() == pytest.approx(6.6)
-    assert {line.get_linewidth() for axes in drawn.axes for line in axes.lines} != {7.0}
-    assert [text for axes in drawn.axes if (text := axes.get_ylabel())]
+from reobserve import replicate
+
+drawn = replicate("ilo", "fig1").plot()
+assert dict(matplotlib.rcParams) == before
+assert font_manager.fontManager.ttflist is fonts
+assert drawn.get_facecolor() == (1.0, 1.0, 1.0, 1.0)
+assert abs(drawn.get_figwidth() - 6.6) < 1e-9
+assert max(line.get_linewidth() for axes in drawn.axes for line in axes.lines) < 3
+assert any(axes.get_ylabel() for axes in drawn.axes)
+"""
+
+
+def test_the_plot_has_the_style_of_the_workflow_and_leaves_that_of_others_alone() -> None:
+    """In a process of a user with a style of their own."""
+    done = subprocess.run([sys.executable, "-c", PLOT], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_recorded_samples_that_a_parameter_file_names_are_read_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("config", "workflow"):
+        shutil.copytree(ROOT / name, tmp_path / "project" / name)
+    (tmp_path / "project/torque.csv").write_text("time,torque\n0,0\n10,0.1\n")
+    parameters = tmp_path / "project/config/papers/ilo.yaml"
+    text = parameters.read_text()
+    constant = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
+    assert constant in text
+    samples = "{kind: samples, axis: 1, file: torque.csv, column: torque}"
+    parameters.write_text(text.replace(constant, samples, 1))
+    monkeypatch.chdir("/")
+    found = replicate("ilo", "fig1", project=tmp_path / "project")
+    assert found.plant["fault"][-1, 0] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_a_result_is_shown_on_one_short_line() -> None:
+    shown = repr(replicate("ilo", "fig1"))
+    assert shown.startswith("<fig1 of ilo: observers sampled, continuous, forgetting; ")
+    assert len(shown) < 200
 
 
 def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
@@ -90,6 +124,8 @@ def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
     [
         (("ill", "fig1"), "paper: there is no 'ill'; did you mean 'ilo'?"),
         (("ilo", "fig11"), "figure: ilo has no 'fig11'; did you mean 'fig1'?"),
+        (("ilo", ["fig1"]), r"figure: \['fig1'\] must be a name"),
+        ((3, "fig1"), "paper: 3 must be a name"),
         (("ilo", "fig1", []), r"overrides: \[\] must be a mapping"),
         (("ilo", "fig1", {"observers": {"sampled": {"K22": 1}}}), "unknown key; did you mean 'K2'"),
         (("ilo", "fig1", {"observers": {"sampled": {"K2": 90_000}}}), "must give stable"),

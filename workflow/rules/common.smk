@@ -3,28 +3,30 @@
 
 import shlex
 import sys
-from functools import cache
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
-from reobserve.evidence.claims.registry import decisive
-from reobserve.ledger.config import check_config_files, read_yaml
+from reobserve.evidence.claims.registry import claims_text, decisive
+from reobserve.ledger.config import check_config_files
 from reobserve.ledger.ledger import digest
 from reobserve.ledger.names import caption_template, claims_path, samples_path, style_sheet
-from reobserve.replication.prepare import check_metadata, load_parameters, write_parameters
-from reobserve.replication.provenance import code_digest, closure_digest, versions
+from reobserve.replication.prepare import check_metadata, load_parameters
+from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
+from reobserve.replication.provenance import closure_digest, code_digest, files_digest, versions
 from reobserve.timeseries.signals import sample_files
 
 # Jobs use the environment that runs Snakemake, activated or not; with conda, that of their rule.
 if not workflow.deployment_settings.deployment_method:
     here = shlex.quote(str(Path(sys.executable).parent))
-    shell.prefix(f"set -euo pipefail; export PATH={here}:$PATH; ")
+    shell.prefix(f"set -euo pipefail; PS4='+ '; export PATH={here}:$PATH; ")
 
 try:
     check_metadata(Path())
     check_config_files("config/config.yaml", *workflow.configfiles)
     configfile: "config/config.yaml"
     PARAMETERS = load_parameters(Path(), config)
+    if not workflow.dryrun:
+        refuse_beside_another_build(Path(), PARAMETERS)
 except ReobserveError as error:
     sys.exit(f"reobserve: {error}")
 
@@ -72,37 +74,31 @@ def code_of(module):
     """A digest of a module that serves all papers, and of its imports."""
     return closure_digest(["reobserve.__main__", module])
 
-@cache
-def claims_of(paper):
-    """The claims of a paper; the step that decides them says what is wrong with the file."""
+def branch(wildcards, section, about):
+    """The parameters of what a wildcard names; one sentence if its paper has none of that name."""
     try:
-        return read_yaml(Path(claims_path(paper)))
+        return PARAMETERS[wildcards.paper].section(section, wildcards[about])
     except ReobserveError as error:
-        return {"problem": str(error)}
-
-def text_of(*folders):
-    """A digest of all files in folders: what the report shows besides results."""
-    files = sorted(path for folder in folders for path in Path(folder).rglob("*.*") if path.is_file())
-    return digest([[str(path), path.read_text(encoding="utf-8")] for path in files])
+        sys.exit(f"reobserve: {error}")
 
 def design_of(section, about):
     """An input function: the design that an observer, a study or a table names, if it does."""
     def design(wildcards):
-        body = PARAMETERS[wildcards.paper].section(section, wildcards[about])
+        body = branch(wildcards, section, about)
         return [f"results/{wildcards.paper}/{body['design']}.design.json"] if "design" in body else []
     return design
 
 def plant_of(section, about):
     """An input function: the record of the scenario that a study or a search names."""
     def plant(wildcards):
-        body = PARAMETERS[wildcards.paper].section(section, wildcards[about])
+        body = branch(wildcards, section, about)
         return f"results/{wildcards.paper}/{body['scenario']}/plant.parquet"
     return plant
 
 def recorded(wildcards):
     """An input function: files with recorded samples that the plant or the scenario names."""
-    parameters = PARAMETERS[wildcards.paper]
-    values = parameters.section("plant") | parameters.section("scenarios", wildcards.scenario)
+    scenario = branch(wildcards, "scenarios", "scenario")
+    values = PARAMETERS[wildcards.paper].section("plant") | scenario
     return [file for value in values.values() for file in sample_files(value)]
 
 def files_of(wildcards):
@@ -112,7 +108,7 @@ def files_of(wildcards):
 
 def behind(wildcards):
     """An input function: the record, the estimates and the study behind a figure."""
-    figure = PARAMETERS[wildcards.paper].section("figures", wildcards.figure)
+    figure = branch(wildcards, "figures", "figure")
     folder = f"results/{wildcards.paper}/{figure['scenario']}"
     return {
         "plant": f"{folder}/plant.parquet",
@@ -142,14 +138,14 @@ def cached(wildcards):
 
 def sampled(wildcards):
     """A params function: a digest of the parameters with their ranges and of the checks."""
-    parameters, wording = PARAMETERS[wildcards.paper], ("why", "source")
-    entries = {key: {part: entry[part] for part in entry if part not in wording} for key, entry in parameters.entries()}
-    return digest([entries, parameters.seed, decisive(claims_of(wildcards.paper))])
+    parameters = PARAMETERS[wildcards.paper]
+    return digest([parameters.decisive(), parameters.seed, decisive(claims_text(Path(), wildcards.paper))])
 
 def checks(wildcards):
     """A params function: a digest of the checks, and of which claims are main ones."""
-    claims = claims_of(wildcards.paper)
-    main = [name for name, body in claims.get("claims", {}).items() if body.get("headline")]
+    claims = claims_text(Path(), wildcards.paper)
+    bodies = claims.get("claims", {}).items()
+    main = [name for name, body in bodies if isinstance(body, dict) and body.get("headline")]
     return digest([decisive(claims), main])
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a

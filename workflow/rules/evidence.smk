@@ -14,12 +14,9 @@ rule theory:
         "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
         " --design-files {input} --output {output}) &> {log}"
 
-# With `chunks` above one; else the robustness draws all samples. A chunk stays right whatever is
-# kept or drawn besides, so the age of its inputs does not count.
+# With `chunks` above one; else the robustness draws all samples.
 rule draw:
-    input:
-        kept=ancient(cached),
-        studies=ancient(each_of_paper("results/{paper}/{name}.study.csv", "studies"))
+    input: kept=cached, studies=each_of_paper("results/{paper}/{name}.study.csv", "studies")
     output: "results/{paper}/draws/{chunk}.json"
     log: "logs/{paper}/draws/{chunk}.log"
     benchmark: "logs/{paper}/draws/{chunk}.tsv"
@@ -79,7 +76,7 @@ rule claims:
     conda: "../envs/reobserve.yaml"
     params:
         papers=CLAIMED, code=code_of("reobserve.stages.claims"),
-        claims=digest([[claims_of(paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED])
+        claims=digest([[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED])
     message: "decide all claims"
     shell: "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
 
@@ -93,7 +90,7 @@ rule report:
     benchmark: "logs/report.tsv"
     conda: "../envs/reobserve.yaml"
     params:
-        built=BUILT, texts=text_of("config", "workflow/report"),
+        built=BUILT, texts=files_digest("config", "workflow/report"),
         code=code_of("reobserve.evidence.report"), packages=PACKAGES
     message: "write the replication report"
     shell: "(set -x; reobserve report {params.built} --output {output}) &> {log}"
@@ -114,6 +111,8 @@ rule archive:
     output: "results/archive.zip"
     log: "logs/archive.log"
     conda: "../envs/reobserve.yaml"
-    params: texts=text_of("config", "workflow"), code=code_of("reobserve.stages.archive"), packages=PACKAGES
+    params:
+        texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
+        code=code_of("reobserve.stages.archive"), packages=PACKAGES
     message: "pack the build"
     shell: "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"

@@ -45,7 +45,9 @@ def _add_simulation(commands: Any) -> None:
         "--overrides", type=tree, default={}, metavar="JSON",
         help='values to replace, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
-    ledger.add_argument("--seed", type=whole(0), default=0, help="root of the random streams")
+    ledger.add_argument(
+        "--seed", type=whole(0), help="root of the random streams (default: that of the config)"
+    )
     add_output(ledger, "the parameters, JSON")
     add_project(ledger)
 
@@ -168,7 +170,7 @@ def _add_evidence(commands: Any) -> None:
     add_project(sensitivity)
 
     claims = add_command(commands, "claims", "stages.claims:run", "decide all claims")
-    claims.add_argument("paper", nargs="+", help="papers whose figures are built")
+    claims.add_argument("paper", nargs="*", help="papers whose figures are built")
     claims.add_argument(
         "--results", type=Path, default=Path("results"), help="where they are (default: results)"
     )

@@ -26,39 +26,41 @@ _SMALLEST = 6.0  # points, below which journals take no text
 
 _PARAMETERS: Any = matplotlib.rcParams  # annotated with each name, which no sheet knows
 
-_PARAMETERS.update(
-    {
-        "figure.figsize": (WIDTH, 4.8),
-        "font.family": "DejaVu Sans",
-        "mathtext.fontset": "dejavusans",
-        "font.size": _TEXT,
-        "axes.labelsize": 8.5,
-        "axes.titlesize": 9,
-        "axes.titlelocation": "left",
-        "axes.grid": True,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "grid.color": "0.88",
-        "grid.linewidth": 0.5,
-        "legend.fontsize": 7.5,
-        "legend.frameon": False,
-        "lines.linewidth": _LINE,
-        "lines.markersize": _MARKER,
-        "figure.constrained_layout.use": True,
-        "savefig.dpi": 160,
-        "pdf.fonttype": 42,
-        "ps.fonttype": 42,
-        "pgf.rcfonts": False,
-        "svg.hashsalt": "reobserve",
-        "path.simplify": True,
-    }
-)
+_OWN: dict[str, Any] = {
+    "figure.figsize": (WIDTH, 4.8),
+    "font.family": "DejaVu Sans",
+    "mathtext.fontset": "dejavusans",
+    "font.size": _TEXT,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "lines.linewidth": _LINE,
+    "lines.markersize": _MARKER,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 160,
+    "pdf.fonttype": 42,
+    "ps.fonttype": 42,
+    "pgf.rcfonts": False,
+    "svg.hashsalt": "reobserve",
+    "path.simplify": True,
+}
 
 # Only the fonts that come with matplotlib: a font of the same name on this machine may differ.
 _BUNDLED = matplotlib.get_data_path()
 _FONTS = [font for font in font_manager.fontManager.ttflist if font.fname.startswith(_BUNDLED)]
 font_manager.fontManager.ttflist = _FONTS
 
+# All parameters, whatever a user's own settings say.
+_DEFAULTS: Any = matplotlib.rcParamsDefault
+_PARAMETERS.update({key: _DEFAULTS[key] for key in _DEFAULTS if key != "backend"})
+_PARAMETERS.update(_OWN)
 _HOUSE = {key: value for key, value in _PARAMETERS.copy().items() if key != "backend"}
 _DESIGNED = _HOUSE["figure.figsize"]
 _GENERIC = ("sans-serif", "serif", "monospace")

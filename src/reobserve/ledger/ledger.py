@@ -124,6 +124,12 @@ class Ledger:
         decisive: Tree = found if step == "plot" else _without_wording(found)
         return decisive
 
+    def decisive(self) -> Tree:
+        """The whole tree without wording: values, ranges, and which branches name which others."""
+        wording = ("label", "title", "source", "why", "about")
+        found: Tree = _without(self.tree, wording)
+        return found
+
     def refined(self) -> Ledger:
         """The same ledger with every numerical step [s] halved."""
         tree = copy.deepcopy(self.tree)
@@ -185,13 +191,13 @@ def _values(branch: Any) -> Any:
 
 def _without_wording(branch: Any) -> Any:
     """What decides numbers: a new name or title must make nothing stale but drawings."""
+    return _without(branch, ("label", "title", "source"))
+
+
+def _without(branch: Any, keys: tuple[str, ...]) -> Any:
     if not isinstance(branch, Mapping):
         return branch
-    return {
-        key: _without_wording(value)
-        for key, value in branch.items()
-        if key not in ("label", "title", "source")
-    }
+    return {key: _without(value, keys) for key, value in branch.items() if key not in keys}
 
 
 def _entries(branch: Any, place: str) -> Iterator[tuple[str, Tree]]:

@@ -82,16 +82,18 @@ def _cache_folder() -> Path | None:
     So the name of the folder is a digest of all modules with kernels: an edit begins a new one.
     """
     package = Path(__file__).parents[1]
-    chosen: Any = numba.config
-    whole = hashlib.sha256(f"{numba.__version__} {chosen.OPT}".encode())
+    whole = hashlib.sha256(numba.__version__.encode())
     for path in sorted(package.rglob("*.py")):
         source = path.read_bytes()
         if any(mark in source for mark in _MARKS):
             whole.update(source)
-    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    places = [chosen.CACHE_DIR] if chosen.CACHE_DIR else [package / "__pycache__", caches]
-    for place in map(Path, places):
-        folder = place / f"reobserve-kernels-{whole.hexdigest()[:16]}"
+    chosen: Any = numba.config
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    places: list[Any] = (
+        [chosen.CACHE_DIR] if chosen.CACHE_DIR else [package / "__pycache__", caches]
+    )
+    for place in places:
+        folder = Path(place) / f"reobserve-kernels-{whole.hexdigest()[:16]}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:

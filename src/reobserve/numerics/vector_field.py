@@ -42,7 +42,7 @@ def vector_field(function: Callable[..., None]) -> Any:
 
 
 def is_vector_field(value: Any) -> bool:
-    """Whether a value was made by `vector_field`: it has the attributes of numba's callbacks."""
+    """Whether a value is a callback of numba's, as `vector_field` makes them."""
     return hasattr(value, "native_name") and hasattr(value, "address")
 
 

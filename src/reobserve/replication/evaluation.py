@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from reobserve.drawing.figures import PaperFigure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Replication:
     """A figure of a paper, recomputed.
 
@@ -60,6 +60,11 @@ class Replication:
     estimates: Mapping[str, Series]
     rows: list[dict[str, Any]] | None
     numbers: list[Metric]
+
+    def __repr__(self) -> str:
+        observers = ", ".join(self.estimates)
+        count = len(self.numbers)
+        return f"<{self.figure} of {self.ledger.paper}: observers {observers}; {count} metrics>"
 
     @cached_property
     def metrics(self) -> pd.DataFrame:

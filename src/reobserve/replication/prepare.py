@@ -6,7 +6,9 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,12 @@ from reobserve.ledger.types import read_ledger
 from reobserve.plain_data.files import write_text
 from reobserve.timeseries.signals import sample_files
 
+_PATIENCE = 5.0  # [s] for interpreted loops, after which compiling them is faster
 _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
 
 
 def check_metadata(project: Path) -> None:
-    """Check the files in which Snakemake remembers how results were made, see `--rerun-triggers`.
+    """Check the files in which Snakemake remembers how results were made.
 
     Raises
     ------
@@ -30,13 +33,20 @@ def check_metadata(project: Path) -> None:
         If one of them is damaged, which Snakemake answers with a traceback.
     """
     for path in sorted((project / ".snakemake" / "metadata").glob("*")):
-        try:
-            whole = isinstance(json.loads(path.read_bytes().decode("utf-8")), dict)
-        except (OSError, ValueError):
-            whole = path.is_dir()
-        if not whole:
-            problem = "is damaged; delete .snakemake/metadata and run `snakemake --forceall`"
-            raise InputError(str(path), problem)
+        if not _is_record(path):
+            time.sleep(0.5)  # a job may be writing it
+            if not _is_record(path):
+                problem = "is damaged; delete it, then run `snakemake --forceall`"
+                raise InputError(str(path), problem)
+
+
+def _is_record(path: Path) -> bool:
+    try:
+        return isinstance(json.loads(path.read_bytes().decode("utf-8")), dict)
+    except FileNotFoundError:
+        return True
+    except (OSError, ValueError):
+        return path.is_dir()
 
 
 def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
@@ -87,7 +97,6 @@ def write_parameters(
             if _stored(project, paper) != ledger.text()
         ]
         if changed:
-            _refuse_beside_another_build(project, changed)
             _check({paper: config.get(paper, {}) for paper in changed})
         for paper in changed:
             write_text(project / stored_parameters(paper), parameters[paper].text())
@@ -95,18 +104,24 @@ def write_parameters(
         sys.exit(f"reobserve: {error}")
 
 
-def _refuse_beside_another_build(project: Path, changed: list[str]) -> None:
+def refuse_beside_another_build(project: Path, parameters: Mapping[str, Ledger]) -> None:
     """Refuse to change parameters that the jobs of another build may still have to read.
 
     Snakemake lets two builds run in one folder if they write different files.
+
+    Raises
+    ------
+    ReobserveError
+        If there is a lock of Snakemake's, and the stored parameters are not these.
     """
-    locks = list((project / ".snakemake" / "locks").glob("*.output.lock"))
-    if len(locks) > 1:
-        problem = (
-            f"another build runs in this folder, with other parameters of {', '.join(changed)}; "
-            "wait for it to end, or type `snakemake --unlock` if it was killed"
-        )
-        raise ReobserveError(problem)
+    if any((project / ".snakemake" / "locks").glob("*.lock")):
+        changed = [one for one in parameters if _stored(project, one) != parameters[one].text()]
+        if changed:
+            raise ReobserveError(
+                f"another build runs in this folder, with other parameters of "
+                f"{', '.join(changed)}; wait for it to end, or type `snakemake --unlock` if it "
+                "was killed"
+            )
 
 
 def _stored(project: Path, paper: str) -> str:
@@ -123,13 +138,14 @@ def _check(overrides: Mapping[str, Any]) -> None:
     decides where that fails: it divides by zero without an error.
     """
     command = [sys.executable, "-m", "reobserve", "check", "--overrides", "-", "--", *overrides]
-    for variables in ({"NUMBA_DISABLE_JIT": "1"}, {}):
-        done = subprocess.run(
-            command, input=json.dumps(overrides), env={**os.environ, **variables},
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode == 0:
-            return
+    for variables, seconds in (({"NUMBA_DISABLE_JIT": "1"}, _PATIENCE), ({}, None)):
+        with suppress(subprocess.TimeoutExpired):
+            done = subprocess.run(
+                command, input=json.dumps(overrides), env={**os.environ, **variables},
+                capture_output=True, text=True, check=False, timeout=seconds,
+            )  # fmt: skip
+            if done.returncode == 0:
+                return
     sys.exit(
         (done.stderr.strip().splitlines() or ["reobserve: the check of parameters failed"])[-1]
     )

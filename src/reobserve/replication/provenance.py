@@ -83,6 +83,17 @@ def closure_digest(modules: Iterable[str]) -> str:
     return whole.hexdigest()[:16]
 
 
+def files_digest(*places: str) -> str:
+    """A short hash of files and of all files in folders, but for hidden ones."""
+    found = {path for place in map(Path, places) for path in (place, *place.rglob("*.*"))}
+    whole = hashlib.sha256()
+    for path in sorted(found):
+        if path.is_file() and not path.name.startswith("."):
+            whole.update(str(path).encode())
+            whole.update(hashlib.sha256(path.read_bytes()).digest())
+    return whole.hexdigest()[:16]
+
+
 @cache
 def versions() -> dict[str, str]:
     """The versions of the packages that decide numbers and pictures."""

@@ -10,6 +10,7 @@ from reobserve.errors import InputError, nearest, shown
 from reobserve.ledger.ledger import Ledger, default_seed
 from reobserve.ledger.overrides import OVERRIDDEN
 from reobserve.replication.evaluation import Replication, evaluate
+from reobserve.timeseries.signals import sample_files
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -57,6 +58,11 @@ def replicate(
     >>> result = replicate("ilo", "fig1", {"observers": {"sampled": {"K2": 500.0}}})
     >>> sampled = result.estimates["sampled"]["fault"]  # shape (samples, 3), in N m
     """
+    for name, word in (("paper", paper), ("figure", figure)):
+        if not isinstance(word, str):
+            raise InputError(name, f"{shown(word)} must be a name")
+    if not isinstance(project, str | Path | None):
+        raise InputError("project", f"{shown(project)} must be a folder")
     folder = _own_project() if project is None else Path(project)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
@@ -76,5 +82,11 @@ def _own_project() -> Path:
 def _name_files_from_here(ledger: Ledger, folder: Path) -> None:
     """Make paths whole that parameter files state relative to the project."""
     for _, entry in ledger.entries():
-        if entry["unit"] == "file" and entry["source"] != OVERRIDDEN:
+        if entry["source"] == OVERRIDDEN:
+            continue
+        if entry["unit"] == "file":
             entry["value"] = str(folder / entry["value"])
+        elif sample_files(entry["value"]):
+            for term in entry["value"]:
+                if "file" in term:
+                    term["file"] = str(folder / term["file"])

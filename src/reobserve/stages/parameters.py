@@ -6,12 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.ledger.check import check_ledger
-from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.ledger import Ledger, default_seed
 from reobserve.plain_data.files import write_text
 
 
-def run(project: Path, paper: str, overrides: dict[str, Any], seed: int, output: Path) -> None:
+def run(
+    project: Path, paper: str, overrides: dict[str, Any], seed: int | None, output: Path
+) -> None:
     """Resolve, build every plant and observer once to check them, and write."""
-    ledger = Ledger.load(project, paper, overrides, seed)
+    root = default_seed(project) if seed is None else seed
+    ledger = Ledger.load(project, paper, overrides, root)
     check_ledger(ledger)
     write_text(output, ledger.text())

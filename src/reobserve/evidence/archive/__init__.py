@@ -1,6 +1,6 @@
 """A build as a file to deposit and cite: an RO-Crate, zipped.
 
-`records` finds what ran and whether that is what stands there, `crate` describes it in the terms of
+`records` finds the jobs that ran by their logs, `crate` describes it in the terms of
 Workflow Run RO-Crate, `packing` writes the file, the same bytes for the same build.
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,19 @@ def amiss(claims: Sequence[Claim]) -> Iterator[str]:
         if first != claim.name:
             place = f"claims.{claim.paper}.{claim.name}.says"
             yield f"{place}: what {first} says, must be another claim"
+
+
+@cache
+def claims_text(project: Path, paper: str) -> Tree:
+    """The file of a paper's claims as it stands, to see whether it has changed.
+
+    Where it is not what it must be there is its problem instead; those who decide claims report it.
+    """
+    try:
+        tree = read_yaml(claims_file(project, paper))
+    except InputError as error:
+        return {"problem": str(error)}
+    return tree if isinstance(tree.get("claims"), dict) else {"problem": tree}
 
 
 def decisive(tree: Tree) -> Tree:
