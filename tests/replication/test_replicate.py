@@ -71,7 +71,7 @@ assert dict(matplotlib.rcParams) == before
 assert font_manager.fontManager.ttflist is fonts
 assert drawn.get_facecolor() == (1.0, 1.0, 1.0, 1.0)
 assert abs(drawn.get_figwidth() - 6.6) < 1e-9
-assert max(line.get_linewidth() for axes in drawn.axes for line in axes.lines) < 3
+assert max(line.get_linewidth() for axes in drawn.axes for line in axes.lines) < 7
 assert any(axes.get_ylabel() for axes in drawn.axes)
 """
 
