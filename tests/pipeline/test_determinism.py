@@ -122,6 +122,7 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
         while not (fresh.folder / "results/lie/parameters.json").exists():
             assert first.poll() is None
             time.sleep(0.02)
+        os.killpg(first.pid, signal.SIGSTOP)  # so that it does not end before the others
         second = fresh.snakemake(target, check=False)
         here = (f"STAMP={fresh.folder}", f"BIN={Path(sys.executable).parent}")
         made = fresh.run("make", "figures", *here, check=False)
