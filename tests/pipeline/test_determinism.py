@@ -140,5 +140,6 @@ def test_a_second_build_in_the_folder_is_refused(fresh: Project) -> None:
     said = "reobserve: another build runs in this folder, with other parameters of lie; wait for it"
     assert changed.stderr.rstrip().splitlines()[-1].startswith(said)
     assert "Directory cannot be locked" in again.stderr, "a refusal leaves the lock of others"
-    fresh.run("snakemake", "--unlock")
+    # With other parameters than those of the build that was killed, too.
+    fresh.run("snakemake", "--unlock", "--config", "lie={plant: {step: 0.004}}")
     fresh.snakemake("results/ilo/constant/plant.parquet")

@@ -25,7 +25,7 @@ try:
     check_config_files("config/config.yaml", *workflow.configfiles)
     configfile: "config/config.yaml"
     PARAMETERS = load_parameters(Path(), config)
-    if not workflow.dryrun:
+    if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
 except ReobserveError as error:
     sys.exit(f"reobserve: {error}")

@@ -32,7 +32,7 @@ _NOTHING = " "
 
 # Level 1 of LLVM compiles a loop in two thirds of the time of level 3. Over all figures the files
 # are bitwise identical, and the loops as fast.
-_OPTIMISATION = {"NUMBA_OPT": "1"}
+_OPTIMISATION = ("NUMBA_OPT", "1")
 
 
 def pin_code_paths() -> bool:
@@ -42,7 +42,8 @@ def pin_code_paths() -> bool:
     have chosen by then (children still start as chosen here), if something is set otherwise, or
     if this is no x86-64 processor, where nothing but the number of threads is known to pin.
     """
-    chosen = {**dict.fromkeys(THREADS, "1"), **_OPTIMISATION}
+    os.environ.setdefault(*_OPTIMISATION)
+    chosen = dict.fromkeys(THREADS, "1")
     known = platform.machine().lower() in ("x86_64", "amd64")
     if known:
         chosen[KERNEL] = _OLDEST_KERNEL
