@@ -9,33 +9,25 @@ from typing import Any
 
 from docs.generate.markdown import block, code, plain, table
 from reobserve.designs.file import KINDS, kind_of
-from reobserve.ledger.config import read_yaml
+from reobserve.evidence.schemas import KINDS as KINDS_OF_FILES
+from reobserve.ledger.parameter_file import Configuration
 from reobserve.own_data.examples import NAMES, specification_text
-
-# Of the schemas in `workflow/schemas`: the files that each is of.
-_SCHEMAS = {
-    "config": "config/config.yaml",
-    "paper": "config/papers/<paper>.yaml",
-    "claims": "config/claims/<paper>.yaml",
-    "claim": "each claim in config/claims/<paper>.yaml",
-    "errata": "config/errata/<paper>.yaml",
-}
-
+from reobserve.plain_data.documents import read_yaml
+from reobserve.plain_data.validation import schema
 
 def keys_of_a_build(root: Path) -> str:
     """The keys of `config/config.yaml` and what is allowed for each, and the file."""
     text = (root / "config/config.yaml").read_text(encoding="utf-8")
-    properties = read_yaml(root / "workflow/schemas/config.schema.yaml")["properties"]
-    told = dict(re.findall(r"^(\w+): .*?\s# (.+)$", text, re.MULTILINE))
+    stated = dict(re.findall(r"^(\w+): .*?\s# (.+)$", text, re.MULTILINE))
     values = read_yaml(root / "config/config.yaml")
     rows = [
         (
             code(key),
             code(_value(values[key])) if key in values else "",
-            plain(_allowed(schema)),
-            plain(told.get(key, "the papers to build; all of them if it is not given")),
+            plain(_allowed(part)),
+            plain(part.get("description") or stated.get(key, "")),
         )
-        for key, schema in properties.items()
+        for key, part in schema(Configuration)["properties"].items()
     ]
     listed = table(("key", "as it stands", "allowed", "what it is"), rows)
     return f"{listed}\n{block(text, 'yaml', 'config/config.yaml')}"
@@ -47,29 +39,65 @@ def _value(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _allowed(schema: Mapping[str, Any]) -> str:
-    if "items" in schema:
-        items = schema["items"]
-        inner = f"of {', '.join(items['enum'])}" if "enum" in items else f"of {items['type']}s"
-        return f"a list {inner}"
-    words = {"boolean": "true or false", "integer": "a whole number", "string": "a name"}
-    told = words[schema["type"]]
-    if "minimum" in schema:
-        told += f" from {schema['minimum']} to {schema['maximum']}"
-    return told
+_WORDS = {
+    "boolean": "true or false", "integer": "a whole number", "number": "a number",
+    "string": "text", "object": "a mapping", "array": "a list", "null": "",
+}  # fmt: skip
 
 
-def schemas(root: Path) -> str:
-    """The schemas of all files in `config`."""
+def _allowed(part: Mapping[str, Any]) -> str:
+    """What a JSON schema allows, in words."""
+    options = part.get("anyOf", part.get("oneOf"))
+    if options:
+        return " or ".join(dict.fromkeys(filter(None, map(_allowed, options))))
+    if "$ref" in part:
+        return str(part["$ref"].rpartition("/")[2])
+    if "enum" in part or "const" in part:
+        return ", ".join(map(_value, part.get("enum", [part.get("const")])))
+    if part.get("type") == "array" and part.get("items"):
+        return f"a list of {_allowed(part['items'])}"
+    inner = next(iter(part.get("patternProperties", {}).values()), part.get("additionalProperties"))
+    if part.get("type") == "object" and isinstance(inner, dict):
+        return f"by name: {_allowed(inner)}"
+    said = _WORDS.get(part.get("type", ""), "any value")
+    bounds = {
+        "exclusiveMinimum": "above", "minimum": "from", "exclusiveMaximum": "below",
+        "maximum": "to",
+    }  # fmt: skip
+    return " ".join([said, *(f"{word} {part[key]:g}" for key, word in bounds.items() if key in part)])
+
+
+def schemas() -> str:
+    """The keys of all kinds of files in `config`."""
     parts = []
-    for file in sorted((root / "workflow/schemas").glob("*.schema.yaml")):
-        name = file.name.removesuffix(".schema.yaml")
-        text = file.read_text(encoding="utf-8")
-        title = plain(read_yaml(file)["title"])
-        about = f"{title}: {code(_SCHEMAS.get(name, name))}."
-        shown = block(text, "yaml", f"workflow/schemas/{file.name}")
-        parts.append(f"## {code(name)} {{ #{name} }}\n\n{about}\n\n{shown}")
+    for name, (path, kind) in KINDS_OF_FILES.items():
+        found = schema(kind)
+        about = f"{code(path)}, as `reobserve schema {name}` prints it for an editor."
+        parts.append(f"## {code(name)} {{ #{name} }}\n\n{about}\n\n{_keys(found)}")
+        parts += [
+            f"### {code(title)} {{ #{name}-{title.lower()} }}\n\n{_keys(part)}"
+            for title, part in found["$defs"].items()
+            if "properties" in part and part["title"] != found["title"]
+        ]
     return "\n".join(parts)
+
+
+def _keys(found: Mapping[str, Any]) -> str:
+    """A description and a table of the keys of a mapping."""
+    needed = found.get("required", ())
+    rows = [
+        (
+            code(key),
+            "yes" if key in needed else "",
+            plain(_allowed(part)),
+            plain(part.get("description", "").replace("`", "")),
+        )
+        for key, part in found["properties"].items()
+    ]
+    if isinstance(found.get("additionalProperties"), dict):
+        rows.append(("others", "", plain(_allowed(found["additionalProperties"])), ""))
+    about = plain(found.get("description", "").partition("\n\n")[0].replace("`", ""))
+    return f"{about}\n\n{table(('key', 'needed', 'allowed', 'what it is'), rows)}"
 
 
 def specifications() -> str:

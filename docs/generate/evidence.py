@@ -30,9 +30,10 @@ from reobserve.evidence.report.markup import to_html, without_title
 from reobserve.evidence.report.model import Claim, Entry, Erratum
 from reobserve.evidence.report.reading import Project
 from reobserve.evidence.report.verdicts import claim_of_row
-from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import caption_template, samples_path
+from reobserve.plain_data.documents import read_yaml
 from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import Metric, lookup
 

@@ -13,7 +13,7 @@ from docs.generate.markdown import Page, code, plain, table, ticks
 from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.claims.verdicts import VERDICTS, replicated, title_margin
 from reobserve.evidence.report.model import Claim, Erratum
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 
 _THRESHOLDS = {
     "stated": "The bound is the paper's.",

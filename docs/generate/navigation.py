@@ -9,7 +9,7 @@ from typing import Any
 
 from docs.generate.markdown import Page
 from reobserve.errors import InputError
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 
 # The tabs, by folder; a folder that has no page is left out.
 FOLDERS = {

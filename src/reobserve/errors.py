@@ -63,7 +63,8 @@ def located(place: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{place}.{error.parameter}", error.problem) from None
+        key = f"{place}.{error.parameter}" if error.parameter else place
+        raise InputError(key, error.problem) from None
     except DivergenceError as error:
         raise DivergenceError(f"{place} ({error.what})", error.time, error.finding) from None
 

@@ -22,12 +22,12 @@ EXTRAS = {
     "matplotlib": "plot",
     "pandas": "data",
     "pint": "data",
+    "pydantic": "data",
     "pyarrow": "data",
     "yaml": "data",
     "PIL": "pipeline",
     "docutils": "pipeline",
     "jinja2": "pipeline",
-    "jsonschema": "pipeline",
     "rocrate": "pipeline",
     "skimage": "pipeline",
 }

@@ -14,7 +14,7 @@ from scipy.signal import place_poles
 from reobserve.designs.design import Design
 from reobserve.designs.file import KINDS, kind_of, load_design, save_design
 from reobserve.errors import InputError
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 from reobserve.synthesis.extended_state import pd_pi
 
 PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))

@@ -14,8 +14,7 @@ from reobserve.designs.file import kind_of
 from reobserve.designs.poles import parse_poles
 from reobserve.designs.signals import product
 from reobserve.errors import InputError
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import Tree, parse_yaml
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 
 

@@ -27,7 +27,7 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 
 Array = NDArray[np.float64]
 Made = tuple[Any, Any]  # an observer, and a state or None

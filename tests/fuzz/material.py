@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.documents import read_yaml
 from tests import FIVE
 
 from .case import command

@@ -11,16 +11,15 @@ import pytest
 import yaml
 
 from reobserve.errors import InputError
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.documents import read_yaml
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    for name in ("config", "workflow/schemas"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
     return tmp_path
 
 
@@ -117,7 +116,7 @@ def test_a_name_must_serve_as_part_of_a_file_name(
     project: Path, designed: dict[str, Any], section: str, wrong: str
 ) -> None:
     designed[section][wrong] = copy.deepcopy(next(iter(designed[section].values())))
-    with pytest.raises(InputError, match=rf"^ilo\.{section}: '{wrong}' "):
+    with pytest.raises(InputError, match=rf"^ilo\.{section}\.{wrong}: '{wrong}' "):
         load_tree(project, designed)
 
 

@@ -11,10 +11,11 @@ import pytest
 import yaml
 
 from reobserve.errors import InputError
-from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger, digest, leaves
 from reobserve.ledger.overrides import OVERRIDDEN
 from reobserve.numerics.matrices import as_floats
+from reobserve.plain_data.documents import read_yaml
 
 ROOT = Path(__file__).parents[2]
 
@@ -137,16 +138,15 @@ def test_refined_halves_steps_only() -> None:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    for name in ("config", "workflow/schemas"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
     return tmp_path
 
 
 BREAKS = {
-    "no why": (lambda body: body.pop("why"), "'why' is a required property"),
-    "no range": (lambda body: body.pop("range"), "'range' is a required property"),
-    "no unit": (lambda body: body.pop("unit"), "'unit' is a required property"),
-    "no source": (lambda body: body.pop("source"), "'source' is a required property"),
+    "no why": (lambda body: body.pop("why"), "K2.why: is missing; what is assumed needs it"),
+    "no range": (lambda body: body.pop("range"), "K2.range: is missing; what is assumed needs it"),
+    "no unit": (lambda body: body.pop("unit"), "K2.unit: is missing; the entry needs it"),
+    "no source": (lambda body: body.pop("source"), "K2.source: is missing; the entry needs it"),
     "unknown key": (lambda body: body.update(whi="x"), "whi: unknown key; did you mean 'why'"),
     "outside its range": (lambda body: body.update(value=9e9), "is outside its range [500, 5000]"),
 }

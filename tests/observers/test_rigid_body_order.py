@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.errors import InputError
+from reobserve.ledger.job import read_ledger
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import read_ledger
 from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves

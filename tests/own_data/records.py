@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from reobserve.own_data.examples import specification_text
 from reobserve.own_data.specification import Specification
-from reobserve.plain_data.typed_tree import parse
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
+from reobserve.plain_data.validation import parse
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from reobserve.own_data.examples import simulated
 from reobserve.own_data.reading import File
 from reobserve.own_data.specification import LearnedThreshold, Specification, read_specification
 from reobserve.own_data.writing import KEY
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from tests.own_data.records import read_results, specification, write_record
 
 Array = NDArray[np.float64]

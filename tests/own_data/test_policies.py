@@ -14,7 +14,7 @@ from reobserve.errors import DivergenceError, InputError
 from reobserve.own_data.commands import estimate_file
 from reobserve.own_data.estimation import Estimation
 from reobserve.own_data.examples import simulated, specification_text
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 from tests.own_data.by_hand import motor_model
 from tests.own_data.records import read_results, specification, write_record
 

@@ -15,7 +15,7 @@ import pytest
 from .environments import ROOT, build
 
 # Beside the package: what `reobserve.replicate` reads where there is no checkout.
-DATA = ("config/config.yaml", "config/papers", "config/searches", "workflow/schemas")
+DATA = ("config/config.yaml", "config/papers", "config/searches")
 
 
 @pytest.fixture(scope="module")

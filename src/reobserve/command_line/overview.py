@@ -10,7 +10,7 @@ from reobserve.command_line.types import tree, whole
 
 
 def add_overview(commands: Any) -> None:
-    """`list`, `params`, `equations`, `readme`, `latex` and `check`."""
+    """`list`, `params`, `equations`, `readme`, `latex`, `check` and `schema`."""
     listing = add_command(
         commands, "list", "ledger.overview:show_list", "show what there is, and what is built"
     )
@@ -62,11 +62,18 @@ def add_overview(commands: Any) -> None:
     add_output(latex, "a file that LaTeX can input, .tex")
 
     check = add_command(
-        commands, "check", "stages.check:run", "check whole ledgers, without writing any"
-    )
+        commands, "check", "stages.check:run",
+        "check everything under config/: parameters, claims, errata, equations",
+    )  # fmt: skip
     check.add_argument("paper", nargs="*", help="only these papers (default: all)")
     check.add_argument(
         "--overrides", type=tree, default={}, metavar="JSON",
         help='values to replace, by paper; - reads them from standard input',
     )  # fmt: skip
     add_project(check)
+
+    schema = add_command(
+        commands, "schema", "evidence.schemas:print_schema",
+        "print the JSON schema of a kind of file, for an editor",
+    )  # fmt: skip
+    schema.add_argument("kind", choices=("config", "parameters", "claims", "errata", "equations"))

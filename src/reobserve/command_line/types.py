@@ -13,7 +13,7 @@ from reobserve.errors import InputError, shown
 
 def tree(text: str) -> dict[str, Any]:
     """A mapping from JSON, or from standard input for a dash."""
-    from reobserve.plain_data.json_data import parse_json
+    from reobserve.plain_data.documents import parse_json
 
     try:
         found = parse_json(sys.stdin.read() if text == "-" else text, "")

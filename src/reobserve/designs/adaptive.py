@@ -7,14 +7,14 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, pairs, told
 from reobserve.designs.rigid_body import BodyDesign, BodySystem
 from reobserve.errors import InputError
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.adaptive import AdaptiveObserver
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A satellite whose rates are measured, and whose thrusters may fail.

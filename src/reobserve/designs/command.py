@@ -7,11 +7,10 @@ from typing import Any
 
 from reobserve.designs.design import Design
 from reobserve.designs.file import kind_of, naming, save_design
-from reobserve.errors import InputError, shown
+from reobserve.errors import InputError
 from reobserve.extras import package
-from reobserve.plain_data.files import read_text, write_text
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
+from reobserve.plain_data.documents import Tree, read_yaml
+from reobserve.plain_data.files import write_text
 
 
 def run(
@@ -53,7 +52,4 @@ def read_model(path: str | Path) -> Tree:
         If it is none.
     """
     package("yaml", "read a model", extra="design")
-    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
-    if not isinstance(tree, dict):
-        raise InputError(str(path), f"{shown(tree)} must be a mapping of keys to values")
-    return tree
+    return read_yaml(path)

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, ClassVar, Self, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.signals import Signal, listed
 from reobserve.errors import InputError, located
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.contract import Observer
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import Tree
+from reobserve.plain_data.validation import parse
 
-Array = NDArray[np.float64]
+Array = FloatArray
 Certificate = dict[str, Any]  # of plain values; `poles` are pairs of real and imaginary part
 
 _AGREE = 1e-6  # of a number: what another processor may make of the same gains

@@ -8,22 +8,21 @@ from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design, pairs, told
 from reobserve.designs.linear_system import Period, check_shape
 from reobserve.designs.signals import Signal, Signals, listed
 from reobserve.errors import InputError
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.extended_state import ExtendedStateObserver, State
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import Tree
+from reobserve.plain_data.validation import parse
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.design import Design as Found
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A motor: its voltage may be off by actuator, its measured speed by sensor.

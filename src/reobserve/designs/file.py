@@ -21,9 +21,9 @@ from typing import Any, TypeVar
 
 from reobserve.designs.design import Design, plain
 from reobserve.errors import InputError, shown
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import write_text
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 
 FORMAT = "reobserve design"
 SCHEMA = 1

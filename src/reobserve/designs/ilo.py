@@ -7,11 +7,10 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate
 from reobserve.designs.rigid_body import BodyDesign, BodySystem
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.synthesis.ilo_accuracy import predicted_rms_error
@@ -19,7 +18,7 @@ from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 from reobserve.synthesis.ilo_stability import continuous_stability
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A satellite whose rates are measured, and whose thrusters may fail.

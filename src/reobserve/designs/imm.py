@@ -8,18 +8,18 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design
 from reobserve.designs.kalman import NoisySystem
 from reobserve.designs.signals import Signal, check_signals, covariances, variances
 from reobserve.errors import InputError, located
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum that may be worn: its friction tells which.

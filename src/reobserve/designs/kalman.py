@@ -8,20 +8,20 @@ from functools import cached_property
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design, pairs, told
 from reobserve.designs.linear_system import LinearSystem
 from reobserve.designs.signals import Signal, variances
 from reobserve.errors import InputError
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter, State
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import Tree
+from reobserve.plain_data.validation import parse
 from reobserve.synthesis.linear import steady_kalman_gain
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle is measured.

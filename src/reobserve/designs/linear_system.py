@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.signals import Signals
 from reobserve.errors import InputError
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.matrices import as_floats, as_positive, as_vector
+from reobserve.numerics.matrices import FloatArray, as_floats, as_positive, as_vector
+from reobserve.plain_data.validation import checked
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 def positive(place: str, value: float) -> None:
@@ -22,7 +22,7 @@ def positive(place: str, value: float) -> None:
     as_positive(place, value)
 
 
-Period = Annotated[float, positive]
+Period = Annotated[float, checked(positive)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design, pairs
 from reobserve.designs.kalman import decay_told, filter_estimates
@@ -17,12 +16,13 @@ from reobserve.designs.poles import as_pole_list, check_poles, parse_poles
 from reobserve.designs.signals import Signal
 from reobserve.errors import InputError
 from reobserve.numerics.arguments import as_poles
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
 from reobserve.observers.linear_filter import State
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import Tree
+from reobserve.plain_data.validation import checked, parse
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle is measured.
@@ -43,7 +43,7 @@ initial_state: [0.3, 0]
 class PlacedSystem(LinearSystem):
     """A linear system, and the poles that errors are to have."""
 
-    poles: Annotated[list[Any], check_poles] | None = None
+    poles: Annotated[list[Any], checked(check_poles)] | None = None
 
 
 @dataclass(frozen=True, eq=False)

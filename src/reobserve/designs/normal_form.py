@@ -9,20 +9,19 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Certificate, Design, pairs, told
 from reobserve.designs.linear_system import Period, check_shape
 from reobserve.designs.poles import as_pole_list, check_poles, parse_poles
 from reobserve.designs.signals import Signal, Signals, numbered
 from reobserve.errors import InputError, nearest
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_observer import NormalFormObserver, State
-from reobserve.plain_data.json_data import Tree
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import Tree
+from reobserve.plain_data.validation import checked, parse
 
-Array = NDArray[np.float64]
+Array = FloatArray
 Form = Literal["identity", "transformed"]
 Reading = Literal["series", "jacobian", "composed"]
 
@@ -57,7 +56,7 @@ class NonlinearSystem:
     output: dict[str, str | float]
     injection: dict[str, str | float] | None = None
     order: int
-    poles: Annotated[list[Any], check_poles] | None = None
+    poles: Annotated[list[Any], checked(check_poles)] | None = None
     form: Form = "identity"
     gain: Reading = "series"
     degree: int | None = None

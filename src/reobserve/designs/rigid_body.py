@@ -9,17 +9,17 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.design import Design
 from reobserve.designs.linear_system import Period
 from reobserve.designs.signals import Signal, Signals
 from reobserve.errors import InputError
 from reobserve.models.rigid_body import RigidBody
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.plain_data.validation import checked
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 def three(place: str, value: Mapping[str, str]) -> None:
@@ -28,7 +28,7 @@ def three(place: str, value: Mapping[str, str]) -> None:
         raise InputError(place, f"names {len(value)} signals, must be 3, one an axis")
 
 
-Axes = Annotated[Signals, three]
+Axes = Annotated[Signals, checked(three)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 
 from reobserve.errors import InputError, shown
 from reobserve.plain_data.units import is_unit
+from reobserve.plain_data.validation import checked
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}", re.ASCII)
 _MOST = 100
@@ -39,7 +40,7 @@ def check_signals(place: str, value: Mapping[str, str]) -> None:
             raise InputError(f"{place}.{name}", f"{shown(unit)} is no unit, as rad/s, N m or 1 are")
 
 
-Signals = Annotated[dict[str, str], check_signals]
+Signals = Annotated[dict[str, str], checked(check_signals)]
 
 
 def listed(signals: Mapping[str, str]) -> tuple[Signal, ...]:

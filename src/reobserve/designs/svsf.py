@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reobserve.designs.design import Certificate, Design
 from reobserve.designs.kalman import NoisySystem, filter_estimates
 from reobserve.designs.signals import Signal
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.linear_filter import State
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 EXAMPLE = """\
 # A pendulum whose angle and rate are measured.

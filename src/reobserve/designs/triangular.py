@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.designs.linear_system import Period
 from reobserve.designs.signals import Signals
 from reobserve.errors import InputError, nearest
 from reobserve.models.triangular_text import TextModel, triangular_model
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.delay_estimator import check_rate
 from reobserve.synthesis.high_gain import lyapunov_matrix
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

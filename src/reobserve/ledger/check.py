@@ -15,10 +15,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located
+from reobserve.ledger.job import Job, StudyFigure, named, read_ledger
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import SECTIONS, paper_part
-from reobserve.ledger.types import Job, StudyFigure, named, read_ledger
 from reobserve.numerics.arguments import as_word
+from reobserve.own_data.quantities import check_unit
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
 
@@ -62,6 +63,30 @@ def check_ledger(ledger: Ledger) -> None:
         if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
             for name, figure in stated.figures.items():
                 as_word(f"figures.{name}.layout", figure.layout, tuple(module.LAYOUTS))
+
+
+# In place of a unit: text, and powers of a second of several derivatives.
+_NO_UNITS = ("word", "file", "name")
+
+
+def check_units(ledger: Ledger) -> None:
+    """Check the units of all entries, several with commas or ``to`` between, as pint reads them.
+
+    The letters y and u stand for units of an output and an input that a paper does not state.
+
+    Raises
+    ------
+    InputError
+        With the key of the first entry whose unit is none.
+    """
+    for key, entry in ledger.entries():
+        for unit in re.split(r", | to ", entry["unit"]):
+            if unit not in _NO_UNITS:
+                stated = re.sub(r"\b[yu]\b", "rad", unit)  # which has no dimension, either
+                try:
+                    check_unit("", stated)
+                except InputError:
+                    check_unit(f"{ledger.paper}.{key}.unit", unit)
 
 
 def check_stated(stated: Any, checks: Checks) -> None:

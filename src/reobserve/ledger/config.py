@@ -1,24 +1,16 @@
-"""Config files: what there is, how it is read, and what a schema says of it."""
+"""Configuration files: which there are, and the checks of what is to be built."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
-from reobserve.extras import package
 from reobserve.ledger.names import DEFAULT_STYLE, style_sheet
-from reobserve.plain_data.files import read_text, reason
-from reobserve.plain_data.json_data import check_plain, read_json
-
-Tree = dict[str, Any]
-
-_DEPTH_OF_ENTRIES = 3  # in a ledger: the section, the name, the key
-
-# What may stand in a path, in a pattern of Snakemake's and in a command.
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+from reobserve.ledger.parameter_file import Configuration, Name
+from reobserve.plain_data.documents import Tree, check_plain, read_json, read_yaml
+from reobserve.plain_data.files import reason
+from reobserve.plain_data.validation import parse
 
 
 def known_papers(project: Path) -> list[str]:
@@ -35,7 +27,7 @@ def known_papers(project: Path) -> list[str]:
     except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
         raise InputError(str(folder), f"cannot be read ({reason(error)})") from None
     for paper in papers:
-        check_name("config.papers", paper)
+        parse(Name, paper, "config.papers")
     return papers
 
 
@@ -51,36 +43,6 @@ def known_styles(project: Path) -> list[str]:
     """The styles of figures that there is a sheet of, and the look of the house."""
     sheets = (project / style_sheet("x")).parent.glob("*.mplstyle")
     return sorted({DEFAULT_STYLE, *(path.stem for path in sheets)})
-
-
-def check_name(place: str, name: object) -> None:
-    """Refuse a name that could be more than a name where it stands in a path or a command.
-
-    Raises
-    ------
-    InputError
-        If it is anything but a letter, and letters, digits and underscores after it.
-    """
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise InputError(
-            place, f"{shown(name)} is no name: a letter, then up to 59 letters, digits and _"
-        )
-
-
-def read_yaml(path: Path) -> Tree:
-    """A YAML file whose top is a mapping: UTF-8, every key once, plain values only.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or no such YAML, or has more of it than a config needs.
-    """
-    from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
-
-    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
-    if not isinstance(tree, dict):
-        raise InputError(str(path), "must be a mapping of keys to values")
-    return tree
 
 
 def check_config_files(*paths: str | Path) -> None:
@@ -111,15 +73,14 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     Raises
     ------
     InputError
-        If a key is neither of the schema nor a paper, or a value is not allowed.
+        If a key is neither of `Configuration` nor a paper, or a value is not allowed.
     """
     check_plain(config, "config")
-    schema = read_yaml(project / "workflow" / "schemas" / "config.schema.yaml")
-    known = [*schema["properties"], *papers]
+    known = [*Configuration.model_fields, *papers]
     for key in config:
         if key not in known:
             raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
-    check_schema(project, "config", config, "config")
+    parse(Configuration, config, "config")
     for paper in config.get("papers", ()):
         if paper not in papers:
             problem = f"there is no {shown(paper)}{nearest(paper, papers)}"
@@ -127,37 +88,3 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     styles = known_styles(project)
     if (style := config.get("style", DEFAULT_STYLE)) not in styles:
         raise InputError("config.style", f"there is no {shown(style)}, only {', '.join(styles)}")
-    for name in ("seed", "draws"):
-        if isinstance(config[name], float):
-            raise InputError(f"config.{name}", f"{config[name]:g} must be a whole number")
-
-
-def check_schema(project: Path, name: str, tree: Tree, place: str) -> None:
-    """Check ``tree`` against ``workflow/schemas/<name>.schema.yaml``.
-
-    Raises
-    ------
-    InputError
-        With the dotted path of the worst fault, under ``place``.
-    """
-    package("jsonschema", "check config")
-    from jsonschema import Draft202012Validator
-    from jsonschema.exceptions import best_match
-
-    schema = read_yaml(project / "workflow" / "schemas" / f"{name}.schema.yaml")
-    error = best_match(Draft202012Validator(schema).iter_errors(tree))
-    if error is None:
-        return
-    path = ".".join([place, *map(str, error.absolute_path)])
-    problem = error.message.replace(repr(error.instance), shown(error.instance))
-    if error.validator == "type" and error.validator_value == "object":
-        problem = f"{shown(error.instance)} must be a mapping of keys to values"
-        if name == "paper" and len(error.absolute_path) == _DEPTH_OF_ENTRIES:
-            problem += "; a bare value will do in a branch that says what it is `like`"
-    if error.validator in ("pattern", "oneOf", "maxLength", "not") and "title" in error.schema:
-        problem = f"{shown(error.instance)} must be {error.schema['title']}"
-    if error.validator == "additionalProperties" and isinstance(error.instance, dict):
-        known = list(error.schema.get("properties", {}))
-        unknown = [key for key in error.instance if key not in known]
-        path, problem = f"{path}.{unknown[0]}", f"unknown key{nearest(unknown[0], known)}"
-    raise InputError(path, problem)

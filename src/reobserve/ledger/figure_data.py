@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.scoring.metrics import Numbers
 from reobserve.scoring.study_table import StudyTable
 from reobserve.timeseries.series import Series

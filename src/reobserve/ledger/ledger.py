@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, nearest, shown
-from reobserve.ledger.config import Tree, check_name, check_schema, known_papers, read_yaml
-from reobserve.ledger.overrides import OVERRIDDEN, is_entry, lay_over
+from reobserve.ledger.config import known_papers
+from reobserve.ledger.overrides import OVERRIDDEN, is_entry, resolve
+from reobserve.ledger.parameter_file import ParameterFile, StoredFile
 from reobserve.ledger.settings import settings
-from reobserve.ledger.stored import read_stored
-from reobserve.plain_data.json_data import check_plain
+from reobserve.plain_data.documents import Tree, check_plain, read_json, read_yaml
+from reobserve.plain_data.validation import parse
 
 # What bodies of a section may name, by key: one name or a list of them, and where they stand.
 _NAMED = {
@@ -65,12 +66,10 @@ class Ledger:
         if paper not in papers:
             raise InputError("paper", f"there is no {paper!r}{nearest(paper, papers)}")
         tree = read_yaml(project / "config" / "papers" / f"{paper}.yaml")
-        if overrides:
-            check_plain(overrides, paper)
-            tree = lay_over(tree, overrides, paper)
-        check_schema(project, "paper", tree, paper)
+        check_plain(overrides or {}, paper)
+        tree = resolve(tree, overrides or {}, paper)
+        parse(ParameterFile, tree, paper)
         ledger = cls(paper, tree, seed)
-        ledger._check_names()
         ledger._check_ranges()
         ledger._check_references()
         return ledger
@@ -84,7 +83,8 @@ class Ledger:
         InputError
             If the file is missing or no ledger.
         """
-        stored = read_stored(path)
+        stored = parse(StoredFile, read_json(path), str(path))
+        parse(ParameterFile, stored.ledger, str(path))
         ledger = cls(stored.paper, stored.ledger, stored.seed)
         ledger._check_references()
         return ledger
@@ -137,11 +137,6 @@ class Ledger:
             if entry.get("numerical") and entry["unit"] == "s":
                 entry["value"] /= 2
         return Ledger(self.paper, tree, self.seed)
-
-    def _check_names(self) -> None:
-        for section in NAMED_SECTIONS:
-            for name in self.tree.get(section, {}):
-                check_name(f"{self.paper}.{section}", name)
 
     def _check_ranges(self) -> None:
         for path, entry in self.entries():

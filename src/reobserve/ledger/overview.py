@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.ledger.config import known_papers, read_yaml
+from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import stored_parameters
+from reobserve.plain_data.documents import read_yaml
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.errors import InputError, shown
 
-Matrix = NDArray[np.float64]
+
+class _FromLists:
+    """How pydantic makes an array of floats of a number or of nested lists."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(lambda value: as_floats("", value))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> Any:
+        return {"type": ["number", "array"]}
+
+
+FloatArray = Annotated[NDArray[np.float64], _FromLists()]
+"""An array of finite floats, as a field of what files declare."""
+
+Matrix = FloatArray
 
 # Of arrays with more entries a message tells the shape alone.
 _SHOWN = 9

@@ -16,13 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from pydantic import Discriminator, Tag
+
 from reobserve.errors import InputError, located, shown
 from reobserve.own_data.dates import ISO
 from reobserve.own_data.kinds import Observer
 from reobserve.own_data.quantities import check_unit, conversion
-from reobserve.plain_data.files import read_text
-from reobserve.plain_data.typed_tree import parse
-from reobserve.plain_data.yaml_reader import MOST_BYTES, parse_yaml
+from reobserve.plain_data.documents import read_yaml
+from reobserve.plain_data.validation import NotNegative, Positive, checked, parse
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
 Missing = Literal["refuse", "interpolate", "skip"]
@@ -30,16 +31,6 @@ AtGap = Literal["refuse", "restart", "coast"]
 
 _MOST_COLUMNS = 100
 _MOST_ALARMS = 100
-
-
-def _positive(place: str, value: float) -> None:
-    if not value > 0:
-        raise InputError(place, f"{value:g} must be greater than zero")
-
-
-def _not_negative(place: str, value: float) -> None:
-    if value < 0:
-        raise InputError(place, f"{value:g} must not be negative")
 
 
 def _name(place: str, value: str) -> None:
@@ -52,8 +43,8 @@ def _few(place: str, value: Any) -> None:
         raise InputError(place, f"has {len(value)} entries, must have {_MOST_COLUMNS} or fewer")
 
 
-Positive = Annotated[float, _positive]
-Name = Annotated[str, _name]
+Name = Annotated[str, checked(_name)]
+Few = checked(_few)
 
 
 @dataclass(frozen=True)
@@ -98,8 +89,8 @@ class Column:
 class Columns:
     """What stands where in a row."""
 
-    measurements: Annotated[tuple[Column, ...], _few]
-    inputs: Annotated[tuple[Column, ...], _few] = ()
+    measurements: Annotated[tuple[Column, ...], Few]
+    inputs: Annotated[tuple[Column, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
     separator: Literal[",", ";", "\t"] = ","
     decimal: Literal[".", ","] = "."
@@ -131,9 +122,9 @@ class Sampling:
 
     period: Positive
     uneven: Uneven = "refuse"
-    jitter: Annotated[float, _not_negative] = 0.01
+    jitter: NotNegative = 0.01
     missing: Missing = "refuse"
-    gap: Annotated[float, _not_negative] | None = None
+    gap: NotNegative | None = None
     at_gap: AtGap = "refuse"
 
     def __post_init__(self) -> None:
@@ -169,11 +160,19 @@ class LearnedThreshold:
     of: Name
     sigma: Positive
     until: Positive
-    since: Annotated[float, _not_negative] = 0.0
+    since: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         if not self.since < self.until:
             raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
+
+
+# Told apart by the key that states a threshold.
+Alarm = Annotated[
+    Annotated[StatedThreshold, Tag("stated threshold")]
+    | Annotated[LearnedThreshold, Tag("learned threshold")],
+    Discriminator(lambda alarm: "stated threshold" if "above" in alarm else "learned threshold"),
+]
 
 
 def _distinct_alarms(place: str, alarms: Any) -> None:
@@ -191,7 +190,7 @@ class Specification:
     columns: Columns
     sampling: Sampling
     estimates: dict[str, dict[str, str]] = field(default_factory=dict)
-    alarms: Annotated[tuple[StatedThreshold | LearnedThreshold, ...], _few, _distinct_alarms] = ()
+    alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
 
     def __post_init__(self) -> None:
         for name, parts in self.estimates.items():
@@ -210,7 +209,7 @@ def read_specification(path: str | Path) -> Specification:
     InputError
         With the file and the dotted key of what is missing, unknown or wrong.
     """
-    tree = parse_yaml(read_text(path, MOST_BYTES), str(path))
+    tree = read_yaml(path)
     try:
         return parse(Specification, tree)
     except InputError as error:

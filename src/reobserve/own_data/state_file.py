@@ -14,9 +14,9 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.own_data.account import Account
 from reobserve.own_data.estimation import Estimation
+from reobserve.plain_data.documents import parse_json
 from reobserve.plain_data.files import read_text, write_text
-from reobserve.plain_data.json_data import parse_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 
 FORMAT = "reobserve estimate state"
 SCHEMA = 2

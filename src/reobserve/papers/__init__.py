@@ -25,7 +25,7 @@ A design is plain JSON data: gains and series that are computed once. Observers 
 name one in the ledger get it as a third argument.
 
 What studies, figures and records have in common, the keys of papers take from
-`reobserve.ledger.types`. ``job`` is a `reobserve.ledger.types.Job`: the parameter values that the
+`reobserve.ledger.job`. ``job`` is a `reobserve.ledger.job.Job`: the parameter values that the
 step reads, see `reobserve.ledger.settings`, with the types that the paper declares. A paper that is
 called by hand with plain values makes one of them: ``job = read_job(keys.Ledger, settings)``.
 """

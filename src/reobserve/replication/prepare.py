@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, shown
+from reobserve.evidence.check import check_evidence
 from reobserve.ledger.config import check_config, known_papers, take_truths
+from reobserve.ledger.job import read_ledger
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import DEFAULT_STYLE, stored_parameters, style_sheet
-from reobserve.ledger.types import read_ledger
 from reobserve.plain_data.files import write_text
 from reobserve.timeseries.signals import sample_files
 
@@ -77,6 +78,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
         found[paper] = Ledger.load(project, paper, config.get(paper), config["seed"])
         read_ledger(found[paper])
         _check_files(found[paper])
+        check_evidence(project, found[paper])
     return found
 
 

@@ -12,12 +12,12 @@ from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, located, shown
 from reobserve.ledger.figure_data import FigureData
+from reobserve.ledger.job import Settings, declared_keys, read_job
 from reobserve.ledger.ledger import Ledger, digest
 from reobserve.ledger.names import paper_part
-from reobserve.ledger.types import Settings, declared_keys, read_job
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import read_table
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.replication.provenance import code_digest, versions
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.study_table import StudyTable

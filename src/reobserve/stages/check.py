@@ -1,4 +1,4 @@
-"""Stage check: the ledgers of several papers, whole and in one process; nothing is written."""
+"""`reobserve check`: everything under ``config/``, in one process; nothing is written."""
 
 from __future__ import annotations
 
@@ -7,18 +7,41 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.ledger.check import check_ledger
-from reobserve.ledger.config import known_papers
+from reobserve.evidence.check import check_evidence
+from reobserve.ledger.check import check_ledger, check_units
+from reobserve.ledger.config import known_papers, known_styles
 from reobserve.ledger.ledger import Ledger
-from reobserve.plain_data.json_data import check_plain
+from reobserve.ledger.names import DEFAULT_STYLE, style_sheet
+from reobserve.plain_data.documents import check_plain
 
 
 def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
-    """Read each ledger into its types and build what it states; `InputError` for the first fault.
+    """Check parameters, claims, errata and equations, and construct what the parameters state.
 
-    ``overrides`` are those of each paper by its name.
+    Parameters
+    ----------
+    project
+        The folder with the folder ``config``.
+    paper
+        The papers to check; all of them if there are none, and then the style sheets, too.
+    overrides
+        Overrides of each paper by its name.
+
+    Raises
+    ------
+    InputError
+        For the first thing that is wrong.
     """
     check_plain(overrides, "config")
     for name in paper or known_papers(project):
-        check_ledger(Ledger.load(project, name, overrides.get(name)))
-        print(f"{name}: its ledger can be built", file=sys.stderr)
+        ledger = Ledger.load(project, name, overrides.get(name))
+        check_units(ledger)
+        check_ledger(ledger)
+        check_evidence(project, ledger)
+        print(f"{name}: parameters, claims, errata and equations are sound", file=sys.stderr)
+    if not paper:
+        from reobserve.drawing.look import read_sheet
+
+        for style in known_styles(project):
+            if style != DEFAULT_STYLE:
+                read_sheet(project / style_sheet(style))

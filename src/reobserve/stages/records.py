@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError, located, shown
+from reobserve.ledger.job import Job, declared_keys, read_job, record_axis
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import Job, declared_keys, read_job, record_axis
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.replication.steps import Provenance, paper_module
 from reobserve.timeseries.series import Series, Shape
 

@@ -16,10 +16,10 @@ from reobserve.errors import InputError, located, shown
 from reobserve.extras import package
 from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.matrices import as_numbers
+from reobserve.plain_data.documents import parse_json
 from reobserve.plain_data.files import read_bytes, write_whole
-from reobserve.plain_data.json_data import parse_json
-from reobserve.plain_data.typed_tree import parse
 from reobserve.plain_data.units import is_unit
+from reobserve.plain_data.validation import parse
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,8 +10,8 @@ from reobserve.evidence.claims.checks import THEORY
 from reobserve.evidence.claims.choices import draw
 from reobserve.evidence.claims.outcomes import Outcomes, outcome
 from reobserve.evidence.claims.registry import read_registry
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import lookup
 

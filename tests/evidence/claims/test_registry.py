@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import yaml
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.registry import Claim, amiss, decisive, read_registry
-from reobserve.ledger.config import check_schema, read_yaml
+from reobserve.evidence.errata import read_errata
 from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[3]
@@ -33,7 +32,6 @@ OTHER = {"place": "Fig. 2", "says": "Words.", "not_testable": "Words cannot be t
 def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
     """The claims of a registry of `ilo` with these entries."""
     (tmp_path / "config/claims").mkdir(parents=True, exist_ok=True)
-    shutil.copytree(ROOT / "workflow/schemas", tmp_path / "workflow/schemas", dirs_exist_ok=True)
     tree = {
         "obstacles": "Nothing.",
         "choices": {"gains": ["observers.sampled.K2", "observers.*.update_interval"]},
@@ -45,7 +43,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
 
 def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     one, other = registry(tmp_path, one=GOOD, other=OTHER)
-    assert (one.says, one.why, one.problem) == ("It is accurate.", "A twentieth.", "")
+    assert (one.says, one.why) == ("It is accurate.", "A twentieth.")
     assert one.threshold == "after"
     assert one.figures == ["fig1"]
     assert one.keys[0] == "observers.sampled.K2"
@@ -60,16 +58,20 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     [
         (
             {"checks": [{"value": "fig1_ sampled rms_error", "below": 1}]},
-            "claims.ilo.one: figure: there is no 'fig1_'; did you mean 'fig1'?",
+            "claims.ilo.one.checks.0.figure: there is no 'fig1_'; did you mean 'fig1'?",
         ),
         (
             {"depends_on": ["observers.sampled.K9"]},
-            "claims.ilo.one: depends_on: there is no 'observers.sampled.K9'; "
+            "claims.ilo.one.depends_on: there is no 'observers.sampled.K9'; "
             "did you mean 'observers.sampled.K2'?",
         ),
         (
             {"depends_on": ["plant.step"]},
-            "claims.ilo.one: depends_on: plant.step is a numerical resolution, no choice",
+            "claims.ilo.one.depends_on: plant.step is a numerical resolution, no choice",
+        ),
+        (
+            {"checks": [{"value": "fig1 sampled rms_eror", "below": 1}]},
+            "claims.ilo.one.checks.0.metric: there is no 'rms_eror'; did you mean 'rms_error'?",
         ),
         ({"sais": "x"}, "claims.ilo.one.sais: unknown key; did you mean 'says'?"),
         (
@@ -83,38 +85,35 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
         ),
         (
             {"checks": [{"value": "fig1 sampled rms_error", "below": "low"}]},
-            "claims.ilo.one.checks.0.below: 'low' is not of type 'number'",
+            "claims.ilo.one.checks.0.below: 'low' is not a number, must be one that is finite",
         ),
         (
             {"checks": [{"value": "fig1 sampled rms_error"}]},
-            "claims.ilo.one: checks: 0 relations given, must be one of "
+            "claims.ilo.one.checks.0: 0 relations given, must be one of "
             "below, above, within, exists, falling, rising",
         ),
         (
             {"expensive": 2},
-            "claims.ilo.one.expensive: 2 is not of type 'boolean'",
+            "claims.ilo.one.expensive: 2 must be one of true and false, not a word or a number",
         ),
-        ({"place": ""}, "claims.ilo.one.place: '' should be non-empty"),
+        ({"place": ""}, "claims.ilo.one.place: must not be empty"),
         (
             {"threshold": "later"},
-            "claims.ilo.one.threshold: 'later' is not one of ['stated', 'before', 'after']",
+            "claims.ilo.one.threshold: 'later' must be one of stated, before, after",
         ),
     ],
 )
-def test_a_claim_that_is_wrong_says_so_and_leaves_the_others(
+def test_a_claim_that_is_wrong_is_one_sentence(
     tmp_path: Path, change: dict[str, Any], said: str
 ) -> None:
-    one, other = registry(tmp_path, one={**GOOD, **change}, other=OTHER)
-    assert one.problem == said
-    assert one.checks == ()
-    assert other.problem == ""
+    with pytest.raises(InputError) as caught:
+        registry(tmp_path, one={**GOOD, **change}, other=OTHER)
+    assert str(caught.value) == said
 
 
 def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
-    (one,) = registry(tmp_path, one={key: GOOD[key] for key in GOOD if key != "threshold"})
-    assert one.problem == (
-        "claims.ilo.one.threshold: is missing: say who set the bounds, stated, before or after"
-    )
+    with pytest.raises(InputError, match=r"^claims\.ilo\.one\.threshold: is missing: say who set"):
+        registry(tmp_path, one={key: GOOD[key] for key in GOOD if key != "threshold"})
 
 
 @pytest.mark.parametrize(
@@ -122,7 +121,7 @@ def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
     [
         (None, "cannot be read (No such file or directory)"),
         ("- a list\n", "must be a mapping of keys to values"),
-        ("claims: {a: {}}\n", "claims.ilo: 'obstacles' is a required property"),
+        ("claims: {a: {}}\n", "claims.ilo.obstacles: is missing; the claims file needs it"),
         (
             "obstacles: x\nclaims: {a: {}}\nchoice: {}\n",
             "claims.ilo.choice: unknown key; did you mean 'choices'?",
@@ -154,7 +153,6 @@ def test_wording_decides_nothing() -> None:
 def test_the_registries_of_the_papers_are_sound(paper: str) -> None:
     ledger = Ledger.load(ROOT, paper)
     claims = read_registry(ROOT, ledger).claims
-    assert [claim.problem for claim in claims if claim.problem] == []
     assert list(amiss(claims)) == []
 
 
@@ -172,13 +170,32 @@ def test_claims_that_do_not_go_together_are_named() -> None:
 
 @pytest.mark.parametrize("paper", ERRATA)
 def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
-    tree = read_yaml(ROOT / "config" / "errata" / f"{paper}.yaml")
-    check_schema(ROOT, "errata", tree, f"errata.{paper}")
-    for name, erratum in tree["errata"].items():
-        file, _, test = erratum["test"].partition("::")
+    for name, erratum in read_errata(ROOT, paper).items():
+        file, _, test = erratum.test.partition("::")
         text = (ROOT / file).read_text(encoding="utf-8")
         assert f"def {test}(" in text, (paper, name)
-        assert erratum["printed"] != erratum["corrected"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"certainty": "sure"}, "certainty: 'sure' must be one of certain, likely, copy"),
+        ({"plaec": "x"}, "plaec: unknown key; did you mean 'place'?"),
+        ({"test": "tests/x.py"}, "test: 'tests/x.py': String should match pattern"),
+        ({"corrected": "a"}, "corrected: is what is printed"),
+    ],
+)
+def test_an_erratum_that_is_wrong_is_one_sentence(
+    tmp_path: Path, change: dict[str, str], said: str
+) -> None:
+    words = {"place": "(1)", "printed": "a", "corrected": "b", "why": "c", "certainty": "likely"}
+    entry = {**words, "test": "tests/papers/test_it.py::test_it", **change}
+    (tmp_path / "config/errata").mkdir(parents=True)
+    path = tmp_path / "config/errata/toy.yaml"
+    path.write_text(yaml.safe_dump({"errata": {"one": entry}}))
+    with pytest.raises(InputError) as caught:
+        read_errata(tmp_path, "toy")
+    assert str(caught.value).startswith(f"errata.toy.one.{said}")
 
 
 @pytest.mark.parametrize(

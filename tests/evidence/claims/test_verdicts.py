@@ -71,7 +71,6 @@ def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Ro
         (DEPENDENT, marked(), False, (0, 36), "contradicted"),
         (DEPENDENT, marked(), False, (20, 40), "depends on unstated choices"),
         (replace(FREE, testable=False), ILO, True, None, "not testable"),
-        (replace(FREE, problem="it names nothing"), ILO, True, None, "broken"),
     ],
 )
 def test_the_verdict_follows_the_rule(

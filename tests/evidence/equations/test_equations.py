@@ -13,7 +13,7 @@ import pytest
 
 from reobserve.evidence.equations.sources import find_source
 from reobserve.evidence.equations.table import EquationTable, papers_with_equations, read_equations
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 from tests import FIVE
 
 from .citations import cited, places_in

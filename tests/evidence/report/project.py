@@ -114,7 +114,6 @@ def make_project(folder: Path) -> Path:
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
     shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
     shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
-    shutil.copytree(ROOT / "workflow/schemas", folder / "workflow/schemas")
     shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
     shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
     (built / "parameters.json").write_text(Ledger.load(folder, "toy", seed=1).text())

@@ -14,7 +14,7 @@ from reobserve.evidence.claims.outcomes import Outcome
 from reobserve.evidence.claims.registry import read_registry
 from reobserve.evidence.claims.robustness import Robustness, Trial
 from reobserve.evidence.claims.table import row
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 from reobserve.scoring.metrics import lookup, read_metrics
 
 from .. import material, mutations

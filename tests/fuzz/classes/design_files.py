@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 from reobserve.designs.file import KINDS, kind_of, save_design
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 
 from .. import mutations
 from ..case import Case, command

@@ -9,7 +9,7 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 
 from .. import material, mutations
 from ..case import Case, command

@@ -17,7 +17,7 @@ import pyarrow.parquet as parquet
 import yaml
 
 from reobserve.own_data.examples import simulated, specification_text
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 
 from .. import mutations
 from ..case import Case, command

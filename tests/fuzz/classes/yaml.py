@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 
 from .. import material, mutations
 from ..case import Case

@@ -11,7 +11,7 @@ import numpy as np
 from reobserve.designs.file import kind_of, load_design, save_design
 from reobserve.designs.poles import parse_poles
 from reobserve.models.polynomial import PolynomialSystem
-from reobserve.plain_data.yaml_reader import parse_yaml
+from reobserve.plain_data.documents import parse_yaml
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 from reobserve.synthesis.extended_state import pd_pi, pi, structured

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from reobserve.ledger.job import Job, read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import Job, read_job
 from reobserve.papers.delay import keys, notes
 from reobserve.papers.delay.styles import style_of
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reobserve.ledger.job import Job, read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import Job, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay import keys, noise, plant
 from reobserve.timeseries.series import Series

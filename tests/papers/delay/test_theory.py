@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from reobserve.ledger.job import read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import read_job
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve.papers.delay.setup import input_and_derivatives

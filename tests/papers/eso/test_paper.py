@@ -13,14 +13,14 @@ from scipy.linalg import expm
 
 from reobserve.errors import InputError
 from reobserve.ledger.check import check_ledger
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import read_yaml
+from reobserve.plain_data.validation import parse
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.steps import compute_design, figure_data
 from reobserve.scoring.metrics import lookup

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.ledger.config import read_yaml
+from reobserve.ledger.job import read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys, theory
 from reobserve.papers.eso import plant as plant_stage
@@ -27,6 +26,7 @@ from reobserve.papers.eso.theory_observers import (
     missed,
     records_of_two_controllers,
 )
+from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.steps import compute_design
 from reobserve.scoring.metrics import Numbers, lookup

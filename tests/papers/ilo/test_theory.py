@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reobserve.ledger.job import read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import read_job
 from reobserve.papers.ilo import (
     keys,
     theory,

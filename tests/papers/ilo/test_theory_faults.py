@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.ilo import keys, theory_faults
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate

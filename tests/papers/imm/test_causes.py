@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.models.linear import LinearModel
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.models.linear import LinearModel
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm import keys, study, study_closeness, study_rows
@@ -29,7 +29,7 @@ from reobserve.papers.imm.detectors import (
 from reobserve.papers.imm.setup import bank, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.papers.imm.study_closeness import Grid, alarm_time, driven
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.scoring.study_table import StudyTable
 from reobserve.synthesis.nu_gap import nu_gap
 from tests.papers.imm.test_paper import Tree, ledger, record

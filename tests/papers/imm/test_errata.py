@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
 from reobserve.observers.imm import IMM
@@ -20,6 +19,7 @@ from reobserve.observers.imm_loop import mixing_probabilities, update_probabilit
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import evaluate
 from reobserve.scoring.metrics import lookup
 from tests.observers.actuator_models import (

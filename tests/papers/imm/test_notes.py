@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.imm import keys, notes
 from tests.papers.imm.test_paper import ledger
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.ledger.check import check_ledger
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
 from reobserve.observers.imm import IMM, State
@@ -24,6 +23,7 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.scoring import probabilities, quoted_distance
+from reobserve.plain_data.documents import read_yaml
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.responses import window

@@ -15,12 +15,12 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
+from reobserve.ledger.job import read_job
 from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.types import read_job
 from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial, switches
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.replication.steps import signed
 from reobserve.timeseries.series import Series
 from tests.papers.imm.test_paper import SEED, Tree, ledger, record

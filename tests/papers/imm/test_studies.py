@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job, read_job
+from reobserve.ledger.job import Job, read_job
 from reobserve.papers.imm import keys, study, study_changes, study_neighbourhood, study_rows
 from reobserve.papers.imm.metrics import reach
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept

@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.config import read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
 from reobserve.papers.imm.theory import (
     corrected_radius,
 )
+from reobserve.plain_data.documents import read_yaml
 from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
 from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import lookup

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.ledger.figure_data import FigureData
+from reobserve.ledger.job import Job, read_job
 from reobserve.ledger.overrides import OVERRIDDEN
-from reobserve.ledger.types import Job, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import keys, theory_cases, theory_conditions

@@ -14,7 +14,7 @@ from typing import Any
 from reobserve.evidence.archive.records import Record
 from reobserve.evidence.report.environment import environment, package_versions
 from reobserve.extras import package
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 
 # The names of files that the crate has at its top.
 DESCRIPTION = "ro-crate-metadata.json"

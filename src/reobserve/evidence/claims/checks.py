@@ -107,9 +107,9 @@ class Check:
         asked = [word for word in relations if word in body]
         if len(asked) != 1:
             listed = ", ".join(relations)
-            raise InputError("checks", f"{len(asked)} relations given, must be one of {listed}")
+            raise InputError("", f"{len(asked)} relations given, must be one of {listed}")
         if "over" in body and "minus" in body:
-            raise InputError("checks", "has both over and minus, must have one of them")
+            raise InputError("", "has both over and minus, must have one of them")
         how = next((word for word in ("over", "minus") if word in body), "")
         value, other = _references(body["value"]), _references(body.get(how, []))
         if other and len(other) != len(value):
@@ -156,7 +156,10 @@ class Check:
         if self.relation in _OF_LISTS:
             values = [b - a for a, b in pairwise(values)]
         best_first = sorted(values, key=self.margin, reverse=True)
-        return float(best_first[math.ceil(self.share * len(values)) - 1])
+        asked = math.ceil(
+            self.share * len(values) - 1e-9
+        )  # 0.28 of 25 are 7, not 7.000000000000001
+        return float(best_first[asked - 1])
 
     def satisfied_by(self, number: float, bound: Any = None) -> bool:
         """Whether the check holds where this number decides; with another ``bound`` if given."""
@@ -174,19 +177,13 @@ class Check:
         asked = _asked(self.relation, self.bound)
         if len(values) == 1:
             return f"{name} = {values[0]:.3g}, must be {asked}"
-        satisfied = self._satisfied(values)
+        satisfied = [RELATIONS[self.relation](value, self.bound) for value in values]
         worst = min(values, key=self.margin)
         part = f", for at least {self.share:.0%}" if self.share < 1 else ""
         return (
             f"{name} and so on: {sum(satisfied)} of {len(values)} are {asked}{part}; "
             f"the worst is {worst:.3g}"
         )
-
-    def _satisfied(self, values: list[float]) -> list[bool]:
-        if self.relation in _OF_LISTS:
-            sign = 1 if self.relation == "rising" else -1
-            return [sign * b > sign * a for a, b in pairwise(values)]
-        return [RELATIONS[self.relation](value, self.bound) for value in values]
 
     def margin(self, value: float) -> float:
         """How well a number satisfies the relation; only the order counts."""
@@ -211,7 +208,7 @@ RELATIONS: dict[str, Callable[[float, Any], bool]] = {
     "within": lambda value, bound: bound[0] <= value <= bound[1],
     "exists": _exists,
 }
-_OF_LISTS = ("falling", "rising")  # which no member satisfies by itself; see `Check._satisfied`
+_OF_LISTS = ("falling", "rising")  # which no member satisfies by itself
 
 
 def _references(listed: str | list[str]) -> tuple[Reference, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.ledger import Ledger, leaves, matches
+from reobserve.ledger.overrides import follow, links_in
 from reobserve.numerics.random_streams import random_stream
 
 SEED = "seed"  # the root of all random streams: nobody states it
@@ -121,6 +122,8 @@ def draw(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Ledger
             drawn = _turned(drawn, knob, next(left))
         if choice.keys == (SEED,):
             seed = next(left)
+    keys = {key for choice in choices for key in choice.keys}
+    drawn = follow(drawn, links_in(ledger.entries()), keys)
     return Ledger(ledger.paper, drawn, seed), values
 
 
@@ -140,7 +143,8 @@ def chosen(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Any,
 
 def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
     """The ledger with one number another."""
-    return Ledger(ledger.paper, _turned(ledger.tree, knob, value), ledger.seed)
+    turned = _turned(ledger.tree, knob, value)
+    return Ledger(ledger.paper, follow(turned, links_in(ledger.entries()), knob.keys), ledger.seed)
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:

@@ -19,9 +19,9 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.evidence.claims.flips import Flip
 from reobserve.ledger.names import samples_path
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import write_text
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.replication.provenance import versions
 
 _ROUNDING = 1e-6  # of a number; what is chaotic differs by more, and is drawn anew elsewhere

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.kept_draws import KeptDraws, alike, as_text, numbers_in
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import write_text
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 
 # What decides the checks of a claim; None where the code refuses a draw.
 Numbers = tuple[float, ...] | None

@@ -2,28 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
-from reobserve.errors import InputError
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+
+from reobserve.errors import InputError, located, nearest, shown
 from reobserve.evidence.claims.checks import THEORY, Check, Reference
 from reobserve.evidence.claims.choices import Choice, find_choice
-from reobserve.ledger.config import Tree, check_schema, read_yaml
+from reobserve.evidence.meanings import Meanings, meanings
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import claims_path
+from reobserve.ledger.parameter_file import Interval, Model, parse_file
+from reobserve.plain_data.documents import Tree, read_yaml
+from reobserve.plain_data.validation import Text, distinct, items
 
 HEADLINES = (2, 4)  # so many claims of a paper may be its headlines
+
+References = Annotated[
+    Annotated[str, Tag("one")] | Annotated[Annotated[list[str], items()], Tag("several")],
+    Discriminator(lambda value: "several" if isinstance(value, list) else "one"),
+]
+
+
+class CheckEntry(Model):
+    """What must be true of some numbers behind figures."""
+
+    value: References = Field(description="FIGURE OBSERVER METRIC, or a list of such.")
+    over: References | None = Field(None, description="What each is divided by.")
+    minus: References | None = Field(None, description="What is taken from each.")
+    below: float | None = None
+    above: float | None = None
+    within: Interval | None = None
+    falling: Literal[True] | None = None
+    rising: Literal[True] | None = None
+    exists: bool | None = None
+    share: Annotated[float, Field(gt=0, le=1)] | None = Field(
+        None, description="The least part of the list for which it must be true."
+    )
+
+
+class ClaimEntry(Model):
+    """One claim of a paper: either checks with a reason, or why nothing can test it."""
+
+    place: Text
+    says: Text
+    headline: bool = False
+    checks: Annotated[list[CheckEntry], items()] | None = None
+    why: Text | None = Field(None, description="The reason for the bounds.")
+    threshold: Literal["stated", "before", "after"] | None = Field(
+        None,
+        description="Who set the bounds: the paper, or we, before or after the numbers were known.",
+    )
+    depends_on: Annotated[list[str], distinct] = Field(
+        [], description="Keys of parameters, patterns of keys, or groups of `choices`."
+    )
+    expensive: bool = Field(
+        False, description="Whether only the ends of ranges are tried for what reverses it."
+    )
+    not_testable: Text | None = None
+
+    @model_validator(mode="after")
+    def _either(self) -> ClaimEntry:
+        if (self.checks is not None and self.why is not None) == (self.not_testable is not None):
+            raise InputError("", "must have checks with a why, or not_testable")
+        if self.checks is not None and self.threshold is None:
+            problem = "is missing: say who set the bounds, stated, before or after"
+            raise InputError("threshold", problem)
+        return self
+
+
+class ClaimsFile(Model):
+    """The claims of a paper, ``config/claims/<paper>.yaml``."""
+
+    obstacles: Text = Field(description="What the paper leaves out.")
+    choices: dict[str, Annotated[list[str], items()]] = Field(
+        {}, description="Parameters that are often named together, by a name of the group."
+    )
+    claims: Annotated[
+        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
+        Field(min_length=1),
+    ]
 
 
 @dataclass(frozen=True)
 class Claim:
     """A statement of a paper, in our words.
 
-    ``problem`` is the sentence that says what is wrong with its entry, if something is; it then
-    has no checks. ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
+    ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
     says who set them: the paper (`stated`), or we, `before` or `after` the numbers were known.
     """
 
@@ -38,7 +107,6 @@ class Claim:
     choices: tuple[Choice, ...] = ()
     expensive: bool = False
     testable: bool = True
-    problem: str = ""
 
     @property
     def figures(self) -> list[str]:
@@ -75,19 +143,22 @@ def claims_file(project: Path, paper: str) -> Path:
 
 
 def read_registry(project: Path, ledger: Ledger) -> Registry:
-    """The claims of a paper, each checked by itself: one that is wrong leaves the others.
+    """The claims of a paper.
 
     Raises
     ------
     InputError
-        If the file is missing, no YAML, or its top is not what the schema says.
+        If the file is missing or no YAML, or with the key of the first claim that is wrong: in
+        itself, or since there is no figure, metric or parameter that it names.
     """
-    path = claims_file(project, ledger.paper)
-    tree = read_yaml(path)
-    check_schema(project, "claims", tree, f"claims.{ledger.paper}")
-    groups = tree.get("choices", {})
-    claims = [_read(project, ledger, name, body, groups) for name, body in tree["claims"].items()]
-    return Registry(" ".join(tree["obstacles"].split()), claims)
+    tree = read_yaml(claims_file(project, ledger.paper))
+    stated = parse_file(ClaimsFile, tree, "claims", ledger.paper)
+    known = meanings(ledger.paper)
+    claims = []
+    for name, entry in stated.claims.items():
+        with located(f"claims.{ledger.paper}.{name}"):
+            claims.append(_claim(ledger, name, entry, stated.choices, known))
+    return Registry(" ".join(stated.obstacles.split()), claims)
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
@@ -129,49 +200,48 @@ def decisive(tree: Tree) -> Tree:
     return {"choices": tree.get("choices", {}), "claims": claims}
 
 
-def _read(project: Path, ledger: Ledger, name: str, body: Tree, groups: Tree) -> Claim:
-    place = f"claims.{ledger.paper}.{name}"
-    claim = Claim(
+def _claim(
+    ledger: Ledger, name: str, entry: ClaimEntry, groups: Mapping[str, list[str]], known: Meanings
+) -> Claim:
+    checks = []
+    for index, one in enumerate(entry.checks or ()):
+        with located(f"checks.{index}"):
+            checks.append(Check.parse(one.model_dump(exclude_none=True)))
+            _check_names(ledger, checks[-1], known)
+    return Claim(
         ledger.paper,
         name,
-        place=_text(body, "place"),
-        says=_text(body, "says"),
-        headline=bool(body.get("headline", False)),
-        why=_text(body, "why") or _text(body, "not_testable"),
-        threshold=str(body.get("threshold", "")),
-        testable="not_testable" not in body,
+        place=_one_line(entry.place),
+        says=_one_line(entry.says),
+        headline=entry.headline,
+        checks=tuple(checks),
+        why=_one_line(entry.why or entry.not_testable),
+        threshold=entry.threshold or "",
+        choices=_choices(ledger, entry.depends_on, groups),
+        expensive=entry.expensive,
+        testable=entry.not_testable is None,
     )
-    try:
-        check_schema(project, "claim", body, place)
-        if ("checks" in body and "why" in body) == ("not_testable" in body):
-            raise InputError(place, "must have checks with a why, or not_testable")
-        if "checks" in body and "threshold" not in body:
-            problem = "is missing: say who set the bounds, stated, before or after"
-            raise InputError(f"{place}.threshold", problem)
-        checks = tuple(map(Check.parse, body.get("checks", ())))
-        _check_figures(ledger, checks)
-        choices = _choices(ledger, body.get("depends_on", ()), groups)
-    except InputError as error:
-        where = "" if error.parameter.startswith(place) else f"{place}: "
-        return replace(claim, problem=f"{where}{error}")
-    expensive = body.get("expensive", False)
-    return replace(claim, checks=checks, choices=choices, expensive=expensive)
 
 
-def _text(body: Tree, key: str) -> str:
-    return " ".join(str(body.get(key, "")).split())
+def _one_line(text: str | None) -> str:
+    return " ".join((text or "").split())
 
 
-def _check_figures(ledger: Ledger, checks: Iterable[Check]) -> None:
-    known: dict[str, Any] = {figure: {} for figure in ledger.tree["figures"]}
-    if "theory" in ledger.tree:
-        known[THEORY] = {}
-    for check in checks:
-        for reference in check.references:
-            if reference.figure not in known:
-                reference.look_up(known)
+def _check_names(ledger: Ledger, check: Check, known: Meanings) -> None:
+    """Refuse a figure that is not there, and a metric that the paper's code does not know."""
+    figures = [*ledger.tree["figures"], *([THEORY] if THEORY in ledger.tree else [])]
+    for reference in check.references:
+        if reference.figure not in figures:
+            problem = f"there is no {shown(reference.figure)}{nearest(reference.figure, figures)}"
+            raise InputError("figure", problem)
+        if known and not any(pattern.fullmatch(reference.metric) for pattern, _ in known):
+            names = [pattern.pattern.replace("\\", "") for pattern, _ in known]
+            problem = f"there is no {shown(reference.metric)}{nearest(reference.metric, names)}"
+            raise InputError("metric", problem)
 
 
-def _choices(ledger: Ledger, named: Iterable[str], groups: Tree) -> tuple[Choice, ...]:
+def _choices(
+    ledger: Ledger, named: Iterable[str], groups: Mapping[str, list[str]]
+) -> tuple[Choice, ...]:
     patterns = [pattern for name in named for pattern in groups.get(name, [name])]
     return tuple(find_choice(ledger, pattern) for pattern in dict.fromkeys(patterns))

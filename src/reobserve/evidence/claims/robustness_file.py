@@ -10,8 +10,8 @@ from reobserve.errors import InputError, shown
 from reobserve.evidence.claims.flips import Flip
 from reobserve.evidence.claims.outcomes import Outcome
 from reobserve.evidence.claims.robustness import Robustness, Trial
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import read_json
+from reobserve.plain_data.validation import parse
 
 
 def to_data(robustness: Robustness) -> dict[str, Any]:

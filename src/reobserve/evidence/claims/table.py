@@ -60,8 +60,8 @@ def row(
         )
         return told | {"verdict": BROKEN, "problem": problem}
     told["verdict"] = verdict(claim, ledger, stated.held, robustness)
-    if claim.problem or not claim.testable:
-        return told | {"problem": claim.problem}
+    if not claim.testable:
+        return told
     drawn = [trial.outcome for trial in robustness.trials] if robustness else []
     told |= {
         "holds": "yes" if stated.held else "no",

@@ -33,8 +33,6 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
         Over draws of what it depends on; None if that is nothing. Draws that do not decide
         whether nine of ten readers would find the same leave the claim undecided.
     """
-    if claim.problem:
-        return BROKEN
     if not claim.testable:
         return NOT_TESTABLE
     if held and chosen_keys(claim, ledger):

@@ -21,19 +21,13 @@ from pathlib import Path
 from typing import Annotated
 
 from reobserve.errors import InputError, nearest, shown
-from reobserve.ledger.conditions import Count
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 from reobserve.plain_data.files import reason
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import Count, Text, checked, parse
 
 _NUMBER = re.compile(r"[1-9][0-9]{0,3}")
 _NAME = re.compile(r"reobserve(\.[A-Za-z]\w*)+")
 _TEST = re.compile(r"tests/[\w/]+\.py::test_\w+")
-
-
-def _told(place: str, text: str) -> None:
-    if not text.strip():
-        raise InputError(place, "must not be empty")
 
 
 def _name(place: str, text: str) -> None:
@@ -56,10 +50,10 @@ class Equation:
     of the classes and functions that are it, ``tests`` what shows that they are.
     """
 
-    number: Annotated[str, _told]
-    says: Annotated[str, _told]
-    implemented: tuple[Annotated[str, _name], ...]
-    tests: tuple[Annotated[str, _test], ...]
+    number: Text
+    says: Text
+    implemented: tuple[Annotated[str, checked(_name)], ...]
+    tests: tuple[Annotated[str, checked(_test)], ...]
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -83,7 +77,7 @@ class Equation:
 class EquationTable:
     """All of a paper's, in its order; ``last`` is the number of its last equation."""
 
-    cited_as: Annotated[str, _told]
+    cited_as: Text
     last: Count
     equations: tuple[Equation, ...]
 

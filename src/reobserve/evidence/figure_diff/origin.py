@@ -8,9 +8,9 @@ from pathlib import Path
 
 from reobserve.evidence.figure_diff.model import Origin
 from reobserve.evidence.report.environment import environment
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import write_text
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.replication.provenance import versions
 
 FILE = "versions.json"

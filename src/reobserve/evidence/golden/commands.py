@@ -15,8 +15,9 @@ from reobserve.evidence.golden.kept import kept_paper
 from reobserve.evidence.golden.processors import PINNED, REFINED, processors
 from reobserve.evidence.golden.renewal import Evidence, prepare
 from reobserve.evidence.golden.runs import Run, run_all
-from reobserve.ledger.config import known_papers, named_papers, read_yaml
+from reobserve.ledger.config import known_papers, named_papers
 from reobserve.ledger.ledger import default_ledger
+from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from reobserve.errors import InputError
 from reobserve.evidence.golden.kept import Array
 from reobserve.evidence.golden.tolerances import Tolerance
+from reobserve.plain_data.documents import read_json
 from reobserve.plain_data.files import NAME, NUMBER, UNIT, Kind, read_table, write_table, write_text
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.scoring.metrics import KEY, KINDS
 
 # Numbers that move with rounding by more than `tolerances` calls determined: by part and name, how

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from reobserve.errors import InputError
 from reobserve.evidence.report.model import Gaps, Link
-from reobserve.ledger.config import read_yaml
+from reobserve.plain_data.documents import read_yaml
 from reobserve.plain_data.files import read_bytes, read_table, read_text
 
 # How the command line begins the sentence that says why it failed.

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
+
 from reobserve.own_data.kinds.delays import (
     AdaptiveDelay,
     LeastSquaresDelay,
@@ -26,7 +30,7 @@ from reobserve.own_data.kinds.nonlinear import (
 )
 from reobserve.own_data.kinds.rigid_body import Adaptive, Ilo
 
-Observer = (
+Observer = Annotated[
     Ilo
     | Adaptive
     | NormalForm
@@ -44,7 +48,8 @@ Observer = (
     | FixedGain
     | Luenberger
     | SteadyKalman
-    | DesignFile
-)
+    | DesignFile,
+    Field(discriminator="kind"),
+]
 
 __all__ = ["Observer"]

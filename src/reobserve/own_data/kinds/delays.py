@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import located
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.own_data.kinds.setup import Estimates, Setup
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from reobserve.designs.design import Design
 from reobserve.designs.file import load_design
 from reobserve.errors import InputError
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
@@ -34,7 +32,7 @@ from reobserve.own_data.kinds.nonlinear import (
 from reobserve.own_data.kinds.rigid_body import rigid_body_setup
 from reobserve.own_data.kinds.setup import Setup
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

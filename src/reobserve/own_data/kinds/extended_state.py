@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import located
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.own_data.kinds.setup import Estimates, Setup
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import Discriminator, Tag
 
 from reobserve.errors import InputError, located
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.numerics.kernel import kernel
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
@@ -21,9 +22,10 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.own_data.kinds.setup import Estimates, Setup
+from reobserve.plain_data.validation import checked
 from reobserve.synthesis.linear import undetectable_modes
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 _MOST_MODES = 50
 
@@ -82,7 +84,12 @@ def _no_input(A: Array) -> Array:
     return np.zeros((len(A) if A.ndim else 0, 0))
 
 
-Model = ContinuousModel | DiscreteModel
+# Told apart by the key under which a continuous model has its rates.
+Model = Annotated[
+    Annotated[ContinuousModel, Tag("continuous model")]
+    | Annotated[DiscreteModel, Tag("discrete model")],
+    Discriminator(lambda model: "continuous model" if "continuous" in model else "discrete model"),
+]
 
 
 @dataclass(frozen=True)
@@ -225,7 +232,7 @@ class Imm:
     """A bank of filters, one a mode, by the names of the modes."""
 
     kind: Literal["imm"]
-    modes: Annotated[dict[str, Model], _several]
+    modes: Annotated[dict[str, Model], checked(_several)]
     transition: Array
     start: ModesStart
     filter: Literal["kalman", "svsf"] = "kalman"

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import located
 from reobserve.models.triangular import TriangularModel
 from reobserve.models.triangular_text import triangular_model
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
@@ -20,7 +20,7 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.own_data.kinds.linear import as_poles
 from reobserve.own_data.kinds.setup import Estimates, Setup
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

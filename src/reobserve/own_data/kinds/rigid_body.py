@@ -7,18 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
 from reobserve.models.rigid_body import RigidBody
-from reobserve.numerics.matrices import spectral_radius
+from reobserve.numerics.matrices import FloatArray, spectral_radius
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.own_data.kinds.setup import Estimates, Setup
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from reobserve.numerics.matrices import FloatArray
 from reobserve.observers import contract
 
-Array = NDArray[np.float64]
+Array = FloatArray
 Estimates = Mapping[str, Array]
 
 

@@ -6,22 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
+from pydantic import Field
+
 from reobserve.errors import InputError, shown
-from reobserve.ledger import types
-from reobserve.ledger.conditions import (
+from reobserve.ledger import job
+from reobserve.ledger.job import signal
+from reobserve.numerics.matrices import as_floats
+from reobserve.plain_data.validation import (
     Count,
     Levels,
     NotNegative,
     Positive,
     Terms,
     Window,
+    checked,
     items,
     rising,
-    signal,
     vector,
     within,
 )
-from reobserve.numerics.matrices import as_floats
 
 MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 
@@ -88,7 +91,7 @@ class Extended:
     rho: Positive
     initial_estimate: State
     initial_delay: float
-    initial_matrix: Annotated[Any, initial_matrix]
+    initial_matrix: Annotated[Any, checked(initial_matrix)]
     threshold: NotNegative
     switched: Literal["delay", "all"]
     derivatives: Literal["exact", "levant"]
@@ -161,7 +164,7 @@ Observer = Extended | Standard | LeastSquares | Adaptive | Relay
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tradeoff(types.Study):
+class Tradeoff(job.Study):
     """The error of the delay against rho, without and with noise."""
 
     method: Literal["tradeoff"]
@@ -172,7 +175,7 @@ class Tradeoff(types.Study):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuning(types.Study):
+class Tuning(job.Study):
     """Errors of the four methods of Fig. 3 against the tuning of each."""
 
     method: Literal["tuning"]
@@ -215,21 +218,21 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimation(types.Figure):
+class Estimation(job.Figure):
     """Delay and states of one scenario."""
 
     layout: Literal["states", "comparison"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TradeoffFigure(types.StudyFigure):
+class TradeoffFigure(job.StudyFigure):
     """The study of the gain."""
 
     layout: Literal["tradeoff"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TuningFigure(types.StudyFigure):
+class TuningFigure(job.StudyFigure):
     """The study of all methods."""
 
     layout: Literal["tuning"]
@@ -241,8 +244,10 @@ class Ledger:
 
     plant: Plant
     scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Observer]
-    studies: Mapping[str, Study]
+    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
+    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Estimation | TradeoffFigure | TuningFigure]
+    figures: Mapping[
+        str, Annotated[Estimation | TradeoffFigure | TuningFigure, Field(discriminator="layout")]
+    ]

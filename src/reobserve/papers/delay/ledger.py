@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from reobserve.errors import InputError
 from reobserve.ledger.check import Checks
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.papers.delay import keys, observe, plant
 from reobserve.papers.delay.study_tuning import SWEEPS
 from reobserve.papers.delay.theory_runs import NEEDED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.delay import keys
 
 _AMPLITUDES = {

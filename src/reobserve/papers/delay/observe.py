@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.numerics.matrices import as_vector
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.matrices import as_vector
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay import keys, noise

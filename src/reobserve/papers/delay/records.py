@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import delay_bounds

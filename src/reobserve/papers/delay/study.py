@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.delay import keys, study_tradeoff, study_tuning
 from reobserve.papers.delay.study_rows import HEADER
 from reobserve.timeseries.series import Series

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves

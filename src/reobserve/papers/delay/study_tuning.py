@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.scoring import constant_segments, errors

@@ -8,7 +8,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys, noise

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.delay.setup import build_model
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.parts import part

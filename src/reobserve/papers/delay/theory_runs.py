@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.numerics.kernel import kernel
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import build_model, input_and_derivatives

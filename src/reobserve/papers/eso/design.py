@@ -16,7 +16,7 @@ from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state import pd_pi, pi

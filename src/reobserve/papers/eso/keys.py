@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from reobserve.errors import InputError
-from reobserve.ledger import types
-from reobserve.ledger.conditions import (
+from reobserve.ledger import job
+from reobserve.ledger.job import signal
+from reobserve.numerics.matrices import as_floats
+from reobserve.plain_data.validation import (
     Count,
     Levels,
     NotNegative,
@@ -18,11 +21,10 @@ from reobserve.ledger.conditions import (
     Terms,
     Window,
     array,
+    checked,
     items,
-    signal,
     vector,
 )
-from reobserve.numerics.matrices import as_floats
 
 Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]
@@ -133,7 +135,7 @@ class Observer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Designs(types.Study):
+class Designs(job.Study):
     """The study of many designs."""
 
     method: Literal["designs"]
@@ -167,19 +169,19 @@ class Theory:
     filter_rates: Levels
     fault_frequencies: Annotated[Levels, vector(2)]
     noise_power: Positive
-    readings: Annotated[Any, ranges]
+    readings: Annotated[Any, checked(ranges)]
     other_poles: Poles
 
 
 @dataclass(frozen=True, kw_only=True)
-class Faults(types.Figure):
+class Faults(job.Figure):
     """One fault and its estimates."""
 
     layout: Literal["actuator", "sensor"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class DesignsFigure(types.StudyFigure):
+class DesignsFigure(job.StudyFigure):
     """The study."""
 
     layout: Literal["designs"]
@@ -191,9 +193,9 @@ class Ledger:
 
     plant: Plant
     scenarios: Mapping[str, Scenario]
-    designs: Mapping[str, Design]
+    designs: Mapping[str, Annotated[Design, Field(discriminator="kind")]]
     observers: Mapping[str, Observer]
     studies: Mapping[str, Designs]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Faults | DesignsFigure]
+    figures: Mapping[str, Annotated[Faults | DesignsFigure, Field(discriminator="layout")]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.check import Checks
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.eso import plant
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import Experiment, experiment

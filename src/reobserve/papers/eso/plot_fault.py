@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reobserve.drawing.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.styles import style_of
 from reobserve.scoring.responses import error_of

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.stored_design import stored_design

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.numerics.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys

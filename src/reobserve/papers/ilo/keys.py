@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from reobserve.ledger import types
-from reobserve.ledger.conditions import (
+from pydantic import Field
+
+from reobserve.ledger import job
+from reobserve.ledger.job import signal
+from reobserve.plain_data.validation import (
     Count,
     Levels,
     NotNegative,
@@ -18,7 +21,6 @@ from reobserve.ledger.conditions import (
     items,
     matrix,
     positive_definite,
-    signal,
     vector,
     within,
 )
@@ -100,7 +102,7 @@ Observer = Sampled | Continuous | Adaptive
 
 
 @dataclass(frozen=True, kw_only=True)
-class Matching(types.Study):
+class Matching(job.Study):
     """The study of ILO and adaptive observers over gain and noise."""
 
     integral_gains: Levels
@@ -155,14 +157,14 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimation(types.Figure):
+class Estimation(job.Figure):
     """Fault, estimate and error over time."""
 
     layout: Literal["estimation"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MatchingFigure(types.StudyFigure):
+class MatchingFigure(job.StudyFigure):
     """The study."""
 
     layout: Literal["matching"]
@@ -174,8 +176,8 @@ class Ledger:
 
     plant: Plant
     scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Observer]
+    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
     studies: Mapping[str, Matching]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Estimation | MatchingFigure]
+    figures: Mapping[str, Annotated[Estimation | MatchingFigure, Field(discriminator="layout")]]

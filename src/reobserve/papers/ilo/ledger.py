@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from reobserve.errors import InputError
 from reobserve.ledger.check import Checks
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
 from reobserve.papers.ilo.theory_bench import NEEDED

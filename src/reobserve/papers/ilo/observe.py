@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import grid, held_noise

@@ -23,7 +23,7 @@ from reobserve.drawing.figures import (
 )
 from reobserve.drawing.look import points, thick
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.scoring.study_table import StudyTable

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error

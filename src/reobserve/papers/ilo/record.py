@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.timeseries.series import Shape
 
 EVENTS = ("onsets",)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job, Settings, named, read_job
+from reobserve.ledger.job import Job, Settings, named, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.models.rigid_body import RigidBody
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_cost, theory_faults, theory_limits, theory_runs

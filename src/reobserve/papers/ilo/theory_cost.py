@@ -18,7 +18,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.scoring.metrics import Metric

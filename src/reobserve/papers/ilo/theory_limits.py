@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.models.rigid_body import RigidBody
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body

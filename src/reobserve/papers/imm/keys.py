@@ -6,9 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from pydantic import Field
+
 from reobserve.errors import InputError
-from reobserve.ledger import types
-from reobserve.ledger.conditions import (
+from reobserve.ledger import job
+from reobserve.ledger.job import signal
+from reobserve.numerics.matrices import as_floats
+from reobserve.plain_data.validation import (
     Levels,
     Names,
     NotNegative,
@@ -16,13 +20,11 @@ from reobserve.ledger.conditions import (
     Share,
     Terms,
     Window,
-    above,
+    checked,
     items,
-    signal,
     vector,
     within,
 )
-from reobserve.numerics.matrices import as_floats
 
 Coefficients = Annotated[list[float], vector(4)]
 TestInput = Annotated[Terms, signal(1)]
@@ -45,8 +47,8 @@ def bounds(place: str, value: list[float]) -> None:
         raise InputError(place, f"[{low:g}, {high:g}] must be above 0 and rise")
 
 
-Variances = Annotated[Any, variances]
-Bounds = Annotated[list[float], vector(2), bounds]
+Variances = Annotated[Any, checked(variances)]
+Bounds = Annotated[list[float], vector(2), checked(bounds)]
 
 
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
@@ -89,7 +91,7 @@ class _Bank:
     state_frequency: Positive
     process_noise: Variances
     measurement_noise: Variances
-    stay: Annotated[float, above(0.0), within(0, 1)]
+    stay: Annotated[float, Field(gt=0, le=1)]
     initial_covariance: Variances
     initial_mode: Literal["unknown", "normal"]
     mixing: bool
@@ -141,7 +143,7 @@ class Search:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Neighbourhood(types.Study):
+class Neighbourhood(job.Study):
     """How far each tuned number may move before a quoted value leaves its band."""
 
     method: Literal["neighbourhood"]
@@ -151,7 +153,7 @@ class Neighbourhood(types.Study):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Changes(types.Study):
+class Changes(job.Study):
     """The calibrated banks with one thing changed."""
 
     method: Literal["changes"]
@@ -166,7 +168,7 @@ class Changes(types.Study):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Closeness(types.Study):
+class Closeness(job.Study):
     """Faults that are detected against how far apart the models are."""
 
     method: Literal["closeness"]
@@ -187,7 +189,7 @@ class Closeness(types.Study):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Causes(types.Study):
+class Causes(job.Study):
     """Banks of SVSFs with one cause of what they do changed."""
 
     method: Literal["causes"]
@@ -221,14 +223,14 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probabilities(types.Figure):
+class Probabilities(job.Figure):
     """The probability of one mode."""
 
     layout: Literal["normal", "leakage", "switching"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfStudy(types.StudyFigure):
+class OfStudy(job.StudyFigure):
     """A study."""
 
     layout: Literal["neighbourhood", "changes", "closeness", "causes"]
@@ -240,9 +242,9 @@ class Ledger:
 
     plant: Plant
     scenarios: Mapping[str, Scenario]
-    observers: Mapping[str, Observer]
+    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
     searches: Mapping[str, Search]
-    studies: Mapping[str, Study]
+    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     theory: Theory
     metrics: Metrics
-    figures: Mapping[str, Probabilities | OfStudy]
+    figures: Mapping[str, Annotated[Probabilities | OfStudy, Field(discriminator="layout")]]

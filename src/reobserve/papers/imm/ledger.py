@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from reobserve.ledger.check import Checks
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.imm import observe, plant, search, theory
 from reobserve.papers.imm.scoring import check_rules
 from reobserve.papers.imm.setup import start

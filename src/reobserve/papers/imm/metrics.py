@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.imm import detection
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.imm import keys
 
 _REALISATIONS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import DivergenceError
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.record import UNITS

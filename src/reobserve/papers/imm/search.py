@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.study_rows import OUTPUTS, STATES, TUNED

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.papers.imm import (
     keys,
     study_causes,

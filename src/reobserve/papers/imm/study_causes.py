@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.imm import keys
 from reobserve.papers.imm import plant as plant_stage
 from reobserve.papers.imm.study_neighbourhood import trial_rows

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from reobserve.errors import InputError, located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.models.linear import ModelArrays
 from reobserve.numerics.kernel import kernel
 from reobserve.numerics.random_streams import random_stream

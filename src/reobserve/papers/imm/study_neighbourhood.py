@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial
-from reobserve.plain_data.json_data import read_json
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.documents import read_json
+from reobserve.plain_data.validation import parse
 from reobserve.timeseries.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import DivergenceError, InputError, located, nearest
-from reobserve.ledger.types import Job, Settings, read_job
+from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem
 from reobserve.power_series.maps import PolynomialMap

@@ -7,26 +7,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from pydantic import Field
+
 from reobserve.errors import InputError, shown
-from reobserve.ledger import types
-from reobserve.ledger.conditions import (
+from reobserve.ledger import job
+from reobserve.plain_data.validation import (
     Count,
     Names,
     Positive,
     Seed,
     Terms,
     Window,
+    checked,
     items,
-    not_negative,
+    parse,
     vector,
     within,
 )
-from reobserve.plain_data.typed_tree import join, parse
 
 MOST_DEGREE = 61  # of a series: two thousand monomials in two variables
 LEAST_DEGREE = 13  # the degree from which on a radius of convergence is estimated
 
-Power = Annotated[int, not_negative]
+Power = Annotated[int, Field(ge=0)]
 
 
 def decimal(place: str, text: str) -> None:
@@ -50,17 +52,12 @@ class PrintedCoefficient:
 
     component: Annotated[int, within(1, 100)]
     powers: Annotated[list[Power], items(1, 100)]
-    text: Annotated[str, decimal]
+    text: Annotated[str, checked(decimal)]
 
 
 def terms_of(kind: type) -> Any:
     """A condition: a list of terms with the keys of ``kind``; they stay plain data."""
-
-    def check(place: str, value: Terms) -> None:
-        for index, term in enumerate(value):
-            parse(kind, term, join(place, index))
-
-    return check
+    return checked(lambda place, value: parse(list[kind], value, place))
 
 
 Polynomial = Annotated[Terms, items(), terms_of(Monomial)]
@@ -254,7 +251,7 @@ class Theory:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Responses(types.Figure):
+class Responses(job.Figure):
     """Errors over time."""
 
     layout: Literal["errors", "forms"]
@@ -263,14 +260,14 @@ class Responses(types.Figure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfStudy(types.StudyFigure):
+class OfStudy(job.StudyFigure):
     """A study."""
 
     layout: Literal["orders", "ensemble", "domain"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfInjections(types.StudyFigure):
+class OfInjections(job.StudyFigure):
     """A study of injections, and errors over time."""
 
     layout: Literal["injections"]
@@ -284,9 +281,11 @@ class Ledger:
     plant: Plant
     scenarios: Mapping[str, Scenario]
     designs: Mapping[str, Design]
-    observers: Mapping[str, Observer]
-    studies: Mapping[str, Study]
+    observers: Mapping[str, Annotated[Observer, Field(discriminator="algorithm")]]
+    studies: Mapping[str, Annotated[Study, Field(discriminator="method")]]
     tables: Mapping[str, Table]
     metrics: Metrics
     theory: Theory
-    figures: Mapping[str, Responses | OfStudy | OfInjections]
+    figures: Mapping[
+        str, Annotated[Responses | OfStudy | OfInjections, Field(discriminator="layout")]
+    ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from reobserve.errors import InputError, located
 from reobserve.ledger.check import Checks
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.numerics.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import keys, plant, theory_conditions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_observer import NormalFormObserver, State

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.numerics.matrices import as_vector
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_system, grid

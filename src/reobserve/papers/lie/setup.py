@@ -7,23 +7,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reobserve.errors import InputError, located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.matrices import as_vector
+from reobserve.numerics.matrices import FloatArray, as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.timeseries.grid import plant_grid
 
-Array = NDArray[np.float64]
+Array = FloatArray
 
 MOST_STEPS = 20_000_000  # of a plant record: a gigabyte
 

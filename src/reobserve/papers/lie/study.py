@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from reobserve.errors import located
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import (
     keys,

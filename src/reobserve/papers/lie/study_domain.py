@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem, forms
 from reobserve.papers.lie.study_rows import Row, summary

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver

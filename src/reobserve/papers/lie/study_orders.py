@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job
+from reobserve.ledger.job import Job
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie.observe import observe
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time

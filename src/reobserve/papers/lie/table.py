@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from reobserve.errors import InputError, located
-from reobserve.ledger.types import Settings, read_job
+from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.plain_data.files import GAP, NAME, NUMBER

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.types import Job, Settings, named, read_job
+from reobserve.ledger.job import Job, Settings, named, read_job
 from reobserve.numerics.matrices import as_vector
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.lie import keys, table, theory_comparison, theory_conditions

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from reobserve.errors import located
-from reobserve.ledger.types import Job, named
+from reobserve.ledger.job import Job, named
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys

@@ -24,7 +24,7 @@ from reobserve.errors import InputError
 from reobserve.extras import package
 from reobserve.numerics.arguments import as_kind
 from reobserve.numerics.matrices import Matrix, as_floats, as_positive, as_scalar
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import (

@@ -11,7 +11,7 @@ import numpy as np
 
 from reobserve.errors import InputError
 from reobserve.extras import package
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
 from reobserve.synthesis.extended_state.inequality import Variables

@@ -1,6 +1,6 @@
 """Stage design: s^2 + (a + l1) s + l2 = (s + pole)^2."""
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
 
 

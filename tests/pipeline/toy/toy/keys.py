@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from reobserve.ledger import types
-from reobserve.ledger.conditions import Levels, Positive, vector
+from reobserve.ledger import job
+from reobserve.plain_data.validation import Levels, Positive, vector
 
 Pair = Annotated[list[float], vector(2)]
 
@@ -42,7 +42,7 @@ class Observer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(types.Study):
+class Study(job.Study):
     design: str
     factors: Levels
 
@@ -66,7 +66,7 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure(types.StudyFigure):
+class Figure(job.StudyFigure):
     layout: Literal["lines"]
 
 

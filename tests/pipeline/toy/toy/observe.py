@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
 from reobserve.timeseries.series import Channel, Series
 

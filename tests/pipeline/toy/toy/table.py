@@ -1,6 +1,6 @@
 """Stage table: the gains as printed and as computed."""
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
 from reobserve.plain_data.files import NAME, NUMBER
 

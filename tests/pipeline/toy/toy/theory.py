@@ -1,6 +1,6 @@
 """Stage theory: how far the poles of the design are from one place, as a discriminant."""
 
-from reobserve.ledger.types import read_job
+from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
 from reobserve.scoring.metrics import Metric
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from reobserve.drawing.figures import STYLES, new_figure, time_axis
-from reobserve.ledger import types
+from reobserve.ledger import job
 from reobserve.ledger.check import Checks
-from reobserve.ledger.conditions import Levels, NotNegative, Positive, vector
+from reobserve.plain_data.validation import Levels, NotNegative, Positive, vector
 from reobserve.ledger.figure_data import FigureData
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
@@ -70,7 +70,7 @@ class Observer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(types.Study):
+class Study(job.Study):
     """Errors over the sensor's noise."""
 
     design: str
@@ -94,7 +94,7 @@ class Ledger:
     observers: Mapping[str, Observer]
     studies: Mapping[str, Study]
     metrics: Metrics
-    figures: Mapping[str, types.StudyFigure | types.Figure]
+    figures: Mapping[str, job.StudyFigure | job.Figure]
 
 
 def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:

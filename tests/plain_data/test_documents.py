@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from reobserve.errors import InputError, one_line, shown
-from reobserve.ledger.config import check_config, read_yaml
-from reobserve.plain_data.json_data import DEPTH, check_plain, parse_json, read_json
+from reobserve.ledger.config import check_config
+from reobserve.plain_data.documents import DEPTH, check_plain, parse_json, read_json, read_yaml
 from tests.pipeline.conftest import ROOT
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -22,7 +22,6 @@ BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
 REFUSED = {
     "latin-1": ("a: n\xe9e".encode("latin-1"), r"byte 5 is not UTF-8"),
     "utf-16": ("a: 1".encode("utf-16"), r"byte 1 is not UTF-8"),
-    "a date": (b"a: 2007-05-01", r"line 1, column 4: the date 2007-05-01; put it in quotes"),
     "binary": (b"a: !!binary aGVsbG8=", r"the tag tag:yaml.org,2002:binary; only plain values"),
     "a set": (b"a: !!set {x, y}", r"the tag tag:yaml.org,2002:set"),
     "a python tag": (b"!!python/object/apply:os.system [ls]", r"the tag tag:yaml.org,2002:python"),
@@ -30,15 +29,14 @@ REFUSED = {
     "beyond 2^53": (b"a: 9007199254740993", r"a: is an integer beyond 2\^53"),
     "infinite": (b"a: {b: -.inf}", r"a.b: -inf must be a finite number"),
     "no number": (b"a: [1, .nan]", r"a.1: nan must be a finite number"),
-    "base 60": (b"a: 1:30", r"1:30, to the base of 60; put it in quotes"),
-    "a recursive alias": (b"a: &a [*a]", r"line 1, column 8: the alias \*a inside what it names"),
-    "a recursive mapping": (b"a: &a {b: *a}", r"column 11: the alias \*a inside what it names"),
+    "a recursive alias": (b"a: &a [*a]", rf"nested deeper than {DEPTH} levels"),
+    "a recursive mapping": (b"a: &a {b: *a}", rf"nested deeper than {DEPTH} levels"),
     "an alias bomb": (BOMB.encode(), r"holds more values or text than anything"),
     "aliases of a long text": (
         b"a: [&l " + b"y" * 80_000 + b", *l" * 100 + b"]", r"holds more values or text than",
     ),
     "many aliases": (b"a: [&l 1" + b", *l" * 1000 + b"]", r"more than 200 aliases"),
-    "many values": (b"a: [" + b"1," * 30_000 + b"]", r"more than 20000 values"),
+    "many values": (b"a: [" + b"1," * 100_000 + b"]", r"holds more values or text than"),
     "deep lists": (b"[" * 2000, rf"nested deeper than {DEPTH} levels"),
     "deep blocks": (b"- " * 2000, rf"nested deeper than {DEPTH} levels"),
     "deep mappings": (b"{a: " * 2000, rf"nested deeper than {DEPTH} levels"),
@@ -46,8 +44,7 @@ REFUSED = {
     "a key twice": (b"a: 1\nb: 2\na: 3", r"line 3, column 1: the key 'a' twice"),
     "a key twice, inside": (b"a: {b: 1, b: 2}", r"the key 'b' twice"),
     "a number as a key": (b"1: a", r"a key that is no text; put it in quotes"),
-    "yes as a key": (b"yes: a", r"a key that is no text"),
-    "a merge": (b"a: &a {x: 1}\nb: {<<: *a}", "the key <<, which merges; write out what"),
+    "true as a key": (b"true: a", r"a key that is no text"),
     "a control character": (b"a: \x07", r"unacceptable character"),
     "two documents": (b"a: 1\n---\nb: 1", r"but found another document|expected a single document"),
     "a list on top": (b"[1, 2]", r"must be a mapping of keys to values"),
@@ -70,10 +67,10 @@ def test_yaml_that_is_no_bounded_plain_data_is_refused(tmp_path: Path, case: str
 def test_yaml_that_is_plain_is_read_as_it_stands(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
-        "a: [1, -2.5, 1.0e-3, 0x10, true, null, 'née', '2007-05-01']\nb: &b {c: []}\nd: *b\n"
+        "a: [1, -2.5, 1e-3, 1.e3, true, null, née, 2007-05-01, yes, 1:30]\nb: &b {c: []}\nd: *b\n"
     )
     tree = read_yaml(path)
-    values = [1, -2.5, 1e-3, 16, True, None, "née", "2007-05-01"]
+    values = [1, -2.5, 1e-3, 1e3, True, None, "née", "2007-05-01", "yes", "1:30"]
     assert tree == {"a": values, "b": {"c": []}, "d": {"c": []}}
     tree["b"]["c"].append(1)
     assert tree["d"] == {"c": []}, "an alias is a copy"
@@ -122,15 +119,16 @@ def test_trees_that_others_parsed_are_checked() -> None:
         ({"a": b"x"}, r"^config.a: is a bytes; only"),
         ({"a": [0, {3}]}, r"^config.a.1: is a set; only"),
         ({"a": 10**5000}, r"^config.a: is an integer beyond 2\^53"),
-        ({"a" * 5000: {3}}, r"^config.a{1,70} … a{1,40}: is a set; only numbers"),
+        ({"a" * 5000: {3}}, r"^config.a+ … a+: is a set; only numbers"),
         (nested(100_000), rf"nested deeper than {DEPTH} levels$"),
         (recursive, rf"nested deeper than {DEPTH} levels$"),
         (shared, r"^config: holds more values or text than"),
     ):
         with pytest.raises(InputError, match=said):
             check_plain(tree, "config")
+    config = {**read_yaml(ROOT / "config/config.yaml"), "ilo": {"a": datetime.date(2007, 5, 1)}}
     with pytest.raises(InputError, match=r"^config.ilo.a: is a date"):
-        check_config(ROOT, {"ilo": {"a": datetime.date(2007, 5, 1)}}, ["ilo"])
+        check_config(ROOT, config, ["ilo"])
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,10 @@ from functools import cache
 from typing import Any, get_args, get_type_hints
 
 from reobserve.errors import InputError, nearest
-from reobserve.ledger.conditions import Names
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import SECTIONS, paper_part
-from reobserve.plain_data.typed_tree import parse
+from reobserve.plain_data.validation import Names, checked, parse
+from reobserve.timeseries.signals import Signal
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
 _SUBJECTS = ("theory", "observer", "table", "design")
@@ -42,6 +42,11 @@ class Job:
 
 
 Settings = Mapping[str, Any] | Job
+
+
+def signal(axes: int) -> Any:
+    """The terms of a signal with so many components; see `reobserve.timeseries.signals`."""
+    return checked(lambda place, value: Signal.parse(place, value, axes))
 
 
 @dataclass(frozen=True, kw_only=True)

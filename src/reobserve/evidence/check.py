@@ -1,0 +1,34 @@
+"""Checks of the configuration beside the parameters: claims, errata, equations, cached samples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.errors import InputError
+from reobserve.evidence.claims.kept_draws import read_kept
+from reobserve.evidence.claims.registry import amiss, claims_file, read_registry
+from reobserve.evidence.equations.table import equations_file, read_equations
+from reobserve.evidence.errata import errata_file, read_errata
+from reobserve.ledger.ledger import Ledger
+from reobserve.ledger.names import samples_path
+
+
+def check_evidence(project: Path, ledger: Ledger) -> None:
+    """Check the files of a paper, those that there are.
+
+    Raises
+    ------
+    InputError
+        With the file and the key of the first thing that is wrong.
+    """
+    paper = ledger.paper
+    if claims_file(project, paper).exists():
+        for problem in amiss(read_registry(project, ledger).claims):
+            place, _, rest = problem.partition(": ")
+            raise InputError(place, rest)
+    if errata_file(project, paper).exists():
+        read_errata(project, paper)
+    if equations_file(project, paper).exists():
+        read_equations(project, paper)
+    if (samples := project / samples_path(paper)).exists():
+        read_kept(samples, paper)
