@@ -15,6 +15,7 @@ from reobserve.own_data.examples import NAMES, specification_text
 from reobserve.plain_data.documents import read_yaml
 from reobserve.plain_data.validation import schema
 
+
 def keys_of_a_build(root: Path) -> str:
     """The keys of `config/config.yaml` and what is allowed for each, and the file."""
     text = (root / "config/config.yaml").read_text(encoding="utf-8")
@@ -64,7 +65,9 @@ def _allowed(part: Mapping[str, Any]) -> str:
         "exclusiveMinimum": "above", "minimum": "from", "exclusiveMaximum": "below",
         "maximum": "to",
     }  # fmt: skip
-    return " ".join([said, *(f"{word} {part[key]:g}" for key, word in bounds.items() if key in part)])
+    return " ".join(
+        [said, *(f"{word} {part[key]:g}" for key, word in bounds.items() if key in part)]
+    )
 
 
 def schemas() -> str:

@@ -91,7 +91,7 @@ def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[
         "commands": commands.commands,
         "make targets": lambda: commands.targets(root),
         "keys of a build": lambda: configuration.keys_of_a_build(root),
-        "schemas": lambda: configuration.schemas(),
+        "schemas": configuration.schemas,
         "specifications": configuration.specifications,
         "models": configuration.models,
         "ledgers": lambda: ledgers.counts(papers),

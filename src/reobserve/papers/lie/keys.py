@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -55,13 +55,13 @@ class PrintedCoefficient:
     text: Annotated[str, checked(decimal)]
 
 
-def terms_of(kind: type) -> Any:
-    """A condition: a list of terms with the keys of ``kind``; they stay plain data."""
-    return checked(lambda place, value: parse(list[kind], value, place))
-
-
-Polynomial = Annotated[Terms, items(), terms_of(Monomial)]
-Printed = Annotated[Terms, items(), terms_of(PrintedCoefficient)]
+# Lists of terms, which stay plain data.
+Polynomial = Annotated[
+    Terms, items(), checked(lambda place, value: parse(list[Monomial], value, place))
+]
+Printed = Annotated[
+    Terms, items(), checked(lambda place, value: parse(list[PrintedCoefficient], value, place))
+]
 Order = Annotated[int, within(0, MOST_DEGREE)]
 Orders = Annotated[list[Order], items()]
 Degree = Annotated[int, within(1, MOST_DEGREE)]
