@@ -63,7 +63,7 @@ def described(
     _describe_root(crate, citation, max(record.ended for record in records))
     packages = [
         _entity(crate, f"#{name}", "SoftwareApplication", name=name, softwareVersion=version)
-        for name, version in package_versions()
+        for name, version in package_versions().items()
     ]
     stages = {
         stage: _entity(
@@ -170,7 +170,7 @@ def _describe_run(
         result=products,
         properties={
             "name": "snakemake",
-            "description": "; ".join(f"{name}: {value}" for name, value in environment(project)),
+            "description": "; ".join(map(": ".join, environment(project).items())),
             **_times(min(began, default=None), max(record.ended for record in records)),
         },
     )
