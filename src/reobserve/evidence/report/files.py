@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from reobserve.errors import InputError
 from reobserve.evidence.meanings import Meanings
 from reobserve.plain_data.files import SCORE, read_bytes, read_rows
-from reobserve.scoring.metrics import read_metrics
+from reobserve.scoring.metrics import Metric, read_metrics
 
 # More observers, or fewer of the metrics of each, and a column for each makes no good table.
 _MOST_COLUMNS = 6
@@ -69,19 +69,14 @@ def metrics_table(path: Path, known: Meanings, most: int | None) -> dict[str, An
         If the file is missing or no table of metrics.
     """
     rows = read_metrics(path)
-    values = {(row.metric, row.unit, row.observer): _number(row.value) for row in rows}
-    observers = list(dict.fromkeys(row.observer for row in rows))
-    metrics = list(dict.fromkeys((row.metric, row.unit) for row in rows))
-    full = len(values) >= _LEAST_FILLED * len(metrics) * len(observers)
+    observers = {row.observer for row in rows}
+    metrics = {(row.metric, row.unit) for row in rows}
+    full = len(rows) >= _LEAST_FILLED * len(metrics) * len(observers)
     if full and len(observers) <= _MOST_COLUMNS:
-        header = ["metric", *observers, "unit"]
-        body = [
-            [metric, *(values.get((metric, unit, name), "") for name in observers), unit]
-            for metric, unit in metrics
-        ]
+        header, body = by_observer(rows, _number)
     else:
         header = ["observer", "metric", "value", "unit"]
-        body = [[name, metric, value, unit] for (metric, unit, name), value in values.items()]
+        body = [[row.observer, row.metric, _number(row.value), row.unit] for row in rows]
     if known:
         place = header.index("metric")
         header, body = (
@@ -89,6 +84,21 @@ def metrics_table(path: Path, known: Meanings, most: int | None) -> dict[str, An
             [[*row, _meaning(row[place], known)] for row in body],
         )
     return _table(header, body, most)
+
+
+def by_observer(
+    rows: Sequence[Metric], shown: Callable[[float], str]
+) -> tuple[list[str], list[list[str]]]:
+    """Return metrics with a row a metric and a column an observer: the header and the rows."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in rows:
+        found.setdefault((row.metric, row.unit), {})[row.observer] = shown(row.value)
+    observers = list(dict.fromkeys(row.observer for row in rows))
+    body = [
+        [metric, *(values.get(name, "") for name in observers), unit]
+        for (metric, unit), values in found.items()
+    ]
+    return ["metric", *observers, "unit"], body
 
 
 def _table(
