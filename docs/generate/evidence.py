@@ -23,13 +23,11 @@ from reobserve.evidence.claims.registry import Claim as Registered
 from reobserve.evidence.claims.registry import Registry, read_registry
 from reobserve.evidence.claims.robustness import Robustness
 from reobserve.evidence.claims.table import HEADER, row
+from reobserve.evidence.errata import Erratum, read_errata
 from reobserve.evidence.golden.files import read_metrics, read_undetermined
-from reobserve.evidence.report.assumptions import entries
-from reobserve.evidence.report.errata import read_errata
+from reobserve.evidence.report.assumptions import Entry, entries
+from reobserve.evidence.report.claims import Claim, claim_of_row
 from reobserve.evidence.report.markup import to_html, without_title
-from reobserve.evidence.report.model import Claim, Entry, Erratum
-from reobserve.evidence.report.reading import Project
-from reobserve.evidence.report.verdicts import claim_of_row
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import caption_template, samples_path
@@ -122,10 +120,7 @@ class Paper:
     @cached_property
     def errata(self) -> tuple[Erratum, ...]:
         """Its errata."""
-        found = read_errata(Project(self.root, self.root), self.name)
-        if not isinstance(found, tuple):
-            raise InputError(f"config/errata/{self.name}.yaml", found.sentence)
-        return found
+        return read_errata(self.root, self.name)
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:

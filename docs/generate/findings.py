@@ -12,7 +12,9 @@ from docs.generate.gallery import grid
 from docs.generate.markdown import Page, code, plain, table, ticks
 from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.claims.verdicts import VERDICTS, replicated, title_margin
-from reobserve.evidence.report.model import Claim, Erratum
+from reobserve.evidence.errata import Erratum
+from reobserve.evidence.report.claims import Claim
+from reobserve.evidence.report.gather import cited
 from reobserve.plain_data.documents import read_yaml
 
 _THRESHOLDS = {
@@ -36,8 +38,8 @@ def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
 def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
     """The papers, with links into the ``folder``."""
     listed = [
-        (f"[`{paper.name}`]({folder}{paper.name}.md)", _cited(paper), plain(paper.about["title"]))
-        for paper in papers
+        (f"[`{paper.name}`]({folder}{paper.name}.md)", *map(plain, (cited(about), about["title"])))
+        for paper, about in ((paper, paper.about) for paper in papers)
     ]
     return table(("paper", "by", "title"), listed)
 
@@ -80,16 +82,6 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
         for paper in papers
         for claim in paper.claims
     ]
-
-
-def _cited(paper: Paper) -> str:
-    names = [author.split()[-1] for author in paper.about["authors"]]
-    if len(names) > 3:
-        cited = f"{names[0]} et al."
-    else:
-        cited = " & ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    year = paper.about.get("year")
-    return plain(f"{cited} ({year})" if year else cited)
 
 
 def _about(paper: Paper) -> str:

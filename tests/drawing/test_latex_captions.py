@@ -70,7 +70,10 @@ def test_the_note_is_the_last_paragraph_and_stands_as_it_is() -> None:
     [
         ("**never closed", "c.rst: is no reStructuredText"),
         (".. image:: x.png", "c.rst: holds a image; a caption has paragraphs"),
-        ("An :math:`x`.", "c.rst: holds a math; a caption has emphasis and links"),
+        (
+            "An :math:`x`.",
+            "c.rst: holds a math; a caption has paragraphs, lists, emphasis and links",
+        ),
     ],
 )
 def test_what_is_no_caption_is_refused(text: str, said: str) -> None:

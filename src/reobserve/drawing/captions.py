@@ -47,6 +47,57 @@ def render(template: Path, settings: Mapping[str, Any], metrics: Iterable[Metric
     return "\n\n".join(paragraph for paragraph in paragraphs if paragraph) + "\n"
 
 
+# Nothing of the machine, no other file and no raw markup gets into a page by a caption.
+SETTINGS = {
+    "_disable_config": True,
+    "file_insertion_enabled": False,
+    "raw_enabled": False,
+    "warning_stream": False,
+    "halt_level": 2,
+    "initial_header_level": 5,
+    "smart_quotes": False,
+}
+
+# What a caption may be made of. No directive and no role makes anything else of text: no picture,
+# no other file, no class or name that the page has given.
+_ALLOWED = {
+    *("document", "paragraph", "Text", "emphasis", "strong", "literal", "subscript"),
+    *("superscript", "title_reference", "bullet_list", "enumerated_list", "list_item"),
+    *("block_quote", "definition_list", "definition_list_item", "term", "definition"),
+    *("literal_block", "line_block", "line", "reference", "target", "comment"),
+}
+
+
+def parse(path: str, text: str) -> Any:
+    """Return the docutils document of a caption in reStructuredText, without classes and names.
+
+    Raises
+    ------
+    InputError
+        If it is no reStructuredText, or holds more than paragraphs, lists and inline markup.
+    """
+    from docutils import nodes
+    from docutils.core import publish_doctree
+    from docutils.utils import SystemMessage
+
+    try:
+        document = publish_doctree(text, settings_overrides=SETTINGS)
+    except SystemMessage as error:
+        reason = str(error).removeprefix("<string>:")
+        raise InputError(path, f"is no reStructuredText (line {reason})") from None
+    for node in list(document.findall()):
+        kind = type(node).__name__
+        if kind not in _ALLOWED:
+            raise InputError(
+                path, f"holds a {kind}; a caption has paragraphs, lists, emphasis and links"
+            )
+        if isinstance(node, nodes.Element):
+            node["classes"], node["ids"] = [], []  # those of the page are the page's
+        if isinstance(node, nodes.target):
+            node.parent.remove(node)
+    return document
+
+
 def with_note(caption: str, note: str) -> str:
     """A caption and, as its last paragraph, the note that is left out of the figure."""
     return f"{caption}\n{_Literal(note)}\n" if note else caption

@@ -13,8 +13,8 @@ from reobserve.plain_data.documents import read_yaml
 from reobserve.plain_data.validation import Text
 
 
-class Erratum(Model):
-    """An error of a paper."""
+class ErratumEntry(Model):
+    """An error of a paper: what it prints, the correction, and the test that shows it."""
 
     place: Text
     printed: Text
@@ -27,11 +27,17 @@ class Erratum(Model):
     test: Annotated[str, StringConstraints(pattern=r"^tests/[a-z_/]+\.py::test_\w+$")]
 
 
+class Erratum(ErratumEntry):
+    """An error of a paper, with its name."""
+
+    name: str
+
+
 class ErrataFile(Model):
     """The errata of a paper, ``config/errata/<paper>.yaml``."""
 
     errata: Annotated[
-        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], Erratum],
+        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ErratumEntry],
         Field(min_length=1),
     ]
 
@@ -41,8 +47,8 @@ def errata_file(project: Path, paper: str) -> Path:
     return project / "config" / "errata" / f"{paper}.yaml"
 
 
-def read_errata(project: Path, paper: str) -> dict[str, Erratum]:
-    """The errata of a paper by name.
+def read_errata(project: Path, paper: str) -> tuple[Erratum, ...]:
+    """Read the errata of a paper, in file order.
 
     Raises
     ------
@@ -54,4 +60,4 @@ def read_errata(project: Path, paper: str) -> dict[str, Erratum]:
     for name, erratum in found.items():
         if erratum.printed == erratum.corrected:
             raise InputError(f"errata.{paper}.{name}.corrected", "is what is printed")
-    return found
+    return tuple(Erratum(name=name, **one.model_dump()) for name, one in found.items())

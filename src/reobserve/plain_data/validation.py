@@ -335,6 +335,6 @@ Count = Annotated[int, within(1, 1_000_000)]
 Seed = Annotated[int, within(0, 2**63 - 1)]
 Levels = Annotated[list[Positive], items()]  # what a study or a figure goes through
 Window = Annotated[list[float], rising]  # from one time to another
-Text = Annotated[str, checked(_text)]
+Text = Annotated[str, checked(_text), AfterValidator(lambda text: " ".join(text.split()))]
 Names = Annotated[list[str], items(), distinct]
 Terms = list[dict[str, Any]]  # of a signal or a polynomial, which have conditions of their own

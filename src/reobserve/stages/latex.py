@@ -6,9 +6,10 @@ from pathlib import Path
 
 from reobserve.drawing.latex_captions import caption_in_latex
 from reobserve.errors import InputError
+from reobserve.evidence.report.files import by_observer
 from reobserve.plain_data.files import SCORE, read_rows, read_text, write_text
 from reobserve.plain_data.latex import booktabs, latex, latex_number
-from reobserve.scoring.metrics import HEADER
+from reobserve.scoring.metrics import HEADER, read_metrics
 
 _DIGITS = 3  # of a metric, which is judged by less
 
@@ -27,42 +28,27 @@ def run(source: Path, output: Path, digits: int | None = None) -> None:
     if source.suffix == ".rst":
         write_text(output, caption_in_latex(str(source), read_text(source)))
     elif source.suffix == ".csv":
-        header, rows = read_rows(source)
-        if not header:
-            raise InputError(str(source), "is empty, must be a table with a header")
-        if tuple(header) == HEADER:
-            write_text(output, _by_observer(rows, digits or _DIGITS))
-        else:
-            write_text(output, _as_it_stands(header, rows, digits))
+        write_text(output, _table(source, digits))
     else:
         raise InputError(str(source), "must be a .csv or a .rst file")
 
 
-def _as_it_stands(header: list[str], rows: list[list[str]], digits: int | None) -> str:
-    columns = "".join(
-        "r" if all(SCORE.allows(row[k]) for row in rows if row[k]) else "l"
-        for k in range(len(header))
-    )
+def _table(source: Path, digits: int | None) -> str:
+    header, rows = read_rows(source)
+    if not header:
+        raise InputError(str(source), "is empty, must be a table with a header")
+    if tuple(header) == HEADER:
+        found = read_metrics(source)
+        header, rows = by_observer(found, lambda value: latex_number(value, digits or _DIGITS))
+        # Words, where names have underscores; numbers are LaTeX already.
+        cells = [[_words(row[0]), *row[1:-1], latex(row[-1])] for row in rows]
+        columns = f"l{'r' * (len(header) - 2)}l"
+        return booktabs([_words(name) for name in header], cells, columns)
+    numeric = [all(SCORE.allows(row[k]) for row in rows if row[k]) for k in range(len(header))]
     cells = [[_cell(cell, digits) for cell in row] for row in rows]
-    return booktabs([latex(name) for name in header], cells, columns)
-
-
-def _by_observer(rows: list[list[str]], digits: int) -> str:
-    """A row a metric, a column an observer; in words where the table has underscores."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
-    for observer, metric, value, unit in rows:
-        found.setdefault((metric, unit), {})[observer] = value
-    observers = dict.fromkeys(observer for observer, *_ in rows)
-    header = ["metric", *map(_words, observers), "unit"]
-    cells = [
-        [
-            _words(metric),
-            *(_cell(values[one], digits) if one in values else "" for one in observers),
-            latex(unit),
-        ]
-        for (metric, unit), values in found.items()
-    ]
-    return booktabs(header, cells, f"l{'r' * len(observers)}l")
+    return booktabs(
+        [latex(name) for name in header], cells, "".join("r" if one else "l" for one in numeric)
+    )
 
 
 def _cell(text: str, digits: int | None) -> str:

@@ -51,10 +51,9 @@ def small_page(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="session")
 def page_with_gaps(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small page on which a drawing and a log are missing and a claim is broken."""
+    """A small page on which a drawing is missing and a claim is broken."""
     folder = make_project(tmp_path_factory.mktemp("gaps"))
     write_claims(folder, [*CLAIMS, BROKEN])
     (folder / "results/toy/fig1.svg").unlink()
-    (folder / "logs/toy/push/slow.log").unlink()
     report_command(folder, folder / "results/report.html")
     return folder / "results/report.html"

@@ -1,4 +1,4 @@
-"""The page in a real browser: whole and with gaps, on a phone, in the dark, printed, zoomed."""
+"""The page in a real browser: whole and with gaps, wide and narrow, dark, printed, zoomed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from playwright.sync_api import TimeoutError as TooLate
 
 from tests.browser import CONTRAST, PHONE, SMALLEST_TEXT, Watched
 
-PAGES = ("whole_page", "page_with_gaps")
+pytestmark = pytest.mark.nightly
+
+WIDE = {"width": 1400, "height": 900}
 
 # Of each image: seen in the window once scrolled to, natural width, width, length of its text.
 FIGURES = """async () => {
@@ -31,7 +33,7 @@ FIGURES = """async () => {
 OPEN_ALL = "document.querySelectorAll('details').forEach((box) => (box.open = true))"
 
 
-@pytest.fixture(scope="module", params=PAGES)
+@pytest.fixture(scope="module", params=["whole_page", "page_with_gaps"])
 def file(request: pytest.FixtureRequest) -> Path:
     """Each of the two pages."""
     found: Path = request.getfixturevalue(request.param)
@@ -41,7 +43,7 @@ def file(request: pytest.FixtureRequest) -> Path:
 @pytest.fixture(scope="module")
 def watched(browser: Browser, file: Path) -> Iterator[Watched]:
     """A page on a wide screen; it must neither complain nor ask the network for anything."""
-    opened = Watched(browser, file.as_uri(), viewport={"width": 1400, "height": 900})
+    opened = Watched(browser, file.as_uri(), viewport=WIDE)
     yield opened
     outside = [url for url in opened.requests if not url.startswith(("data:", file.as_uri()))]
     opened.context.close()
@@ -63,30 +65,13 @@ def test_every_figure_is_seen(watched: Watched, file: Path) -> None:
     assert missing == (1 if "gaps" in file.parts[-3] else 0)
 
 
-def test_links_work(watched: Watched, file: Path) -> None:
-    page = watched.page
-    dead = page.evaluate(
-        """() => [...document.querySelectorAll("a[href^='#'], use[href^='#']")]
-          .map((link) => link.getAttribute("href").slice(1))
-          .filter((id) => !document.getElementById(id))"""
-    )
-    assert dead == []
-    ids = page.evaluate("() => [...document.querySelectorAll('[id]')].map((e) => e.id)")
-    assert len(ids) == len(set(ids))
-    links = page.evaluate("() => [...document.links].map((link) => link.getAttribute('href'))")
-    files = {link for link in links if not link.startswith(("#", "https://doi.org/"))}
-    missing = [link for link in sorted(files) if not (file.parent / link).is_file()]
-    assert missing == []
-
-
 def test_a_link_into_something_closed_opens_it(watched: Watched) -> None:
     page = watched.page
-    made = page.locator("article.drawn a", has_text="How it was made").first
-    box = page.locator(f"[id='{made.get_attribute('href')[1:]}']")
-    assert not box.evaluate("(box) => box.open")
-    made.click()
-    page.wait_for_function("(box) => box.open", arg=box.element_handle())
-    assert box.locator("pre, .gap").first.is_visible()
+    name = page.locator("details:not([open]) [id]").first.get_attribute("id")
+    inside = page.locator(f"[id='{name}']")
+    assert not inside.is_visible()
+    page.evaluate("(name) => (location.hash = name)", name)
+    inside.wait_for(state="visible")
 
 
 def test_text_stands_out_in_both_schemes(watched: Watched) -> None:
@@ -103,22 +88,26 @@ def test_text_stands_out_in_both_schemes(watched: Watched) -> None:
         assert card.evaluate("(c) => getComputedStyle(c).backgroundColor") == "rgb(255, 255, 255)"
 
 
-def test_a_phone_shows_it_without_scrolling_sideways(browser: Browser, file: Path) -> None:
-    opened = Watched(
-        browser,
-        file.as_uri(),
-        viewport=PHONE,
-        is_mobile=True,
-        has_touch=True,
-        device_scale_factor=2,
-    )
-    page = opened.page
+@pytest.mark.parametrize("width", [1280, 1152, 961, 800])
+def test_a_window_shows_it_without_scrolling_sideways(watched: Watched, width: int) -> None:
+    page = watched.page
+    page.set_viewport_size({"width": width, "height": 900})
     for _ in range(2):
-        width = page.evaluate("document.documentElement.scrollWidth")
-        assert width <= PHONE["width"]
-        size, where = page.evaluate(SMALLEST_TEXT)
-        assert size >= 13.9, where
+        assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+        fits = "(table) => table.scrollWidth <= table.parentElement.clientWidth"
+        assert page.locator("table.papers").evaluate(fits), "the first table is seen whole"
         page.evaluate(OPEN_ALL)
+    page.set_viewport_size(WIDE)
+
+
+def test_a_phone_shows_it_without_scrolling_sideways(browser: Browser, file: Path) -> None:
+    phone = {"is_mobile": True, "has_touch": True, "device_scale_factor": 2}
+    opened = Watched(browser, file.as_uri(), viewport=PHONE, **phone)
+    for _ in range(2):
+        assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        size, where = opened.page.evaluate(SMALLEST_TEXT)
+        assert size >= 13.9, where
+        opened.page.evaluate(OPEN_ALL)
     assert opened.complaints == []
     opened.context.close()
 
@@ -128,7 +117,7 @@ def scale(page: Page) -> float:
 
 
 def test_a_figure_is_enlarged_by_keyboard_and_wheel(browser: Browser, small_page: Path) -> None:
-    opened = Watched(browser, small_page.as_uri(), viewport={"width": 1400, "height": 900})
+    opened = Watched(browser, small_page.as_uri(), viewport=WIDE)
     page = opened.page
     dialog, image = page.locator("dialog"), page.locator("dialog img")
     first = page.locator("a.zoom").first
@@ -182,14 +171,9 @@ def test_two_fingers_enlarge_a_figure(browser: Browser, small_page: Path) -> Non
 
 
 def test_without_a_script_a_figure_still_opens(browser: Browser, small_page: Path) -> None:
-    opened = Watched(
-        browser,
-        small_page.as_uri(),
-        java_script_enabled=False,
-        viewport={"width": 1000, "height": 700},
-    )
-    page = opened.page
-    figure = page.locator("article.drawn").first
+    size = {"width": 1000, "height": 700}
+    opened = Watched(browser, small_page.as_uri(), java_script_enabled=False, viewport=size)
+    figure = opened.page.locator("article.drawn").first
     figure.locator("a.zoom").click()
     box = figure.locator("a.zoom").bounding_box()
     assert (box["x"], box["y"], box["width"], box["height"]) == (0, 0, 1000, 700)
@@ -198,21 +182,9 @@ def test_without_a_script_a_figure_still_opens(browser: Browser, small_page: Pat
     opened.context.close()
 
 
-def test_print_has_no_contents_and_cuts_no_figure(watched: Watched) -> None:
-    page = watched.page
-    page.emulate_media(media="print")
-    page.evaluate(OPEN_ALL.replace("true", "false"))
-    assert not page.locator("nav.contents").is_visible()
-    inside = page.locator("details:not([open]) > :not(summary)").first
-    assert inside.bounding_box()["height"] > 0, "what is closed is shown"
-    breaks = (
-        "() => [...document.querySelectorAll('figure')].map((f) => getComputedStyle(f).breakInside)"
-    )
-    assert set(page.evaluate(breaks)) == {"avoid"}
-    page.emulate_media(media="screen")
-
-
-def test_print_to_pdf_opens_what_is_closed(browser: Browser, small_page: Path) -> None:
+def test_print_shows_what_is_closed_on_a4_and_cuts_no_figure(
+    browser: Browser, small_page: Path
+) -> None:
     opened = Watched(browser, small_page.as_uri())
     page = opened.page
     closed = "document.querySelectorAll('details:not([open])').length"
@@ -220,9 +192,14 @@ def test_print_to_pdf_opens_what_is_closed(browser: Browser, small_page: Path) -
     assert before > 0
     page.evaluate(f"addEventListener('beforeprint', () => (window.closedInPrint = {closed}))")
     printed = page.pdf(prefer_css_page_size=True)
-    assert printed.startswith(b"%PDF")
     assert page.evaluate("window.closedInPrint") == 0
     assert page.evaluate(closed) == before, "and closed again"
     sizes = set(re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", printed))
     assert {(round(float(w)), round(float(h))) for w, h in sizes} == {(595, 842)}, "A4"
+    page.emulate_media(media="print")
+    assert not page.locator("nav.contents").is_visible()
+    inside = page.locator("details:not([open]) > :not(summary)").first
+    assert inside.bounding_box()["height"] > 0, "shown without a script, too"
+    breaks = "(figures) => figures.map((one) => getComputedStyle(one).breakInside)"
+    assert set(page.locator("figure").evaluate_all(breaks)) == {"avoid"}
     opened.context.close()

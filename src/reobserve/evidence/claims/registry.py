@@ -142,6 +142,11 @@ def claims_file(project: Path, paper: str) -> Path:
     return project / claims_path(paper)
 
 
+def read_claims(project: Path, paper: str) -> ClaimsFile:
+    """Read the claims of a paper as its file has them; raises `InputError` for what is wrong."""
+    return parse_file(ClaimsFile, read_yaml(claims_file(project, paper)), "claims", paper)
+
+
 def read_registry(project: Path, ledger: Ledger) -> Registry:
     """The claims of a paper.
 
@@ -151,14 +156,13 @@ def read_registry(project: Path, ledger: Ledger) -> Registry:
         If the file is missing or no YAML, or with the key of the first claim that is wrong: in
         itself, or since there is no figure, metric or parameter that it names.
     """
-    tree = read_yaml(claims_file(project, ledger.paper))
-    stated = parse_file(ClaimsFile, tree, "claims", ledger.paper)
+    stated = read_claims(project, ledger.paper)
     known = meanings(ledger.paper)
     claims = []
     for name, entry in stated.claims.items():
         with located(f"claims.{ledger.paper}.{name}"):
             claims.append(_claim(ledger, name, entry, stated.choices, known))
-    return Registry(" ".join(stated.obstacles.split()), claims)
+    return Registry(stated.obstacles, claims)
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
@@ -211,20 +215,16 @@ def _claim(
     return Claim(
         ledger.paper,
         name,
-        place=_one_line(entry.place),
-        says=_one_line(entry.says),
+        place=entry.place,
+        says=entry.says,
         headline=entry.headline,
         checks=tuple(checks),
-        why=_one_line(entry.why or entry.not_testable),
+        why=entry.why or entry.not_testable or "",
         threshold=entry.threshold or "",
         choices=_choices(ledger, entry.depends_on, groups),
         expensive=entry.expensive,
         testable=entry.not_testable is None,
     )
-
-
-def _one_line(text: str | None) -> str:
-    return " ".join((text or "").split())
 
 
 def _check_names(ledger: Ledger, check: Check, known: Meanings) -> None:

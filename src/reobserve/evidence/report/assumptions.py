@@ -1,19 +1,43 @@
-"""The ledger for readers: values, ranges and reasons, equal ones of several keys told once."""
+"""The parameters for readers: values, ranges and reasons, equal ones of several keys in one row."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from reobserve.evidence.report.model import Claim, Entry
+from reobserve.evidence.report.claims import Claim
 from reobserve.evidence.report.reading import line
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.overrides import OVERRIDDEN
 
 
-def entries(ledger: Ledger, claims: tuple[Claim, ...]) -> tuple[Entry, ...]:
-    """The entries of a ledger in file order, with the claims that depend on them.
+@dataclass(frozen=True)
+class Entry:
+    """Parameters of a paper that say the same of several keys.
+
+    ``status`` is `assumed`, `stated` or `overridden`, ``value`` and ``range`` one line a part.
+    """
+
+    keys: tuple[str, ...]
+    value: tuple[str, ...]
+    unit: str
+    status: str
+    source: str
+    range: tuple[str, ...]
+    why: str
+    numerical: bool
+    chosen_for: str
+    claims: tuple[str, ...] = ()
+
+    @property
+    def section(self) -> str:
+        """The branch of the parameters it stands in."""
+        return self.keys[0].partition(".")[0]
+
+
+def entries(ledger: Ledger, claims: Iterable[Claim]) -> tuple[Entry, ...]:
+    """Return the parameters of a paper in file order, with the claims that depend on them.
 
     Entries that have the same last key in the same section and say the same stand together: what
     several observers share was decided once.

@@ -11,8 +11,8 @@ from pathlib import Path
 from reobserve.replication.provenance import versions
 
 
-def environment(project: Path) -> tuple[tuple[str, str], ...]:
-    """What the page says of its origin, as pairs of name and value."""
+def environment(project: Path) -> dict[str, str]:
+    """Return what the page says of its origin, by name."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     rows = {
         "commit": _commit(project),
@@ -21,21 +21,13 @@ def environment(project: Path) -> tuple[tuple[str, str], ...]:
         "cores": str(cores or ""),
         "Python": f"{platform.python_version()} ({platform.python_implementation()})",
     }
-    return tuple((name, value) for name, value in rows.items() if value)
+    return {name: value for name, value in rows.items() if value}
 
 
-def package_versions() -> tuple[tuple[str, str], ...]:
-    """The versions of this package and of those that decide numbers, pictures and this page."""
-    found = {"reobserve": _version("reobserve"), **versions()}
-    found |= {name: _version(name) for name in ("jinja2", "docutils", "snakemake")}
-    return tuple((name, version) for name, version in found.items() if version)
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return ""
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that decide numbers, figures and this page."""
+    others = {name: metadata.version(name) for name in ("jinja2", "docutils", "snakemake")}
+    return {"reobserve": metadata.version("reobserve"), **versions(), **others}
 
 
 def _commit(project: Path) -> str:

@@ -7,25 +7,19 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from pathlib import Path
 from typing import Any
 
 
 def inline(path: Path) -> str:
-    """A style or script as it stands in a page, without blank lines.
+    """Read a style or script as it stands in a page.
 
     Raises
     ------
     OSError
         If it cannot be read.
     """
-    return without_blank_lines(path.read_text(encoding="utf-8")).strip()
-
-
-def without_blank_lines(text: str) -> str:
-    """The text without them; a browser does not care, a reader of the source does."""
-    return re.sub(r"\n(?:[ \t]*\n)+", "\n", text)
+    return path.read_text(encoding="utf-8").strip()
 
 
 def content_policy(style: str, script: str = "") -> Any:

@@ -1,21 +1,45 @@
-"""A report as one HTML page: templates, style and script of the workflow, put together."""
+"""The report as one HTML page: templates, style and script of the workflow, filled."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError
-from reobserve.evidence.report.jobs import outside_inputs
-from reobserve.evidence.report.model import Claim, Entry, Gap, Image, Paper, Report
-from reobserve.evidence.report.policy import content_policy, inline, without_blank_lines
-from reobserve.evidence.report.verdicts import ALL_VERDICTS, counts, replicated, title_margin
+from reobserve.evidence.claims.verdicts import BROKEN, VERDICTS
+from reobserve.evidence.report.gather import gather
+from reobserve.evidence.report.policy import content_policy, inline
+from reobserve.evidence.report.reading import Gap
+from reobserve.plain_data.files import write_text
 
 
-def render(report: Report, templates: Path) -> str:
-    """The page.
+def report_command(
+    project: Path,
+    output: Path,
+    papers: Sequence[str] | None = None,
+    formats: Sequence[str] | None = None,
+) -> None:
+    """Write the page, with every gap shown in its place, and print how many there are.
+
+    ``papers`` and ``formats`` are what was built, if other than `config/config.yaml` says.
+
+    Raises
+    ------
+    InputError
+        If the project has no config or no templates, or the page cannot be written.
+    """
+    report = gather(project, output, papers, formats)
+    write_text(output, render(report, project / "workflow" / "report" / "replication"))
+    count = len(report["gaps"])
+    print(f"{output}: {'no gaps' if not count else '1 gap' if count == 1 else f'{count} gaps'}")
+    for gap in report["gaps"]:
+        print(f"  {gap.sentence}")
+
+
+def render(report: dict[str, Any], templates: Path) -> str:
+    """Fill the templates with what `gather` found.
 
     Raises
     ------
@@ -32,20 +56,13 @@ def render(report: Report, templates: Path) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.tests.update(gap=_is_gap, image=_is_image)
-    environment.filters.update(
-        slug=_slug, percent=_percent, ledger_key=_ledger_key, parts=_parts, bar=_bar,
-        outside=outside_inputs, ticks=_ticks, alike=_alike,
-    )  # fmt: skip
+    environment.tests["gap"] = lambda value: isinstance(value, Gap)
+    environment.filters.update(ledger_key=ledger_key, parts=parts, ticks=_ticks, alike=alike)
     try:
         style, script = inline(templates / "report.css"), inline(templates / "report.js")
-        page = environment.get_template("page.html.jinja").render(
+        return environment.get_template("page.html.jinja").render(
             report=report,
-            verdicts=ALL_VERDICTS,
-            counts={paper.name: counts(paper.known_claims) for paper in report.papers},
-            replicated={paper.name: replicated(paper.known_claims) for paper in report.papers},
-            margins={paper.name: title_margin(paper.known_claims) for paper in report.papers},
-            deciding={paper.name: _deciding(paper) for paper in report.papers},
+            verdicts=(*VERDICTS, BROKEN),
             policy=content_policy(style, script),
             style=Markup(style),
             script=Markup(script),
@@ -56,19 +73,6 @@ def render(report: Report, templates: Path) -> str:
         raise InputError(str(error.filename), f"cannot be read ({error.strerror})") from None
     except jinja2.TemplateError as error:
         raise InputError(str(templates), f"cannot be filled: {error.message}") from None
-    return without_blank_lines(page).rstrip() + "\n"
-
-
-def _is_gap(value: object) -> bool:
-    return isinstance(value, Gap)
-
-
-def _is_image(value: object) -> bool:
-    return isinstance(value, Image)
-
-
-def _deciding(paper: Paper) -> Mapping[str, Claim]:
-    return {claim.name: claim for claim in paper.known_claims}
 
 
 def _ticks(text: str) -> Any:
@@ -78,30 +82,19 @@ def _ticks(text: str) -> Any:
     return Markup(re.sub(r"`+([^`]+)`+", r"<code>\1</code>", str(escape(text))))
 
 
-def _slug(verdict: str) -> str:
-    return verdict.replace(" ", "-")
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f}"
-
-
-def _ledger_key(key: str, entries: tuple[Entry, ...]) -> str:
-    """The first of the ledger's keys that ``key`` is, stands for or is a number of; or nothing."""
+def ledger_key(key: str, known: Sequence[str]) -> str:
+    """Return the first of the ``known`` keys that ``key`` is or is a number of; or nothing."""
     key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d is told of both
-    known = [name for entry in entries for name in entry.keys]
-    while key:
-        if key in known:
-            return key
+    while key and key not in known:
         key = key.rpartition(".")[0]
-    return ""
+    return key
 
 
-def _alike(keys: tuple[str, ...]) -> list[tuple[str, list[tuple[str, str]], str]]:
-    """Keys that differ in their second part only, told once.
+def alike(keys: Sequence[str]) -> list[tuple[str, list[tuple[str, str]], str]]:
+    """Group keys that differ in their second part only.
 
-    Each is the first part, the second parts with their keys, and the rest; a key of fewer than
-    three parts stands alone, as one second part between nothing.
+    Each group is the first part, the second parts with their keys, and the rest; a key of fewer
+    than three parts stands alone, as one second part between nothing.
     """
     groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for key in keys:
@@ -114,16 +107,8 @@ def _alike(keys: tuple[str, ...]) -> list[tuple[str, list[tuple[str, str]], str]
     return [(first if last else "", found, last) for (first, last), found in groups.items()]
 
 
-def _parts(text: str, figures: tuple[str, ...]) -> list[tuple[str, bool]]:
-    """A text in parts; true for those that name a figure."""
-    if not figures:
-        return [(text, False)]
+def parts(text: str, figures: Sequence[str]) -> list[tuple[str, bool]]:
+    """Split a text; true for the parts that name a figure."""
     names = "|".join(map(re.escape, figures))
     pieces = re.split(rf"(?<![\w.-])({names})(?![\w.-])", text)
     return [(piece, index % 2 == 1) for index, piece in enumerate(pieces) if piece]
-
-
-def _bar(robustness: Any, width: float) -> dict[str, float]:
-    """Where the marks of a bar are that is ``width`` wide."""
-    places = {name: getattr(robustness, name) * width for name in ("share", "low", "high")}
-    return {name: round(place, 1) for name, place in places.items()}
