@@ -72,6 +72,12 @@ MEANINGS = {
 }
 
 
+def configure(folder: Path, papers: str, formats: str) -> None:
+    """Write a configuration of these papers and formats."""
+    rest = "seed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    (folder / "config/config.yaml").write_text(f"papers: {papers}\nformats: {formats}\n{rest}")
+
+
 def write_claims(folder: Path, rows: list[dict[str, object]]) -> None:
     """The table of claims as the build writes it."""
     full = [{**dict.fromkeys(HEADER, ""), "paper": "toy", **row} for row in rows]
@@ -84,9 +90,7 @@ def make_project(folder: Path) -> Path:
     for name in ("config/papers", "config/claims", "config/errata", "workflow/report/toy"):
         (folder / name).mkdir(parents=True)
     built.mkdir(parents=True)
-    (folder / "config/config.yaml").write_text(
-        "papers: [toy]\nformats: [svg]\nseed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
-    )
+    configure(folder, "[toy]", "[svg]")
     shutil.copy(TOY / "toy.yaml", folder / "config/papers")
     shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
     shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
