@@ -180,10 +180,10 @@ DAMAGED = [
     ("results/toy/robustness.json", "[]", "must be a mapping"),
     ("results/toy/parameters.json", "{}", "paper: is missing; the stored file needs it"),
     ("results/claims.csv", "a,b\n", "has the columns"),
-    ("config/claims/toy.yaml", "claims: {}", "has no key 'obstacles'"),
-    ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "sign: has no key 'printed'"),
+    ("config/claims/toy.yaml", "claims: {}", "claims.toy.obstacles: is missing"),
+    ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "errata.toy.sign.printed: is missing"),
     ("config/errata/toy.yaml", "errata: [", "is not YAML"),
-    ("config/errata/toy.yaml", "errata: {sign: here}", "sign: must be a mapping of keys to"),
+    ("config/errata/toy.yaml", "errata: {sign: here}", "errata.toy.sign: 'here' must be a"),
 ]
 
 
@@ -191,7 +191,7 @@ DAMAGED = [
 def test_a_damaged_file_is_one_gap(project: Path, path: str, content: str, said: str) -> None:
     (project / path).write_text(content)
     (sentence,) = sentences(project)
-    assert sentence.startswith(path)
+    assert sentence.startswith((path, said))
     assert said in sentence
 
 
