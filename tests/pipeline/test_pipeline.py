@@ -32,6 +32,7 @@ def test_provenance_says_what_made_a_series(built: Project) -> None:
     assert series.events["onsets"] == (5.0,)
 
 
+@pytest.mark.nightly
 def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
     fresh.snakemake("results/ilo/fig3.pdf")
     chain = {
@@ -58,6 +59,7 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
     assert built.results()["ilo/fig2.metrics.csv"] == before
 
 
+@pytest.mark.nightly
 def test_a_fault_of_ones_own(fresh: Project) -> None:
     """A scenario, an observer and a figure added from a file, with samples from a CSV."""
     time = np.arange(0, 10.01, 0.01)
@@ -92,6 +94,7 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
     assert stale == {"plant": 1, "observe": 1, "metrics": 1, "plot": 1}
 
 
+@pytest.mark.nightly
 def test_noise_in_the_record(fresh: Project) -> None:
     """A deviation in the ledger gives a measured rate, held, with that deviation."""
     target = "results/ilo/constant/plant.parquet"
@@ -103,6 +106,7 @@ def test_noise_in_the_record(fresh: Project) -> None:
     assert np.std(held[:, 0]) == pytest.approx(1e-5, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_the_snakemake_report_is_complete(built: Project) -> None:
     built.snakemake("--report", "report.html")
     html = (built.folder / "report.html").read_text()
