@@ -30,6 +30,7 @@ from reobserve.synthesis.extended_state.certificate import Certificate, certify,
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.timeseries.series import Channel, Series
+from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ FAULTS = ("actuator_fault", "sensor_fault")
 
 
 def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return Ledger.load(ROOT, "eso", changes, seed)
+    return fixed_ledger("eso", changes, seed)
 
 
 def simulated(scenario: str, seed: int = SEED, **values: Any) -> Series:

@@ -29,6 +29,7 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 from tests.observers.actuator_models import ACTUATOR
+from tests.papers import fixed_ledger
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]
@@ -38,7 +39,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
 def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return Ledger.load(ROOT, "imm", changes, seed)
+    return fixed_ledger("imm", changes, seed)
 
 
 @cache

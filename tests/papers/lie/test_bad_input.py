@@ -18,6 +18,7 @@ from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.power_series.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 from tests.observers.test_normal_form_observers import form
+from tests.papers import fixed
 
 ROOT = Path(__file__).parents[3]
 
@@ -269,7 +270,7 @@ def test_the_ledger(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str
         "--project",
         str(ROOT),
         "--overrides",
-        json.dumps(changes),
+        json.dumps(fixed("lie", changes)),
     ]
     assert main([*arguments, "--output", str(target)]) == 1
     captured = capsys.readouterr()
