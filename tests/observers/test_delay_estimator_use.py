@@ -92,18 +92,6 @@ def test_least_squares_winds_up_at_rest_and_says_when() -> None:
         )
 
 
-def test_a_run_leaves_its_inputs_as_they_were() -> None:
-    estimator = SMOOTH["adaptive"](0.05)
-    output, control, past = record(estimator, FAST, short_delay, 1.0)
-    state = estimator.init(0.0, 0.3, past[::2])
-    arrays = (output, control, past, state.values, state.history.right, state.recent)
-    copies = [a.copy() for a in arrays]
-    estimator.run(output[::2], control[::2], state=state)
-    estimator.run(output[::2], control[::2, 0], state=state)
-    for kept, now in zip(copies, arrays, strict=True):
-        assert np.array_equal(kept, now)
-
-
 def test_bounds_of_the_delay_are_two_numbers_however_they_are_given() -> None:
     given = replace(ALL["relay"](0.01), delay_bounds=np.array([0, 1]))  # type: ignore[arg-type]
     assert given.delay_bounds == (0.0, 1.0)

@@ -65,18 +65,6 @@ def test_stepping_and_running_in_pieces_give_the_bits_of_a_batch(switched: str) 
     assert not np.array_equal(run_on_halves(built, y, u, state=start)["delay"], whole["delay"])
 
 
-def test_a_run_leaves_its_arguments_as_they_were() -> None:
-    y, u = (values.copy() for values in record("sine", 0.01, 1.0))
-    kept, built = (y.copy(), u.copy()), observer(Case("sine", 5.0, 2), 0.01)
-    start = built.init([0.1, 0.0], FIRST_DELAY)
-    run_on_halves(built, y, u, state=start)
-    built.run(y, u, state=start)
-    built.run(y, u[:, 0], state=start)
-    assert np.array_equal(y, kept[0])
-    assert np.array_equal(u, kept[1])
-    assert start.values.tolist() == [0.1, 0.0, FIRST_DELAY]
-
-
 # ---- Reports
 
 

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import InputError
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
-from tests.observers.halves import rows_of, stepped
 
 Array = NDArray[np.float64]
 
@@ -214,43 +213,6 @@ MODELS = {
 each_size = pytest.mark.parametrize("n", MODELS)
 
 
-PARTS = slice(23), slice(23, None)  # up to a sample's own row, and from the next middle on
-
-
-def jumping_record(steps: int) -> tuple[Array, Array, Array, Array]:
-    """y, u and their limits from the left, which differ at every second step."""
-    rng = np.random.default_rng(3)
-    output, known, by, also = rng.normal(scale=0.5, size=(4, 2 * steps + 1))
-    jumps = np.arange(2 * steps + 1) % 4 == 0
-    return output, known, output - jumps * by, known - jumps * also
-
-
-@each_size
-def test_stepping_gives_the_bits_of_a_run(n: int) -> None:
-    steps = 30
-    record = jumping_record(steps)
-    observer = HighGainObserver(MODELS[n], 0.02, 3.0)
-    start = observer.init(np.linspace(-1, 1, n))
-    kept = start.estimate.copy()
-    output, known, output_before, input_before = record
-    left = {"y_before": output_before, "u_before": input_before}
-    run = run_on_halves(observer, output, known, state=start, **left)
-    state, rows = stepped(observer, start, *record)
-    assert np.array_equal(rows_of(rows, "state"), run["state"])
-    assert np.array_equal(state.estimate, run.state.estimate)
-    assert state.count == run.state.count == steps
-    assert np.array_equal(start.estimate, kept)
-    # Both limits from the left matter.
-    for name, values in left.items():
-        other = run_on_halves(observer, output, known, state=start, **{name: values})  # type: ignore[arg-type]
-        assert not np.array_equal(other["state"], run["state"])
-    # Two runs in a row are one.
-    first, second = ({name: part[rows] for name, part in left.items()} for rows in PARTS)
-    one = run_on_halves(observer, output[:23], known[:23], state=start, **first)
-    two = run_on_halves(observer, output[23:], known[23:], state=one.state, **second)
-    assert np.array_equal(np.concatenate([one["state"], two["state"]]), run["state"])
-
-
 def y_of(time: Any, late: bool) -> Any:
     return np.sin(1.3 * time) + (0.4 * np.cos(time) if late else 0.0)
 
@@ -337,25 +299,6 @@ def test_a_wrong_delay_on_a_ramp_leaves_a_known_error(n: int) -> None:
 
 
 # --- Divergence and bad input -------------------------------------------------------------------
-
-
-def test_a_divergent_run_returns_the_finite_rows_and_their_time() -> None:
-    # The Runge-Kutta method itself is unstable here: rho times the step is 4.
-    observer = HighGainObserver(MODELS[2], 0.2, 20.0)
-    start = observer.init([1.0, 0.0])
-    record = np.zeros(2001)
-    run = observer.run(record, record, state=start, on_divergence="return")
-    rows = len(run)
-    assert 2 < rows < 2001
-    assert np.isfinite(run["state"]).all()
-    assert np.abs(run["state"][-1]).max() > 1e250
-    assert run.diverged_at == pytest.approx((rows - 1) * 0.2)
-    assert run.state is start
-    shorter = observer.run(record[:rows], record[:rows], state=start)
-    assert shorter.diverged_at is None
-    assert np.array_equal(shorter["state"], run["state"])
-    with pytest.raises(DivergenceError, match=r"^HighGainObserver diverged: .* t = 1.4 s"):
-        observer.step(State(np.array([1e307, 0.0]), np.zeros(2), 7), 0.0, 0.0)
 
 
 def test_steps_below_the_limit_stay_stable() -> None:

@@ -51,28 +51,6 @@ def slopes(x: Any, y: Any) -> Array:
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [1, 2, 5])
-def test_stepping_gives_the_bits_of_a_run(order: int) -> None:
-    samples = np.random.default_rng(2).normal(size=60)
-    differentiator = LevantDifferentiator(3.0, 0.01, order)
-    start = differentiator.init(np.linspace(1, 2, order + 1))
-    run = differentiator.run(samples, state=start)
-    state, rows = start, []
-    for sample in samples:
-        state, estimate = differentiator.step(state, sample)
-        rows.append(estimate["derivatives"])
-    assert np.array_equal(rows, run["derivatives"])
-    assert np.array_equal(state.derivatives, run.state.derivatives)
-    assert state.count == run.state.count == 59
-    first = differentiator.run(samples[:23], state=start)
-    second = differentiator.run(samples[23:], state=first.state)
-    parts = np.concatenate([first["derivatives"], second["derivatives"]])
-    assert np.array_equal(parts, run["derivatives"])
-    assert np.array_equal(second.state.derivatives, run.state.derivatives)
-    assert np.array_equal(np.concatenate([first.time, second.time]), run.time)
-    assert np.array_equal(start.derivatives, np.linspace(1, 2, order + 1))
-
-
 def test_one_step_by_hand() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
     differentiator = LevantDifferentiator(8.0, 0.5, **PAPER)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,98 +55,6 @@ each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSE
 
 
 # --- One step at a time -------------------------------------------------------------------------
-
-STEPS = 40
-Record = tuple[Array, Array, Array, Array]
-
-
-def jumping_record() -> Record:
-    """Rate and control with their limits from the left, which differ at every fifth sample."""
-    rng = np.random.default_rng(3)
-    rate, control, by, by_control = rng.normal(scale=0.3, size=(4, 2 * STEPS + 1, 3))
-    jumps = np.arange(2 * STEPS + 1)[:, None] % 5 == 4
-    return rate, rate - jumps * by, control, control - jumps * by_control
-
-
-def run_part(
-    observer: RigidBodyObserver, record: Record, state: State, first: int, last: int
-) -> Run[State]:
-    """The rows from ``first`` to ``last``; a state that has taken the first goes on after it."""
-    part = slice(2 * first + (state.sample is not None), 2 * last + 1)
-    rate, rate_before, control, control_before = (samples[part] for samples in record)
-    return run_on_halves(
-        observer, rate, control, state=state, y_before=rate_before, u_before=control_before
-    )
-
-
-def same_state(one: State, other: State) -> bool:
-    return (
-        np.array_equal(one.rate, other.rate)
-        and np.array_equal(one.memory, other.memory)
-        and np.array_equal(one.sample, other.sample)  # type: ignore[arg-type]
-        and one.count == other.count
-    )
-
-
-@each_observer
-def test_stepping_gives_the_bits_of_a_run(observer: RigidBodyObserver) -> None:
-    record = jumping_record()
-    start = observer.init([0.1, -0.2, 0.3])
-    run = run_part(observer, record, start, 0, STEPS)
-    rate, rate_before, control, control_before = record
-    state, rates, faults = start, [], []
-    for k in range(STEPS + 1):
-        row, between = 2 * k, max(2 * k - 1, 0)
-        state, estimate = observer.step(
-            state, rate[row], control[row],
-            before=(rate_before[row], control_before[row]),
-            middle=(rate[between], control[between]),
-        )  # fmt: skip
-        assert estimate.time == run.time[k]
-        rates.append(estimate["rate"])
-        faults.append(estimate["fault"])
-    assert np.array_equal(rates, run["rate"])
-    assert np.array_equal(faults, run["fault"])
-    assert same_state(state, run.state)
-    assert state.count == STEPS
-    # The jumps matter: without the limits from the left the result is another.
-    smooth = run_on_halves(observer, rate, control, state=start)
-    assert not np.array_equal(smooth["rate"], run["rate"])
-
-
-@each_observer
-@pytest.mark.parametrize("cut", [1, DELAY - 1, DELAY, 2 * DELAY, 2 * DELAY + 3, STEPS - 1])
-def test_two_runs_in_a_row_give_the_bits_of_one(observer: RigidBodyObserver, cut: int) -> None:
-    record = jumping_record()
-    start = observer.init([0.1, -0.2, 0.3])
-    whole = run_part(observer, record, start, 0, STEPS)
-    first = run_part(observer, record, start, 0, cut)
-    second = run_part(observer, record, first.state, cut, STEPS)
-    for name, joined in (
-        ("rate", [first["rate"], second["rate"]]),
-        ("fault", [first["fault"], second["fault"]]),
-    ):
-        assert np.array_equal(np.concatenate(joined), whole[name]), name
-    before = np.concatenate([first.before["fault"], second.before["fault"]])
-    assert np.array_equal(before, whole.before["fault"])
-    assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
-    assert same_state(second.state, whole.state)
-
-
-@each_observer
-def test_states_are_values(observer: RigidBodyObserver) -> None:
-    record = jumping_record()
-    state = run_part(observer, record, observer.init([0.1, -0.2, 0.3]), 0, 10).state
-    assert state.sample is not None
-    kept = State(state.rate.copy(), state.memory.copy(), state.sample.copy(), state.count)
-    once = run_part(observer, record, state, 10, 20)
-    assert same_state(state, kept)
-    observer.step(state, record[0][22], record[2][22])
-    assert same_state(state, kept)
-    again = run_part(observer, record, state, 10, 20)
-    assert np.array_equal(once["rate"], again["rate"])
-    assert np.array_equal(once["fault"], again["fault"])
-
 
 # --- Limit of stability of the sampled observer -------------------------------------------------
 
@@ -375,15 +282,6 @@ def test_divergence_comes_when_the_linear_law_overflows() -> None:
     name = "sampled, fault first"
     run = run_at_rest(DIVERGING[name], name, 4000)
     assert run.diverged_at == pytest.approx((updates - 1) * interval - 0.0025)
-
-
-@each_observer
-def test_a_step_that_diverges_says_when(observer: RigidBodyObserver) -> None:
-    far = np.concatenate([np.full(3, 1e200), np.full(3, 1e308)])
-    state = replace(observer.init(np.zeros(3)), sample=far, count=11)
-    said = rf"^{type(observer).__name__} diverged: .* up to t = {11 * observer.sampling_period:g} s"
-    with pytest.raises(DivergenceError, match=said):
-        observer.step(state, far[:3], far[3:])
 
 
 @each_observer

@@ -25,7 +25,6 @@ from .conftest import (
     with_few_levels,
 )
 
-
 # The first figure of each paper at once, the others nightly.
 FIRST = {paper: next(iter(LEDGERS[paper].tree["figures"])) for paper in PAPERS}
 
