@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli import main
+from tests.papers import fixed
 
-from .conftest import ROOT, Project
+from .conftest import LEDGERS, ROOT, Project
 
 Capture = pytest.CaptureFixture[str]
 
@@ -140,7 +141,8 @@ def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
     overrides, where, what = BAD_CONFIG[case]
     said = refused(
         capsys,
-        *("stage", "parameters", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("stage", "parameters", "ilo", "--project", ROOT),
+        *("--overrides", json.dumps(fixed("ilo", overrides))),
         *("--output", tmp_path / "parameters.json"),
     )
     assert where in said
@@ -303,7 +305,7 @@ def test_a_divergent_observer_names_the_time(
 
 BAD_CALLS = {
     "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
-    "ilo={observers: {continuous: {K1: 1.05}}}": (
+    "ilo={observers: {continuous: {K1: 1.05, update_interval: 0.01}}}": (
         "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
         "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
     ),
@@ -357,10 +359,11 @@ def test_what_only_building_shows_in_a_ledger_stops_the_first_job(fresh: Project
     text = ledger.read_text(encoding="utf-8")
     stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
     assert stuck in text
-    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "12.0")), encoding="utf-8")
+    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "99.0")), encoding="utf-8")
     done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: ilo.scenarios.constant.fault: starts at 12 s, must start before the end at 10 s"
+        "reobserve: ilo.scenarios.constant.fault: starts at 99 s, must start before the end at "
+        f"{LEDGERS['ilo'].section('plant')['horizon']:g} s"
     )
     assert not (fresh.folder / "results/ilo").exists()

@@ -26,7 +26,8 @@ def test_provenance_says_what_made_a_series(built: Project) -> None:
     series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
     about = series.provenance
     assert (about["paper"], about["stage"], about["job"]) == ("ilo", "observe", "forgetting")
-    assert about["settings"]["observer"]["K1"] == 0.9
+    gain = LEDGERS["ilo"].section("observers", "forgetting")["K1"]
+    assert about["settings"]["observer"]["K1"] == gain
     assert about["packages"]["numpy"] == np.__version__
     assert series.channels["fault"].unit == "N m"
     assert series.events["onsets"] == (5.0,)
@@ -69,6 +70,7 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
     (fresh.folder / "mine.yaml").write_text(
         """
         ilo:
+          plant: {horizon: 10, step: 1.25e-4}
           scenarios:
             mine:
               like: constant
@@ -98,7 +100,11 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
 def test_noise_in_the_record(fresh: Project) -> None:
     """A deviation in the ledger gives a measured rate, held, with that deviation."""
     target = "results/ilo/constant/plant.parquet"
-    fresh.snakemake(target, "--config", "ilo={plant: {noise: 1e-5}}")
+    fresh.snakemake(
+        target,
+        "--config",
+        "ilo={plant: {noise: 1e-5, noise_period: 1e-3, horizon: 10, step: 1.25e-4}}",
+    )
     series = Series.read(fresh.folder / target)
     noise = series["measured"] - series["rate"]
     held = noise.reshape(-1)[: 8 * 3 * 10000].reshape(10000, 8, 3)  # 8 samples of 0.125 ms
