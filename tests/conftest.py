@@ -30,7 +30,7 @@ NIGHTLY = {"browser", "slurm", "site"}
 SHARED = {
     f"tests/{folder}/test_{name}.py": folder
     for folder, names in {
-        "pipeline": ("bad_input", "imports", "pipeline", "staleness"),
+        "pipeline": ("bad_input", "pipeline", "staleness"),
         "docs": ("browser", "site"),
     }.items()
     for name in names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 from html import escape
 from pathlib import Path
 
@@ -14,12 +15,13 @@ from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.ledger.config import known_papers
+from reobserve.ledger.names import paper_part
 from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series
 from tests import FIVE
 
-from .conftest import FIGURES, LEDGERS, ROOT, TABLES, Project
+from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project
 
 
 def test_provenance_says_what_made_a_series(built: Project) -> None:
@@ -58,6 +60,23 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
     before = built.results()["ilo/fig2.metrics.csv"]
     built.run("bash", "-c", command[1])
     assert built.results()["ilo/fig2.metrics.csv"] == before
+
+
+def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> None:
+    slow = r"\| +(numba|cvxpy|pandas|sympy|scipy\.signal)$"
+    for paper in PAPERS:
+        figures = LEDGERS[paper].tree["figures"]
+        studied = next(name for name in figures if "study" in figures[name])
+        log = (built.folder / f"logs/{paper}/{studied}.metrics.log").read_text()
+        *words, _ = shlex.split(log.partition("\n")[0].removeprefix("+ "))
+        command = ("python", "-X", "importtime", "-m", *words, str(tmp_path / f"{paper}.csv"))
+        loaded = built.run(*command).stderr
+        assert "reobserve.papers" in loaded
+        assert not re.search(slow, loaded, re.MULTILINE), paper
+        assert not re.search(r"\| +matplotlib$", loaded, re.MULTILINE), paper
+    plots = f"import {', '.join(paper_part(paper, 'plot') for paper in PAPERS)}"
+    loaded = built.run("python", "-X", "importtime", "-c", plots).stderr
+    assert not re.search(slow, loaded, re.MULTILINE)
 
 
 @pytest.mark.nightly
