@@ -364,6 +364,47 @@ def test_bad_records_are_refused_by_name_and_row(case: Case) -> None:
             observe(case, u=None)
 
 
+NOT_ROWS: dict[str, tuple[Callable[[int], Any], str]] = {
+    "empty": (lambda rows: np.zeros((0, 1)), "has shape"),
+    "too wide": (lambda rows: np.zeros((rows, 9)), "has shape"),
+    "too deep": (lambda rows: np.zeros((rows, 1, 1)), "has shape"),
+    "one number": (lambda rows: 1.0, "has shape"),
+    "text": (lambda rows: ["a"] * rows, "is no array of numbers"),
+    "ragged": (lambda rows: [[1], [1, 2]] * rows, "is no array of numbers"),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_ROWS)
+def test_what_is_no_record_is_refused_by_name(case: Case, kind: str) -> None:
+    make, said = NOT_ROWS[kind]
+    for name in ("y", "u"):
+        with pytest.raises(InputError, match=rf"^{name}: {said}"):
+            observe(case, **{name: make(len(case.y))})
+    if kind in ("too wide", "text", "ragged"):
+        with pytest.raises(InputError, match=r"^y: "):
+            case.observer.step(case.state, make(1), row_of(case, 0)[1])
+
+
+def test_bad_inputs_samples_limits_and_midpoints_are_refused_by_name_and_row(case: Case) -> None:
+    y, u = row_of(case, 0)
+    with pytest.raises(InputError, match=r"^y: sample 0 is "):
+        case.observer.step(case.state, np.full(np.shape(y), np.inf), u)
+    holed = None if case.u is None else case.u.copy()
+    if holed is not None:
+        holed[4] = np.nan
+        with pytest.raises(InputError, match=r"^u: sample 4 is "):
+            observe(case, u=holed)
+    if case.observer.reads_between:
+        for name in ("before", "middle"):
+            with pytest.raises(InputError, match=rf"^{name} y: has 3 rows, must have \d+ like y$"):
+                observe(case, **{name: (case.y[:3], None)})
+            with pytest.raises(InputError, match=rf"^{name}: .* must be a pair of y and u$"):
+                observe(case, **{name: case.y})
+            if holed is not None:
+                with pytest.raises(InputError, match=rf"^{name} u: sample 4 is "):
+                    observe(case, **{name: (None, holed)})
+
+
 # --- Divergence ---------------------------------------------------------------------------------
 
 

@@ -300,7 +300,6 @@ def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
 # --- Bad input ----------------------------------------------------------------------------------
 
 Build = Callable[[], object]
-RECORD = np.zeros((5, 3))
 
 
 def continuous(**changed: Any) -> RigidBodyObserver:
@@ -319,17 +318,6 @@ def adaptive(**changed: Any) -> RigidBodyObserver:
     settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
     step = settings.pop("sampling_period", 0.0025)
     return AdaptiveObserver(BODY, step, **settings)
-
-
-def with_nan(row: int, axis: int) -> Array:
-    samples = RECORD.copy()
-    samples[row, axis] = np.nan
-    return samples
-
-
-def run_with(observer: RigidBodyObserver, **changed: Any) -> Run[State]:
-    samples = {"y": RECORD, "u": RECORD, **changed}
-    return observer.run(state=observer.init(np.zeros(3)), **samples)
 
 
 def plant(step: float = 0.1, steps: int = 10, rate: Any = (0.0, 0.0, 0.0)) -> Array:
@@ -410,34 +398,6 @@ def test_bad_input_is_refused_in_a_sentence(build: Build, sentence: str) -> None
         build()
 
 
-ROWS = r"must have one row or more of 3 numbers$"
-BAD_RECORDS: list[tuple[dict[str, Any], str]] = [
-    ({"y": RECORD[0]}, r"^y: has shape \(3,\), " + ROWS),
-    ({"y": RECORD[:0]}, r"^y: has shape \(0, 3\), " + ROWS),
-    ({"y": RECORD[:, :2]}, r"^y: has shape \(5, 2\), " + ROWS),
-    ({"u": RECORD[:3]}, r"^u: has 3 rows, must have 5 like y$"),
-    ({"u": None}, r"^u: is left out, must have shape \(5, 3\)$"),
-    ({"before": (RECORD[:3], None)}, r"^before y: has 3 rows, must have 5 like y$"),
-    ({"before": (None, np.zeros((7, 3)))}, r"^before u: has 7 rows, must have 5 like y$"),
-    ({"middle": (RECORD[:3], None)}, r"^middle y: has 3 rows, must have 5 like y$"),
-    ({"middle": RECORD}, r"^middle: ndarray of shape \(5, 3\) must be a pair of y and u$"),
-    ({"y": with_nan(3, 1)}, r"^y: sample 3 is \[0.0, nan, 0.0\], must be finite$"),
-    ({"u": with_nan(4, 0)}, r"^u: sample 4 is \[nan, 0.0, 0.0\], must be finite$"),
-    ({"before": (with_nan(0, 2), None)}, r"^before y: sample 0 is \[0.0, 0.0, nan\]"),
-    ({"before": (None, with_nan(2, 2))}, r"^before u: sample 2 is \[0.0, 0.0, nan\]"),
-    ({"middle": (None, with_nan(2, 2))}, r"^middle u: sample 2 is \[0.0, 0.0, nan\]"),
-]
-
-
-@each_observer
-@pytest.mark.parametrize(("changed", "sentence"), BAD_RECORDS)
-def test_bad_records_are_refused(
-    observer: RigidBodyObserver, changed: dict[str, Any], sentence: str
-) -> None:
-    with pytest.raises(InputError, match=sentence):
-        run_with(observer, **changed)
-
-
 @each_observer
 def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
     with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
@@ -464,13 +424,6 @@ def test_an_estimate_that_starts_right_stays_right() -> None:
         )
         assert np.max(np.abs(run["fault"] - torque)) < 1e-9
         assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9
-
-
-@each_observer
-@pytest.mark.parametrize("samples", ["fast", [[0, 0, 0], [0, 0], [0, 0, 0]]])
-def test_a_record_that_is_no_table_is_refused(observer: RigidBodyObserver, samples: Any) -> None:
-    with pytest.raises(InputError, match=r"^y: "):
-        run_with(observer, y=samples, u=np.zeros((3, 3)))
 
 
 def test_unstable_gains_are_accepted_on_demand() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -118,38 +117,6 @@ def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
         normal_form(form(exact=True).problem.system, 3, poles=[-1, -2.2])
     with pytest.raises(InputError, match=r"^output: must be exact if the dynamics are"):
         PolynomialSystem(system.dynamics, form(exact=True).problem.system.output)
-
-
-def with_a_gap() -> Any:
-    record = np.zeros((11, 1))
-    record[3] = np.nan
-    return record
-
-
-SHAPE = r"must have one row or more of 1 number"
-BAD_RECORDS: dict[str, tuple[Callable[[], Any], str]] = {
-    "not a number in it": (with_a_gap, r"sample 3 is \[nan\], must be finite"),
-    "empty": (lambda: np.zeros((0, 1)), rf"has shape \(0, 1\), {SHAPE}"),
-    "deep": (lambda: np.zeros((11, 1, 1)), rf"has shape \(11, 1, 1\), {SHAPE}"),
-    "another output": (lambda: np.zeros((11, 2)), rf"has shape \(11, 2\), {SHAPE}"),
-    "text": (lambda: ["a", "b", "c"], r"is no array of numbers"),
-    "ragged": (lambda: [[1], [1, 2], [1]], r"is no array of numbers"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_RECORDS)
-@pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
-def test_records(kind: Any, case: str) -> None:
-    make, sentence = BAD_RECORDS[case]
-    observer = kind(form(), 0.01, 4)
-    start = observer.init([0.0, 0.0])
-    with pytest.raises(InputError, match=f"^y: {sentence}"):
-        observer.run(make(), state=start)
-    for row in ([0.0, 1.0], np.nan, "a"):
-        with pytest.raises(InputError, match=r"^y: "):
-            observer.step(start, row)
-    with pytest.raises(InputError, match=r"^u: has shape \(11, 1\), must have .* of 0 numbers"):
-        observer.run(np.zeros(11), np.zeros((11, 1)), state=start)
 
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
