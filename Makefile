@@ -46,8 +46,7 @@ test: check  ## what a change is likely to break: `check`, unit tests, one build
 
 nightly: $(STAMP)  ## all other tests: second builds, kills, other processors, a browser, Slurm; half an hour
 	$(TESTS) -m "nightly or hypothesis" --hypothesis-profile=nightly
-	OPENBLAS_CORETYPE=Haswell $(TESTS) tests/evidence/golden/test_golden.py
-	NUMBA_CPU_NAME=generic $(TESTS) tests/evidence/golden/test_golden.py
+	$(MAKE) elsewhere
 
 check: $(STAMP)  ## style, types, workflow lint
 	ruff check .

@@ -16,11 +16,12 @@ from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()
 
-# The same examples every time; `make nightly` tries more and others.
-SAME = {"deadline": None, "database": None}
-hypothesis.settings.register_profile("ordinary", **SAME, max_examples=50, derandomize=True)
-hypothesis.settings.register_profile("nightly", **SAME, max_examples=1000)
-hypothesis.settings.load_profile("ordinary")
+# The same few examples each time; at night, `--hypothesis-profile=nightly`, many new ones.
+hypothesis.settings.register_profile(
+    "few", max_examples=12, derandomize=True, deadline=None, database=None
+)
+hypothesis.settings.register_profile("nightly", max_examples=200, deadline=60_000)
+hypothesis.settings.load_profile("few")
 
 # Fixtures that start a browser, a Slurm or the build of the documentation.
 NIGHTLY = {"browser", "slurm", "site"}
