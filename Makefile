@@ -18,7 +18,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures unlock report archive quick test check elsewhere bench figdiff accept draws mutations docs lock package env \
+.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept draws mutations docs lock package env \
 	cluster clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -38,9 +38,15 @@ report: figures  ## Snakemake's own report of the same build, results/report.sna
 quick: $(STAMP)  ## style, types and the tests of what is not committed yet, in under a minute
 	python -m tests.quick
 
-# One process more than cores: a third of what takes longest is waiting for builds and schedulers.
-test: check  ## everything below `check`, then the whole test suite
-	pytest --numprocesses $$(($(CORES) + 1))
+# One process more than cores: one waits for the build.
+TESTS := pytest --numprocesses $$(($(CORES) + 1))
+
+test: check  ## what a change is likely to break: `check`, unit tests, one build, all golden numbers; 6 minutes
+	$(TESTS)
+
+nightly: $(STAMP)  ## all other tests: second builds, kills, other processors, a browser, Slurm; half an hour
+	$(TESTS) -m "nightly or hypothesis" --hypothesis-profile=nightly
+	$(MAKE) elsewhere
 
 check: $(STAMP)  ## style, types, workflow lint
 	ruff check .

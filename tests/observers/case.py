@@ -19,7 +19,7 @@ class Case:
     ``truth`` are true values of estimates at the rows, ``bounds`` what their largest errors from
     row ``settled`` on stay below. With y, or u, a row late the worst of them, as a multiple of its
     bound, must be more than ``worse`` times as large. ``huge`` values in y and u make the observer
-    diverge; None where none can.
+    diverge; None where none can. What looks at signs alone need not notice midpoints.
     """
 
     observer: Any
@@ -31,6 +31,7 @@ class Case:
     settled: int
     worse: float
     huge: float | None = 1e300
+    notices_midpoints: bool = True
 
 
 def observe(case: Case, **changed: Any) -> Any:

@@ -7,6 +7,7 @@ expansion of Taylor is exact, and so are straight lines between samples.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -120,7 +121,8 @@ def adaptive(alone: bool) -> Case:
 def relay() -> Case:
     """It chatters by 4 ms."""
     observer = VariableStructureDelayEstimator(*_COMMON, 0.2, "delay")
-    return estimator(observer, True, 5e-3, 4.0, None)
+    case = estimator(observer, True, 5e-3, 4.0, None)
+    return replace(case, notices_midpoints=False)
 
 
 DELAY_CASES: dict[str, Callable[[], Case]] = {

@@ -94,26 +94,6 @@ def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
     assert np.sqrt(np.mean((run["unknown_input"][60:] - force[59:-1]) ** 2)) < 0.15
 
 
-def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts() -> None:
-    u, force = inputs(60)
-    y = moved(u, force)[:, :1]
-    y[20:23] = np.nan
-    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
-    start = observer.init([0.0, 0.0], 1.0, u=[0.0])
-    run = observer.run(y, u, state=start)
-    assert run.missing == 3
-    assert run.time[0] == PERIOD
-    state, rows = start, []
-    for k in range(60):
-        state, estimate = observer.step(state, y[k], u[k])
-        rows.append(estimate)
-    first = observer.run(y[:21], u[:21], state=start)
-    second = observer.run(y[21:], u[21:], state=first.state)
-    for name, values in run.estimates.items():
-        assert np.array_equal([row[name] for row in rows], values, equal_nan=True)
-        assert np.array_equal(np.concatenate([first[name], second[name]]), values, equal_nan=True)
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

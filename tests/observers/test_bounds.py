@@ -13,6 +13,8 @@ from tests.observers.cases_delay import DELAY_CASES
 from tests.observers.cases_filters import FILTER_CASES
 from tests.observers.cases_rigid_body import RIGID_BODY_CASES
 
+pytestmark = pytest.mark.nightly  # which compiles all kernels once more
+
 ROOT = Path(__file__).parents[2]
 
 # In a process of its own, since numba decides on bounds when it compiles. A state that has no past

@@ -22,6 +22,7 @@ from tests.observers.case import Case, observe
 from tests.observers.cases import CASES
 
 Array = NDArray[np.float64]
+RecordOf = Callable[[Case], dict[str, Any]]
 
 SHORT = 40  # rows of a part in which nothing has to settle
 
@@ -41,6 +42,45 @@ def row_of(case: Case, row: int) -> tuple[Array, Array | None]:
     return case.y[row], None if case.u is None else case.u[row]
 
 
+def cut(record: dict[str, Any], rows: int | slice) -> dict[str, Any]:
+    """Some rows of each array of a record."""
+
+    def of(values: Any) -> Any:
+        return tuple(map(of, values)) if isinstance(values, tuple) else of_one(values)
+
+    def of_one(values: Array | None) -> Array | None:
+        return None if values is None else values[rows]
+
+    return {name: of(values) for name, values in record.items()}
+
+
+def plain(case: Case) -> dict[str, Any]:
+    """A short record as it is."""
+    return cut({"y": case.y, "u": case.u}, slice(0, SHORT))
+
+
+def detailed(case: Case) -> dict[str, Any]:
+    """A short record with all that an observer can read: jumps and midpoints, or gaps."""
+    record = plain(case)
+    if case.observer.reads_missing:
+        record["y"] = record["y"].copy()
+        record["y"][5], record["y"][20:23] = np.nan, np.nan
+        record["y"][9].flat[0] = np.nan
+    if case.observer.reads_between:
+        rng = np.random.default_rng(3)
+
+        def near(values: Array | None, rows: slice) -> Array | None:
+            if values is None:
+                return None
+            moved = values.copy()
+            moved[rows] += 0.01 * rng.normal(size=moved[rows].shape)
+            return moved
+
+        for name, rows in (("before", slice(3, None, 6)), ("middle", slice(None))):
+            record[name] = tuple(near(record[each], rows) for each in ("y", "u"))
+    return record
+
+
 def same(one: Any, other: Any) -> bool:
     """Whether two states hold the same bits."""
     if is_dataclass(one):
@@ -56,19 +96,23 @@ def same(one: Any, other: Any) -> bool:
 
 def same_rows(run: Any, other: Any, rows: slice = slice(None)) -> bool:
     """Whether a run holds the bits of some rows of another."""
-    names = list(other.estimates)
-    return list(run.estimates) == names and all(
-        np.array_equal(run[name], other[name][rows], equal_nan=True) for name in names
+    pairs = ((run.estimates, other.estimates), (run.before, other.before))
+    return all(
+        list(one) == list(two)
+        and all(np.array_equal(one[name], two[name][rows], equal_nan=True) for name in two)
+        for one, two in pairs
     )
 
 
 # --- One way to call them -----------------------------------------------------------------------
 
 
-def test_stepping_gives_the_bits_of_a_run(case: Case) -> None:
-    run, state = part(case, 0, SHORT, case.state), case.state
+@pytest.mark.parametrize("record_of", [plain, detailed])
+def test_stepping_gives_the_bits_of_a_run(case: Case, record_of: RecordOf) -> None:
+    record = record_of(case)
+    run, state = case.observer.run(**record, state=case.state), case.state
     for row in range(SHORT):
-        state, estimate = case.observer.step(state, *row_of(case, row))
+        state, estimate = case.observer.step(state, **cut(record, row))
         assert estimate.time == run.time[row]
         assert estimate.units == run.units
         assert list(estimate.estimates) == list(run.estimates)
@@ -77,14 +121,29 @@ def test_stepping_gives_the_bits_of_a_run(case: Case) -> None:
     assert same(state, run.state)
 
 
-@pytest.mark.parametrize("cut", [1, 2, 7, SHORT - 1])
-def test_two_runs_in_a_row_are_one(case: Case, cut: int) -> None:
-    whole, first = part(case, 0, SHORT, case.state), part(case, 0, cut, case.state)
-    second = part(case, cut, SHORT, first.state)
-    assert same_rows(first, whole, slice(0, cut))
-    assert same_rows(second, whole, slice(cut, SHORT))
+@pytest.mark.parametrize("at", [1, 2, 5, 7, 21, SHORT - 1])
+@pytest.mark.parametrize("record_of", [plain, detailed])
+def test_two_runs_in_a_row_are_one(case: Case, record_of: RecordOf, at: int) -> None:
+    record, run = record_of(case), case.observer.run
+    whole, first = run(**record, state=case.state), run(**cut(record, slice(at)), state=case.state)
+    second = run(**cut(record, slice(at, None)), state=first.state)
+    assert same_rows(first, whole, slice(0, at))
+    assert same_rows(second, whole, slice(at, SHORT))
+    assert first.missing + second.missing == whole.missing
     assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
     assert same(second.state, whole.state)
+
+
+def test_limits_and_midpoints_are_read(case: Case) -> None:
+    record = detailed(case)
+    if case.observer.reads_between and case.notices_midpoints:
+        run = case.observer.run(**record, state=case.state)
+        for name in ("before", "middle"):
+            one = {key: value for key, value in record.items() if key != name}
+            assert not same_rows(case.observer.run(**one, state=case.state), run), name
+    elif not case.observer.reads_between:
+        with pytest.raises(InputError, match=r"^before: must be left out: \w+ reads nothing in"):
+            case.observer.step(case.state, *row_of(case, 0), before=row_of(case, 0))
 
 
 @pytest.mark.parametrize("rows", [1, 2, SHORT])
@@ -106,6 +165,8 @@ def test_as_many_rows_come_out_as_go_in(case: Case, rows: int) -> None:
 def test_a_state_is_a_value(case: Case) -> None:
     state = part(case, 0, 9, case.state).state
     kept = pickle.loads(pickle.dumps(state))
+    record = frozen(case.y), None if case.u is None else frozen(case.u)
+    case = replace(case, y=record[0], u=record[1])  # which a run that writes into it cannot read
     once = part(case, 9, SHORT, state)
     case.observer.step(state, *row_of(case, 9))
     assert same(state, kept)
@@ -301,6 +362,47 @@ def test_bad_records_are_refused_by_name_and_row(case: Case) -> None:
             observe(case, u=case.u[:4])
         with pytest.raises(InputError, match=r"^u: is left out"):
             observe(case, u=None)
+
+
+NOT_ROWS: dict[str, tuple[Callable[[int], Any], str]] = {
+    "empty": (lambda rows: np.zeros((0, 1)), "has shape"),
+    "too wide": (lambda rows: np.zeros((rows, 9)), "has shape"),
+    "too deep": (lambda rows: np.zeros((rows, 1, 1)), "has shape"),
+    "one number": (lambda rows: 1.0, "has shape"),
+    "text": (lambda rows: ["a"] * rows, "is no array of numbers"),
+    "ragged": (lambda rows: [[1], [1, 2]] * rows, "is no array of numbers"),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_ROWS)
+def test_what_is_no_record_is_refused_by_name(case: Case, kind: str) -> None:
+    make, said = NOT_ROWS[kind]
+    for name in ("y", "u"):
+        with pytest.raises(InputError, match=rf"^{name}: {said}"):
+            observe(case, **{name: make(len(case.y))})
+    if kind in ("too wide", "text", "ragged"):
+        with pytest.raises(InputError, match=r"^y: "):
+            case.observer.step(case.state, make(1), row_of(case, 0)[1])
+
+
+def test_bad_inputs_samples_limits_and_midpoints_are_refused_by_name_and_row(case: Case) -> None:
+    y, u = row_of(case, 0)
+    with pytest.raises(InputError, match=r"^y: sample 0 is "):
+        case.observer.step(case.state, np.full(np.shape(y), np.inf), u)
+    holed = None if case.u is None else case.u.copy()
+    if holed is not None:
+        holed[4] = np.nan
+        with pytest.raises(InputError, match=r"^u: sample 4 is "):
+            observe(case, u=holed)
+    if case.observer.reads_between:
+        for name in ("before", "middle"):
+            with pytest.raises(InputError, match=rf"^{name} y: has 3 rows, must have \d+ like y$"):
+                observe(case, **{name: (case.y[:3], None)})
+            with pytest.raises(InputError, match=rf"^{name}: .* must be a pair of y and u$"):
+                observe(case, **{name: case.y})
+            if holed is not None:
+                with pytest.raises(InputError, match=rf"^{name} u: sample 4 is "):
+                    observe(case, **{name: (None, holed)})
 
 
 # --- Divergence ---------------------------------------------------------------------------------

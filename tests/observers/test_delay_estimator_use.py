@@ -92,18 +92,6 @@ def test_least_squares_winds_up_at_rest_and_says_when() -> None:
         )
 
 
-def test_a_run_leaves_its_inputs_as_they_were() -> None:
-    estimator = SMOOTH["adaptive"](0.05)
-    output, control, past = record(estimator, FAST, short_delay, 1.0)
-    state = estimator.init(0.0, 0.3, past[::2])
-    arrays = (output, control, past, state.values, state.history.right, state.recent)
-    copies = [a.copy() for a in arrays]
-    estimator.run(output[::2], control[::2], state=state)
-    estimator.run(output[::2], control[::2, 0], state=state)
-    for kept, now in zip(copies, arrays, strict=True):
-        assert np.array_equal(kept, now)
-
-
 def test_bounds_of_the_delay_are_two_numbers_however_they_are_given() -> None:
     given = replace(ALL["relay"](0.01), delay_bounds=np.array([0, 1]))  # type: ignore[arg-type]
     assert given.delay_bounds == (0.0, 1.0)
@@ -166,16 +154,10 @@ def test_wrong_records_are_refused() -> None:
     state = estimator.init(0.0, 0.3, np.zeros((151, 2)))
     another = other.init(0.0, 0.3, np.zeros((151, 2)))
     coarse = ALL["relay"](0.02).init(0.0, 0.3, np.zeros((151, 2)))
-    holed = control.copy()
-    holed[2, 0] = np.nan
     columns = "must have 2 columns, a signal and its derivatives up to the order 1, or one, the"
     wrong: list[tuple[tuple[Any, ...], State, str]] = [
         ((np.zeros((5, 3)), control), state, f"y: has shape (5, 3), {columns}"),
         ((output, np.zeros((5, 3))), state, f"u: has shape (5, 3), {columns}"),
-        ((output, control[:3]), state, "u: has 3 rows, must have 5 like y"),
-        ((output, None), state, "u: is left out, must have shape (5, 2)"),
-        ((holed, control), state, "y: sample 2 is [nan, 0.0], must be finite"),
-        ((output, holed), state, "u: sample 2 is [nan, 0.0], must be finite"),
         ((output, control), another, "state: is of an estimator of another kind, sampling peri"),
         ((output, control), coarse, "state: is of an estimator of another kind, sampling peri"),
     ]
@@ -183,8 +165,6 @@ def test_wrong_records_are_refused() -> None:
         with pytest.raises(InputError) as caught:
             estimator.run(*rows, state=start)
         assert str(caught.value).startswith(sentence)
-    with pytest.raises(InputError, match=r"^before u: has 3 rows, must have 5 like y"):
-        estimator.run(output, control, state=state, before=(None, control[:3]))
     with pytest.raises(InputError, match=r"^y: has shape \(5, 2\), must have one row or more of 1"):
         other.run(output, control, state=another)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are, solve_discrete_lyapunov
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import InputError
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.fixed_step import run_on_halves
@@ -289,27 +289,6 @@ def test_the_filter_scales_with_its_rates() -> None:
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("known", KNOWN)
-def test_stepping_gives_the_bits_of_a_run(known: str) -> None:
-    observer, whole = ExtendedStateObserver(SYSTEM, 0.01, PD_PI), record(known)
-    start = observer.init(np.linspace(0, 1, 6), [0.1, 0.2])
-    run = observer.run(**whole, state=start)
-    state, rows = start, []
-    for k in range(60):
-        state, estimate = observer.step(state, **part(whole, k))
-        rows.append(stacked(estimate))
-    assert np.array_equal(rows, stacked(run))
-    assert state.count == run.state.count == 59
-    first = observer.run(**part(whole, slice(0, 23)), state=start)
-    second = observer.run(**part(whole, slice(23, 60)), state=first.state)
-    assert np.array_equal(np.vstack([stacked(first), stacked(second)]), stacked(run))
-    assert np.array_equal(np.append(first.time, second.time), run.time)
-    for end in (state, second.state):
-        for name in ("filtered", "estimate", "sample"):
-            assert np.array_equal(getattr(end, name), getattr(run.state, name))
-    assert np.array_equal(start.estimate, np.linspace(0, 1, 6))
-
-
 def test_an_estimate_knows_no_later_sample() -> None:
     observer = ExtendedStateObserver(SYSTEM, 0.01, PI)
     # y of a row counts from the estimate of that row on, u from that of the next one.
@@ -328,23 +307,6 @@ def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
     last = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
     told = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
     assert stacked(told) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
-
-
-def test_divergence_says_when() -> None:
-    observer = ExtendedStateObserver(SYSTEM, 0.5, PI)
-    y, u = np.zeros((9, 2)), np.zeros((9, 1))
-    y[5] = 1.7e308
-    run = observer.run(y, u, on_divergence="return")
-    assert run.diverged_at == 4 * 0.5
-    assert len(run) == len(run["state"]) == len(run["sensor_fault"]) == 5
-    assert run.state.count == 0
-    early = observer.run(y[:5], u[:5])
-    assert early.diverged_at is None
-    later = observer.run(y[5:], u[5:], state=early.state, on_divergence="return")
-    assert later.diverged_at == 4 * 0.5
-    assert len(later) == 0
-    with pytest.raises(DivergenceError, match=r"ExtendedStateObserver diverged: .* t = 2 s and no"):
-        observer.step(early.state, y[5], u[5])
 
 
 # --- Bad input ----------------------------------------------------------------------------------
@@ -387,26 +349,12 @@ def test_observers_that_cannot_be(changed: dict[str, Any], problem: str) -> None
 
 
 Y, U = np.zeros((4, 2)), np.zeros((4, 1))
-HOLED = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, np.nan], [0.0, 0.0]])
 
 
-@pytest.mark.parametrize(
-    ("changed", "problem"),
-    [
-        ({"y": HOLED}, r"y: sample 2 is \[0.0, nan\], must be finite$"),
-        ({"y": Y[:, :1]}, r"y: has shape \(4, 1\), .* one row or more of 2 num"),
-        ({"y": Y[:0]}, r"y: has shape \(0, 2\), must have one row or more"),
-        ({"u": U[:3]}, "u: has 3 rows, must have 4 like y$"),
-        ({"u": "off"}, "u: is no array of numbers"),
-        ({"before": (Y, U[:2])}, "before u: has 2 rows, must have 4 like y"),
-        ({"middle": (HOLED, U)}, "middle y: sample 2"),
-        ({"state": State(np.zeros(2), np.zeros(5))}, "state: must be of an observer of size 6"),
-    ],
-)
-def test_records_that_cannot_be_read(changed: dict[str, Any], problem: str) -> None:
-    observer = ExtendedStateObserver(SYSTEM, 0.01, PI)
-    with pytest.raises(InputError, match=f"^{problem}"):
-        observer.run(**{"y": Y, "u": U, **changed})
+def test_a_state_of_another_observer_is_refused() -> None:
+    state = State(np.zeros(2), np.zeros(5))
+    with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
+        ExtendedStateObserver(SYSTEM, 0.01, PI).run(np.zeros((4, 2)), np.zeros((4, 1)), state=state)
 
 
 @pytest.mark.parametrize(

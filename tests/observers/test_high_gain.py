@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.errors import InputError
 from reobserve.models.triangular import TriangularModel
 from reobserve.numerics.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
-from tests.observers.halves import rows_of, stepped
 
 Array = NDArray[np.float64]
 
@@ -214,43 +213,6 @@ MODELS = {
 each_size = pytest.mark.parametrize("n", MODELS)
 
 
-PARTS = slice(23), slice(23, None)  # up to a sample's own row, and from the next middle on
-
-
-def jumping_record(steps: int) -> tuple[Array, Array, Array, Array]:
-    """y, u and their limits from the left, which differ at every second step."""
-    rng = np.random.default_rng(3)
-    output, known, by, also = rng.normal(scale=0.5, size=(4, 2 * steps + 1))
-    jumps = np.arange(2 * steps + 1) % 4 == 0
-    return output, known, output - jumps * by, known - jumps * also
-
-
-@each_size
-def test_stepping_gives_the_bits_of_a_run(n: int) -> None:
-    steps = 30
-    record = jumping_record(steps)
-    observer = HighGainObserver(MODELS[n], 0.02, 3.0)
-    start = observer.init(np.linspace(-1, 1, n))
-    kept = start.estimate.copy()
-    output, known, output_before, input_before = record
-    left = {"y_before": output_before, "u_before": input_before}
-    run = run_on_halves(observer, output, known, state=start, **left)
-    state, rows = stepped(observer, start, *record)
-    assert np.array_equal(rows_of(rows, "state"), run["state"])
-    assert np.array_equal(state.estimate, run.state.estimate)
-    assert state.count == run.state.count == steps
-    assert np.array_equal(start.estimate, kept)
-    # Both limits from the left matter.
-    for name, values in left.items():
-        other = run_on_halves(observer, output, known, state=start, **{name: values})  # type: ignore[arg-type]
-        assert not np.array_equal(other["state"], run["state"])
-    # Two runs in a row are one.
-    first, second = ({name: part[rows] for name, part in left.items()} for rows in PARTS)
-    one = run_on_halves(observer, output[:23], known[:23], state=start, **first)
-    two = run_on_halves(observer, output[23:], known[23:], state=one.state, **second)
-    assert np.array_equal(np.concatenate([one["state"], two["state"]]), run["state"])
-
-
 def y_of(time: Any, late: bool) -> Any:
     return np.sin(1.3 * time) + (0.4 * np.cos(time) if late else 0.0)
 
@@ -339,25 +301,6 @@ def test_a_wrong_delay_on_a_ramp_leaves_a_known_error(n: int) -> None:
 # --- Divergence and bad input -------------------------------------------------------------------
 
 
-def test_a_divergent_run_returns_the_finite_rows_and_their_time() -> None:
-    # The Runge-Kutta method itself is unstable here: rho times the step is 4.
-    observer = HighGainObserver(MODELS[2], 0.2, 20.0)
-    start = observer.init([1.0, 0.0])
-    record = np.zeros(2001)
-    run = observer.run(record, record, state=start, on_divergence="return")
-    rows = len(run)
-    assert 2 < rows < 2001
-    assert np.isfinite(run["state"]).all()
-    assert np.abs(run["state"][-1]).max() > 1e250
-    assert run.diverged_at == pytest.approx((rows - 1) * 0.2)
-    assert run.state is start
-    shorter = observer.run(record[:rows], record[:rows], state=start)
-    assert shorter.diverged_at is None
-    assert np.array_equal(shorter["state"], run["state"])
-    with pytest.raises(DivergenceError, match=r"^HighGainObserver diverged: .* t = 1.4 s"):
-        observer.step(State(np.array([1e307, 0.0]), np.zeros(2), 7), 0.0, 0.0)
-
-
 def test_steps_below_the_limit_stay_stable() -> None:
     record = np.zeros(1001)
     sizes = []
@@ -385,34 +328,6 @@ def test_wrong_parameters_of_the_observer_are_refused(changed: dict[str, Any], s
         HighGainObserver(**{"model": MODELS[2], "rho": 5.0, "sampling_period": 0.01, **changed})
 
 
-ONE = "must have one row or more of 1 number"
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"y": np.zeros((5, 2))}, rf"y: has shape \(5, 2\), {ONE}"),
-        ({"y": np.zeros((0, 1))}, rf"y: has shape \(0, 1\), {ONE}"),
-        ({"y": 1.0}, rf"y: has shape \(\), {ONE}"),
-        ({"y": ["a"] * 5}, "y: is no array of numbers"),
-        ({"y": [0, 0, 0, np.nan, 0]}, r"y: sample 3 is \[nan\], must be finite"),
-        ({"u": np.zeros(3)}, "u: has 3 rows, must have 5 like y"),
-        ({"u": None}, r"u: is left out, must have shape \(5, 1\)"),
-        ({"before": (np.zeros(7), None)}, "before y: has 7 rows, must have 5 like y"),
-        (
-            {"before": (None, [0, 0, np.inf, 0, 0])},
-            r"before u: sample 2 is \[inf\], must be finite",
-        ),
-        ({"middle": (np.zeros((5, 2)), None)}, rf"middle y: has shape \(5, 2\), {ONE}"),
-    ],
-)
-def test_wrong_records_are_refused(changed: dict[str, Any], said: str) -> None:
-    observer = HighGainObserver(MODELS[2], 0.01, 5.0)
-    record: dict[str, Any] = {"y": np.zeros(5), "u": np.zeros(5), **changed}
-    with pytest.raises(InputError, match=f"^{said}$"):
-        observer.run(**record, state=observer.init([0.0, 0.0]))
-
-
 def test_an_observer_survives_a_pickle_if_its_fields_have_a_place() -> None:
     observer, y = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 0.01, 5.0), np.linspace(0, 1, 9)
     again = pickle.loads(pickle.dumps(observer))
@@ -429,8 +344,6 @@ def test_wrong_states_are_refused() -> None:
         observer.init([0.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"^state: must be of an observer of 2 states$"):
         observer.run(np.zeros(3), np.zeros(3), state=State(np.zeros(3)))
-    with pytest.raises(InputError, match=r"^state: must be given: HighGainObserver.init says"):
-        observer.run(np.zeros(3), np.zeros(3))
 
 
 @pytest.mark.parametrize(

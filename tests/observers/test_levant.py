@@ -51,28 +51,6 @@ def slopes(x: Any, y: Any) -> Array:
 # --- One sample at a time -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [1, 2, 5])
-def test_stepping_gives_the_bits_of_a_run(order: int) -> None:
-    samples = np.random.default_rng(2).normal(size=60)
-    differentiator = LevantDifferentiator(3.0, 0.01, order)
-    start = differentiator.init(np.linspace(1, 2, order + 1))
-    run = differentiator.run(samples, state=start)
-    state, rows = start, []
-    for sample in samples:
-        state, estimate = differentiator.step(state, sample)
-        rows.append(estimate["derivatives"])
-    assert np.array_equal(rows, run["derivatives"])
-    assert np.array_equal(state.derivatives, run.state.derivatives)
-    assert state.count == run.state.count == 59
-    first = differentiator.run(samples[:23], state=start)
-    second = differentiator.run(samples[23:], state=first.state)
-    parts = np.concatenate([first["derivatives"], second["derivatives"]])
-    assert np.array_equal(parts, run["derivatives"])
-    assert np.array_equal(second.state.derivatives, run.state.derivatives)
-    assert np.array_equal(np.concatenate([first.time, second.time]), run.time)
-    assert np.array_equal(start.derivatives, np.linspace(1, 2, order + 1))
-
-
 def test_one_step_by_hand() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
     differentiator = LevantDifferentiator(8.0, 0.5, **PAPER)
@@ -363,33 +341,9 @@ def test_wrong_parameters_are_refused(changed: dict[str, Any], said: str) -> Non
         LevantDifferentiator(**{"L": 1.0, "sampling_period": 0.1, **changed})
 
 
-@pytest.mark.parametrize(
-    ("samples", "said"),
-    [
-        ([], r"y: has shape \(0, 1\), must have one row or more of 1 number"),
-        ([[1.0, 2.0]], r"y: has shape \(1, 2\), must have one row or more of 1 number"),
-        (1.0, r"y: has shape \(\), must have one row or more of 1 number"),
-        ([1.0, 2.0, float("nan")], r"y: sample 2 is \[nan\], must be finite"),
-        ([1.0, float("-inf")], r"y: sample 1 is \[-inf\], must be finite"),
-        (["x"], "y: is no array of numbers"),
-        ([[1.0], [2.0, 3.0]], "y: is no array of numbers"),
-    ],
-)
-def test_wrong_samples_are_refused(samples: Any, said: str) -> None:
-    differentiator = LevantDifferentiator(1.0, 0.1)
-    with pytest.raises(InputError, match=f"^{said}$"):
-        differentiator.run(samples, state=zeros(differentiator))
-
-
 def test_wrong_states_and_steps_are_refused() -> None:
     differentiator = LevantDifferentiator(1.0, 0.1)
     with pytest.raises(InputError, match=r"^state: must be of a differentiator of order 2$"):
         differentiator.run([1.0], state=zeros(LevantDifferentiator(1.0, 0.1, 3)))
     with pytest.raises(InputError, match=r"^derivatives: has shape \(2,\)"):
         differentiator.init([1.0, 2.0])
-    with pytest.raises(InputError, match=r"^y: sample 0 is \[nan\], must be finite$"):
-        differentiator.step(zeros(differentiator), float("nan"))
-    with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have one row"):
-        differentiator.step(zeros(differentiator), np.zeros(2))
-    with pytest.raises(InputError, match=r"^middle: must be left out: Levant.* nothing in between"):
-        differentiator.step(zeros(differentiator), 0.0, middle=(0.0, None))

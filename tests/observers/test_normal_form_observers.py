@@ -24,7 +24,6 @@ from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.gain import GAINS
 from reobserve.synthesis.normal_form.solver import solver_for
-from tests.observers.halves import rows_of, stepped
 from tests.synthesis.normal_form.systems import (
     Case,
     Polynomials,
@@ -183,30 +182,6 @@ def test_order_four_in_the_step(name: str) -> None:
     errors = [np.linalg.norm(ends[count] - ends[6400]) for count in steps]
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(-4.0, abs=0.25)
-
-
-@pytest.mark.parametrize("name", [*GAINS, "transformed"])
-def test_steps_and_pieces_give_the_bits_of_a_batch_run(name: str) -> None:
-    steps = 300
-    y = plant(0.01, steps)[:, :1]
-    observer = built(name, 0.01)
-    state = observer.init(ESTIMATE)
-    before = y.copy()
-    before[40] += 0.1  # a limit from the left, which matters
-    whole = run_on_halves(observer, y, state=state, y_before=before)
-    state, found = stepped(observer, state, y, y_before=before)
-    assert rows_of(found, "state").tobytes() == whole["state"].tobytes()
-    assert state.values.tobytes() == whole.state.values.tobytes()
-    assert state.count == whole.state.count == steps
-    first = run_on_halves(observer, y[:241], state=observer.init(ESTIMATE), y_before=before[:241])
-    assert np.any(
-        run_on_halves(observer, y, state=observer.init(ESTIMATE))["state"][20:]
-        != whole["state"][20:]
-    )
-    second = run_on_halves(observer, y[241:], state=first.state)
-    pieces = np.concatenate([first["state"], second["state"]])
-    assert pieces.tobytes() == whole["state"].tobytes()
-    assert second.state.count == steps
 
 
 @pytest.mark.parametrize("power", [0, 1, 2])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,98 +55,6 @@ each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSE
 
 
 # --- One step at a time -------------------------------------------------------------------------
-
-STEPS = 40
-Record = tuple[Array, Array, Array, Array]
-
-
-def jumping_record() -> Record:
-    """Rate and control with their limits from the left, which differ at every fifth sample."""
-    rng = np.random.default_rng(3)
-    rate, control, by, by_control = rng.normal(scale=0.3, size=(4, 2 * STEPS + 1, 3))
-    jumps = np.arange(2 * STEPS + 1)[:, None] % 5 == 4
-    return rate, rate - jumps * by, control, control - jumps * by_control
-
-
-def run_part(
-    observer: RigidBodyObserver, record: Record, state: State, first: int, last: int
-) -> Run[State]:
-    """The rows from ``first`` to ``last``; a state that has taken the first goes on after it."""
-    part = slice(2 * first + (state.sample is not None), 2 * last + 1)
-    rate, rate_before, control, control_before = (samples[part] for samples in record)
-    return run_on_halves(
-        observer, rate, control, state=state, y_before=rate_before, u_before=control_before
-    )
-
-
-def same_state(one: State, other: State) -> bool:
-    return (
-        np.array_equal(one.rate, other.rate)
-        and np.array_equal(one.memory, other.memory)
-        and np.array_equal(one.sample, other.sample)  # type: ignore[arg-type]
-        and one.count == other.count
-    )
-
-
-@each_observer
-def test_stepping_gives_the_bits_of_a_run(observer: RigidBodyObserver) -> None:
-    record = jumping_record()
-    start = observer.init([0.1, -0.2, 0.3])
-    run = run_part(observer, record, start, 0, STEPS)
-    rate, rate_before, control, control_before = record
-    state, rates, faults = start, [], []
-    for k in range(STEPS + 1):
-        row, between = 2 * k, max(2 * k - 1, 0)
-        state, estimate = observer.step(
-            state, rate[row], control[row],
-            before=(rate_before[row], control_before[row]),
-            middle=(rate[between], control[between]),
-        )  # fmt: skip
-        assert estimate.time == run.time[k]
-        rates.append(estimate["rate"])
-        faults.append(estimate["fault"])
-    assert np.array_equal(rates, run["rate"])
-    assert np.array_equal(faults, run["fault"])
-    assert same_state(state, run.state)
-    assert state.count == STEPS
-    # The jumps matter: without the limits from the left the result is another.
-    smooth = run_on_halves(observer, rate, control, state=start)
-    assert not np.array_equal(smooth["rate"], run["rate"])
-
-
-@each_observer
-@pytest.mark.parametrize("cut", [1, DELAY - 1, DELAY, 2 * DELAY, 2 * DELAY + 3, STEPS - 1])
-def test_two_runs_in_a_row_give_the_bits_of_one(observer: RigidBodyObserver, cut: int) -> None:
-    record = jumping_record()
-    start = observer.init([0.1, -0.2, 0.3])
-    whole = run_part(observer, record, start, 0, STEPS)
-    first = run_part(observer, record, start, 0, cut)
-    second = run_part(observer, record, first.state, cut, STEPS)
-    for name, joined in (
-        ("rate", [first["rate"], second["rate"]]),
-        ("fault", [first["fault"], second["fault"]]),
-    ):
-        assert np.array_equal(np.concatenate(joined), whole[name]), name
-    before = np.concatenate([first.before["fault"], second.before["fault"]])
-    assert np.array_equal(before, whole.before["fault"])
-    assert np.array_equal(np.concatenate([first.time, second.time]), whole.time)
-    assert same_state(second.state, whole.state)
-
-
-@each_observer
-def test_states_are_values(observer: RigidBodyObserver) -> None:
-    record = jumping_record()
-    state = run_part(observer, record, observer.init([0.1, -0.2, 0.3]), 0, 10).state
-    assert state.sample is not None
-    kept = State(state.rate.copy(), state.memory.copy(), state.sample.copy(), state.count)
-    once = run_part(observer, record, state, 10, 20)
-    assert same_state(state, kept)
-    observer.step(state, record[0][22], record[2][22])
-    assert same_state(state, kept)
-    again = run_part(observer, record, state, 10, 20)
-    assert np.array_equal(once["rate"], again["rate"])
-    assert np.array_equal(once["fault"], again["fault"])
-
 
 # --- Limit of stability of the sampled observer -------------------------------------------------
 
@@ -378,15 +285,6 @@ def test_divergence_comes_when_the_linear_law_overflows() -> None:
 
 
 @each_observer
-def test_a_step_that_diverges_says_when(observer: RigidBodyObserver) -> None:
-    far = np.concatenate([np.full(3, 1e200), np.full(3, 1e308)])
-    state = replace(observer.init(np.zeros(3)), sample=far, count=11)
-    said = rf"^{type(observer).__name__} diverged: .* up to t = {11 * observer.sampling_period:g} s"
-    with pytest.raises(DivergenceError, match=said):
-        observer.step(state, far[:3], far[3:])
-
-
-@each_observer
 def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
     observer: RigidBodyObserver,
 ) -> None:
@@ -402,7 +300,6 @@ def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
 # --- Bad input ----------------------------------------------------------------------------------
 
 Build = Callable[[], object]
-RECORD = np.zeros((5, 3))
 
 
 def continuous(**changed: Any) -> RigidBodyObserver:
@@ -421,17 +318,6 @@ def adaptive(**changed: Any) -> RigidBodyObserver:
     settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
     step = settings.pop("sampling_period", 0.0025)
     return AdaptiveObserver(BODY, step, **settings)
-
-
-def with_nan(row: int, axis: int) -> Array:
-    samples = RECORD.copy()
-    samples[row, axis] = np.nan
-    return samples
-
-
-def run_with(observer: RigidBodyObserver, **changed: Any) -> Run[State]:
-    samples = {"y": RECORD, "u": RECORD, **changed}
-    return observer.run(state=observer.init(np.zeros(3)), **samples)
 
 
 def plant(step: float = 0.1, steps: int = 10, rate: Any = (0.0, 0.0, 0.0)) -> Array:
@@ -512,34 +398,6 @@ def test_bad_input_is_refused_in_a_sentence(build: Build, sentence: str) -> None
         build()
 
 
-ROWS = r"must have one row or more of 3 numbers$"
-BAD_RECORDS: list[tuple[dict[str, Any], str]] = [
-    ({"y": RECORD[0]}, r"^y: has shape \(3,\), " + ROWS),
-    ({"y": RECORD[:0]}, r"^y: has shape \(0, 3\), " + ROWS),
-    ({"y": RECORD[:, :2]}, r"^y: has shape \(5, 2\), " + ROWS),
-    ({"u": RECORD[:3]}, r"^u: has 3 rows, must have 5 like y$"),
-    ({"u": None}, r"^u: is left out, must have shape \(5, 3\)$"),
-    ({"before": (RECORD[:3], None)}, r"^before y: has 3 rows, must have 5 like y$"),
-    ({"before": (None, np.zeros((7, 3)))}, r"^before u: has 7 rows, must have 5 like y$"),
-    ({"middle": (RECORD[:3], None)}, r"^middle y: has 3 rows, must have 5 like y$"),
-    ({"middle": RECORD}, r"^middle: ndarray of shape \(5, 3\) must be a pair of y and u$"),
-    ({"y": with_nan(3, 1)}, r"^y: sample 3 is \[0.0, nan, 0.0\], must be finite$"),
-    ({"u": with_nan(4, 0)}, r"^u: sample 4 is \[nan, 0.0, 0.0\], must be finite$"),
-    ({"before": (with_nan(0, 2), None)}, r"^before y: sample 0 is \[0.0, 0.0, nan\]"),
-    ({"before": (None, with_nan(2, 2))}, r"^before u: sample 2 is \[0.0, 0.0, nan\]"),
-    ({"middle": (None, with_nan(2, 2))}, r"^middle u: sample 2 is \[0.0, 0.0, nan\]"),
-]
-
-
-@each_observer
-@pytest.mark.parametrize(("changed", "sentence"), BAD_RECORDS)
-def test_bad_records_are_refused(
-    observer: RigidBodyObserver, changed: dict[str, Any], sentence: str
-) -> None:
-    with pytest.raises(InputError, match=sentence):
-        run_with(observer, **changed)
-
-
 @each_observer
 def test_bad_initial_rate_is_refused(observer: RigidBodyObserver) -> None:
     with pytest.raises(InputError, match=r"^rate: has shape \(2,\), must be a list of 3 numbers$"):
@@ -566,13 +424,6 @@ def test_an_estimate_that_starts_right_stays_right() -> None:
         )
         assert np.max(np.abs(run["fault"] - torque)) < 1e-9
         assert np.max(np.abs(run.before["fault"] - torque)) < 1e-9
-
-
-@each_observer
-@pytest.mark.parametrize("samples", ["fast", [[0, 0, 0], [0, 0], [0, 0, 0]]])
-def test_a_record_that_is_no_table_is_refused(observer: RigidBodyObserver, samples: Any) -> None:
-    with pytest.raises(InputError, match=r"^y: "):
-        run_with(observer, y=samples, u=np.zeros((3, 3)))
 
 
 def test_unstable_gains_are_accepted_on_demand() -> None:

@@ -1,0 +1,26 @@
+"""Tests of the papers, with parameters of their own: a changed default turns none of them red."""
+
+from pathlib import Path
+from typing import Any
+
+from reobserve.ledger.ledger import Ledger
+from reobserve.plain_data.documents import read_yaml
+
+ROOT = Path(__file__).parents[2]
+
+
+def fixed_ledger(paper: str, overrides: dict[str, Any] | None = None, seed: int = 0) -> Ledger:
+    """The parameters of a paper, of which `fixed` ones have the values that its tests state."""
+    return Ledger.load(ROOT, paper, fixed(paper, overrides or {}), seed)
+
+
+def fixed(paper: str, overrides: dict[str, Any]) -> dict[str, Any]:
+    """Overrides, and values of all other parameters that a paper leaves open."""
+    return merged(read_yaml(Path(__file__).parent / paper / "parameters.yaml"), overrides)
+
+
+def merged(tree: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """A tree with the values of another one in place of its own."""
+    both = {key: merged(tree[key], over[key]) for key in tree.keys() & over.keys()
+            if isinstance(tree[key], dict) and isinstance(over[key], dict)}  # fmt: skip
+    return {**tree, **over, **both}

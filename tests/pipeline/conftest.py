@@ -67,19 +67,26 @@ class Project:
         return project_copy.copy_environment(self.folder)
 
     def run(
-        self, *command: str, check: bool = True, given: str | None = None
+        self,
+        *command: str,
+        check: bool = True,
+        given: str | None = None,
+        environment: dict[str, str] | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a command in the copy, on this input, and keep what it prints."""
         done = subprocess.run(
-            command, cwd=self.folder, env=self.environment, capture_output=True, text=True,
-            check=False, input=given,
+            command, cwd=self.folder, env=environment or self.environment, capture_output=True,
+            text=True, check=False, input=given,
         )  # fmt: skip
         assert done.returncode == 0 or not check, done.stdout + done.stderr
         return done
 
-    def snakemake(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+    def snakemake(
+        self, *arguments: str, check: bool = True, environment: dict[str, str] | None = None
+    ) -> subprocess.CompletedProcess[str]:
         """Run Snakemake in the copy."""
-        return self.run("snakemake", "--cores", "2", *arguments, check=check)
+        command = ("snakemake", "--cores", "2", *arguments)
+        return self.run(*command, check=check, environment=environment)
 
     def stale(self, *arguments: str, config: Sequence[str] = ()) -> dict[str, int]:
         """How many jobs of each rule a build would run now, with these pairs of ``--config``."""
@@ -136,7 +143,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     with (shared / "built.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
-            copy_project(folder).snakemake("--config", *FEW_DRAWS)
+            copy = copy_project(folder)
+            # The package of this checkout, whose compiled kernels the unit tests share.
+            environment = project_copy.copy_environment(ROOT)
+            copy.snakemake("--config", *FEW_DRAWS, environment=environment)
             shutil.copytree(folder / "results", whole / "results")
     return Project(folder)
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli import main
+from tests.papers import fixed
 
-from .conftest import ROOT, Project
+from .conftest import LEDGERS, ROOT, Project
 
 Capture = pytest.CaptureFixture[str]
 
@@ -140,7 +141,8 @@ def test_bad_config(case: str, tmp_path: Path, capsys: Capture) -> None:
     overrides, where, what = BAD_CONFIG[case]
     said = refused(
         capsys,
-        *("stage", "parameters", "ilo", "--project", ROOT, "--overrides", json.dumps(overrides)),
+        *("stage", "parameters", "ilo", "--project", ROOT),
+        *("--overrides", json.dumps(fixed("ilo", overrides))),
         *("--output", tmp_path / "parameters.json"),
     )
     assert where in said
@@ -302,29 +304,66 @@ def test_a_divergent_observer_names_the_time(
 
 
 BAD_CALLS = {
+    "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
+    "ilo={observers: {continuous: {K1: 1.05, update_interval: 0.01}}}": (
+        "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
+        "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
+    ),
+}
+MORE_BAD_CALLS = {
     "formats=[gif]": "config.formats.0: 'gif' is not one of ['pdf', 'svg', 'png', 'eps', 'pgf']",
     "style=ieee-colum": (
         "config.style: there is no 'ieee-colum', only default, elsevier-column, elsevier-page, "
         "ieee-column, ieee-page, slides"
     ),
     "sede=1": "config.sede: unknown key; did you mean 'seed'?",
-    "papers=[ill]": "config.papers: there is no 'ill'; did you mean 'ilo'?",
     "ilo={observers: {sampled: {K22: 1}}}": (
         "ilo.observers.sampled.K22: unknown key; did you mean 'K2'?"
-    ),
-    "ilo={observers: {continuous: {K1: 1.05}}}": (
-        "ilo.observers.continuous.K1, K2: must give stable error dynamics, but K1 has spectral "
-        "radius 1.05 > 1, the estimate grows as exp(4.879 t)"
     ),
 }
 
 
-@pytest.mark.parametrize("config", BAD_CALLS)
-def test_snakemake_says_it_in_one_sentence(built: Project, config: str) -> None:
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        *BAD_CALLS.items(),
+        *(pytest.param(*call, marks=pytest.mark.nightly) for call in MORE_BAD_CALLS.items()),
+    ],
+)
+def test_snakemake_says_it_in_one_sentence(built: Project, config: str, said: str) -> None:
     before = built.results()
     done = built.snakemake("--config", config, check=False)
     assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: {BAD_CALLS[config]}"
+    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: {said}"
     assert "Traceback" not in done.stderr
     assert 'File "' not in done.stderr
     assert built.results() == before
+
+
+def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
+    """Without overrides, too."""
+    ledger = fresh.folder / "config/papers/eso.yaml"
+    text = ledger.read_text(encoding="utf-8")
+    ledger.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
+    done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
+    )
+    assert not (fresh.folder / "results/ilo").exists()
+
+
+def test_what_only_building_shows_in_a_ledger_stops_the_first_job(fresh: Project) -> None:
+    """Without overrides, too."""
+    ledger = fresh.folder / "config/papers/ilo.yaml"
+    text = ledger.read_text(encoding="utf-8")
+    stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
+    assert stuck in text
+    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "99.0")), encoding="utf-8")
+    done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == (
+        "reobserve: ilo.scenarios.constant.fault: starts at 99 s, must start before the end at "
+        f"{LEDGERS['ilo'].section('plant')['horizon']:g} s"
+    )
+    assert not (fresh.folder / "results/ilo").exists()

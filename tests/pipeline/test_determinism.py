@@ -10,7 +10,11 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from .conftest import CONFIG, PAPERS, Project
+
+pytestmark = pytest.mark.nightly
 
 
 def assert_same_files(first: dict[str, bytes], second: dict[str, bytes]) -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from .conftest import FEW_DRAWS, ROOT, Project, copy_project
 
+pytestmark = pytest.mark.nightly
+
 EXAMPLE = ROOT / "examples" / "two_mass"
 FILES = [path for path in sorted(EXAMPLE.rglob("*")) if path.is_file() and "cache" not in str(path)]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 from html import escape
 from pathlib import Path
 
@@ -14,24 +15,27 @@ from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.claims.verdict_table import table as verdict_table
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.ledger.config import known_papers
+from reobserve.ledger.names import paper_part
 from reobserve.plain_data.files import read_table
 from reobserve.scoring.metrics import read_metrics
 from reobserve.timeseries.series import Series
 from tests import FIVE
 
-from .conftest import FIGURES, LEDGERS, ROOT, TABLES, Project
+from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project
 
 
 def test_provenance_says_what_made_a_series(built: Project) -> None:
     series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
     about = series.provenance
     assert (about["paper"], about["stage"], about["job"]) == ("ilo", "observe", "forgetting")
-    assert about["settings"]["observer"]["K1"] == 0.9
+    gain = LEDGERS["ilo"].section("observers", "forgetting")["K1"]
+    assert about["settings"]["observer"]["K1"] == gain
     assert about["packages"]["numpy"] == np.__version__
     assert series.channels["fault"].unit == "N m"
     assert series.events["onsets"] == (5.0,)
 
 
+@pytest.mark.nightly
 def test_one_figure_builds_its_chain_and_nothing_else(fresh: Project) -> None:
     fresh.snakemake("results/ilo/fig3.pdf")
     chain = {
@@ -58,6 +62,24 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
     assert built.results()["ilo/fig2.metrics.csv"] == before
 
 
+def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> None:
+    slow = r"\| +(numba|cvxpy|pandas|sympy|scipy\.signal)$"
+    for paper in PAPERS:
+        figures = LEDGERS[paper].tree["figures"]
+        studied = next(name for name in figures if "study" in figures[name])
+        log = (built.folder / f"logs/{paper}/{studied}.metrics.log").read_text()
+        *words, _ = shlex.split(log.partition("\n")[0].removeprefix("+ "))
+        command = ("python", "-X", "importtime", "-m", *words, str(tmp_path / f"{paper}.csv"))
+        loaded = built.run(*command).stderr
+        assert "reobserve.papers" in loaded
+        assert not re.search(slow, loaded, re.MULTILINE), paper
+        assert not re.search(r"\| +matplotlib$", loaded, re.MULTILINE), paper
+    plots = f"import {', '.join(paper_part(paper, 'plot') for paper in PAPERS)}"
+    loaded = built.run("python", "-X", "importtime", "-c", plots).stderr
+    assert not re.search(slow, loaded, re.MULTILINE)
+
+
+@pytest.mark.nightly
 def test_a_fault_of_ones_own(fresh: Project) -> None:
     """A scenario, an observer and a figure added from a file, with samples from a CSV."""
     time = np.arange(0, 10.01, 0.01)
@@ -67,6 +89,7 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
     (fresh.folder / "mine.yaml").write_text(
         """
         ilo:
+          plant: {horizon: 10, step: 1.25e-4}
           scenarios:
             mine:
               like: constant
@@ -92,10 +115,15 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
     assert stale == {"plant": 1, "observe": 1, "metrics": 1, "plot": 1}
 
 
+@pytest.mark.nightly
 def test_noise_in_the_record(fresh: Project) -> None:
     """A deviation in the ledger gives a measured rate, held, with that deviation."""
     target = "results/ilo/constant/plant.parquet"
-    fresh.snakemake(target, "--config", "ilo={plant: {noise: 1e-5}}")
+    fresh.snakemake(
+        target,
+        "--config",
+        "ilo={plant: {noise: 1e-5, noise_period: 1e-3, horizon: 10, step: 1.25e-4}}",
+    )
     series = Series.read(fresh.folder / target)
     noise = series["measured"] - series["rate"]
     held = noise.reshape(-1)[: 8 * 3 * 10000].reshape(10000, 8, 3)  # 8 samples of 0.125 ms
@@ -103,6 +131,7 @@ def test_noise_in_the_record(fresh: Project) -> None:
     assert np.std(held[:, 0]) == pytest.approx(1e-5, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_the_snakemake_report_is_complete(built: Project) -> None:
     built.snakemake("--report", "report.html")
     html = (built.folder / "report.html").read_text()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from .conftest import Project
 
 
@@ -17,6 +19,7 @@ def test_a_build_prints_its_jobs_and_the_sentence_of_what_fails(fresh: Project) 
     assert "reobserve: results/ilo/constant/plant.parquet: " in failed.stderr
 
 
+@pytest.mark.nightly
 def test_memory_and_time_of_a_job_are_its_own(fresh: Project) -> None:
     """A process that has imported numpy, numba and pyarrow takes more than 60 MB."""
     fresh.snakemake("results/ilo/constant/plant.parquet")

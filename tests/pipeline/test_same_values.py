@@ -25,8 +25,17 @@ from .conftest import (
     with_few_levels,
 )
 
+# The first figure of each paper at once, the others nightly.
+FIRST = {paper: next(iter(LEDGERS[paper].tree["figures"])) for paper in PAPERS}
 
-@pytest.mark.parametrize(("paper", "figure"), FIGURES)
+
+@pytest.mark.parametrize(
+    ("paper", "figure"),
+    [
+        pytest.param(paper, figure, marks=() if figure == FIRST[paper] else pytest.mark.nightly)
+        for paper, figure in FIGURES
+    ],
+)
 def test_a_figure_has_the_same_numbers_to_the_last_bit(
     as_built: Project, evaluators: dict[str, Evaluator], paper: str, figure: str
 ) -> None:
@@ -50,6 +59,7 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
             assert found.channels[channel].unit == expected.channels[channel].unit
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("paper", "study"),
     [(paper, study) for paper in PAPERS for study in LEDGERS[paper].tree.get("studies", {})],

@@ -56,6 +56,7 @@ def chunks(toy: Project) -> list[str]:
     return sorted(names, key=lambda name: int(name.partition("-")[0]))
 
 
+@pytest.mark.nightly
 def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) -> None:
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
     assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
@@ -68,6 +69,7 @@ def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) ->
     assert lost == {"draw": 1, "robustness": 1}
 
 
+@pytest.mark.nightly
 def test_chunks_follow_what_they_are_drawn_from(toy: Project, in_one: bytes) -> None:
     """In the same build, also where a study before them has to run first."""
     config = [*WHOLE, "chunks=2"]

@@ -49,6 +49,10 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
 
 # The module, and the jobs of `ilo` that its edit makes stale: its stage's and those that follow.
 EDITS = {
+    "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
+    "stages/parameters.py": {},
+}
+MORE_EDITS = {
     "plants/satellite.py": ALL,
     "papers/ilo/plant.py": ALL,
     "models/rigid_body.py": ALL,  # imported by plant and observers, indirectly
@@ -56,7 +60,6 @@ EDITS = {
     "stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
     "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
     "papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
-    "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
     "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
     "papers/ilo/plot.py": {"plot": 6},
     "drawing/figures.py": {"plot": 6},
@@ -65,17 +68,24 @@ EDITS = {
     "ledger/overview.py": {},
     "replication/logs.py": {},
     "replication/prepare.py": {},
-    "stages/parameters.py": {},
 }
 
 
-@pytest.mark.parametrize("module", EDITS)
-def test_an_edit_makes_its_stage_and_what_follows_stale(built: Project, module: str) -> None:
+@pytest.mark.parametrize(
+    ("module", "expected"),
+    [
+        *EDITS.items(),
+        *(pytest.param(*edit, marks=pytest.mark.nightly) for edit in MORE_EDITS.items()),
+    ],
+)
+def test_an_edit_makes_its_stage_and_what_follows_stale(
+    built: Project, module: str, expected: dict[str, int]
+) -> None:
     # Other papers have their share in what is common, and none in what is of `ilo`.
     shared = "ilo" not in module
     with edited(built.folder / "src" / "reobserve" / module):
         stale = built.stale("figures", config=["papers=[ilo]"] if shared else [])
-    assert stale == EDITS[module]
+    assert stale == expected
 
 
 def test_a_touch_makes_nothing_stale(built: Project) -> None:
@@ -86,6 +96,7 @@ def test_a_touch_makes_nothing_stale(built: Project) -> None:
     assert built.stale(config=FEW_DRAWS) == {}
 
 
+@pytest.mark.nightly
 def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Project) -> None:
     """All that computes or draws; by metadata that are found before those of the real package."""
     about = built.folder / "src/numpy-0.1.dist-info"
@@ -99,6 +110,7 @@ def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Projec
     assert built.stale("figures", config=["papers=[ilo]"]) == {}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "override",
     [
@@ -121,6 +133,7 @@ def test_a_value_makes_stale_what_reads_it(built: Project) -> None:
     assert built.stale("figures", config=[label]) == {"plot": 5}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("section", "name"), [("scenarios", "constant"), ("studies", "matching"), ("figures", "fig1")]
 )
@@ -129,6 +142,7 @@ def test_a_title_makes_stale_the_drawing_only(built: Project, section: str, name
     assert built.stale("figures", config=[title]) == {"plot": 1}
 
 
+@pytest.mark.nightly
 def test_a_caption_makes_its_drawing_stale(built: Project) -> None:
     with edited(built.folder / "workflow/report/ilo/fig2.rst"):
         assert built.stale(config=FEW_DRAWS) == {"plot": 1, **TOLD}
@@ -140,6 +154,7 @@ DECIDED = {"robustness": 1, "sensitivity": 1, "claims": 1, **TOLD}
 ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("file", "old", "new", "stale"),
     [
@@ -164,6 +179,7 @@ def test_the_evidence_follows_what_it_is_made_of(
         assert built.stale(config=FEW_DRAWS) == stale
 
 
+@pytest.mark.nightly
 def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Project) -> None:
     """By the times of files alone, so that nothing need be built."""
     found = "config/searches/imm_calibrated.json"
@@ -187,6 +203,7 @@ def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Pro
         assert fresh.stale(*ask) == {"study": 1}
 
 
+@pytest.mark.nightly
 def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
     figure = "results/ilo/fig1.svg"
     fresh.snakemake(figure)
@@ -199,6 +216,7 @@ def test_the_build_runs_what_was_stale_and_nothing_else(fresh: Project) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     """Machine code is cached on disk; the product of a matrix is compiled into others."""
     target = "results/ilo/constant/plant.parquet"
@@ -264,6 +282,7 @@ def has_file(words: list[str], option: str) -> bool:
     return option in words and not words[words.index(option) + 1].startswith("--")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_closure_holds_every_module_that_a_stage_loads(
     built: Project, commands: list[list[str]], paper: str

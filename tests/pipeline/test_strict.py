@@ -13,6 +13,8 @@ import yaml
 
 from .conftest import Project
 
+pytestmark = pytest.mark.nightly
+
 
 def with_config(project: Project, **paper: object) -> tuple[str, str]:
     """The option that hands these overrides over, as a file."""
@@ -132,34 +134,6 @@ def test_jobs_find_the_programs_beside_the_python_that_runs_snakemake(fresh: Pro
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (fresh.folder / target).is_file()
-
-
-def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
-    """Without overrides, too."""
-    ledger = fresh.folder / "config/papers/eso.yaml"
-    text = ledger.read_text(encoding="utf-8")
-    ledger.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
-    done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
-    assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: eso.metrics.longest_leg: unknown key; did you mean 'longest_lag'?"
-    )
-    assert not (fresh.folder / "results/ilo").exists()
-
-
-def test_what_only_building_shows_in_a_ledger_stops_the_first_job(fresh: Project) -> None:
-    """Without overrides, too."""
-    ledger = fresh.folder / "config/papers/ilo.yaml"
-    text = ledger.read_text(encoding="utf-8")
-    stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
-    assert stuck in text
-    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "12.0")), encoding="utf-8")
-    done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
-    assert done.returncode == 1
-    assert done.stderr.rstrip().splitlines()[-1] == (
-        "reobserve: ilo.scenarios.constant.fault: starts at 12 s, must start before the end at 10 s"
-    )
-    assert not (fresh.folder / "results/ilo").exists()
 
 
 def test_what_only_building_shows_is_checked_once(fresh: Project) -> None:

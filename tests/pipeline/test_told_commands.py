@@ -119,6 +119,7 @@ TOLD = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", TOLD)
 def test_every_command_runs(fresh: Project, page: str) -> None:
     for name, content in FILES.items():
@@ -155,6 +156,7 @@ def test_there_are_commands_of_all_kinds() -> None:
     assert {page for page in TOLD if "how-to" in page} > {"docs/pages/how-to/own-data.md"}
 
 
+@pytest.mark.nightly
 def test_a_build_ends_with_the_sentence_that_is_printed(fresh: Project) -> None:
     text = (ROOT / "docs/pages/start/two-commands.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^Job 0: (.*)$", text, re.MULTILINE)

@@ -72,6 +72,7 @@ def test_a_plain_build_makes_the_table_and_what_the_figure_needs(toy: Project) -
     assert toy.stale() == {}
 
 
+@pytest.mark.nightly
 def test_a_figure_of_one_s_own_takes_a_style_of_one_s_own(toy: Project) -> None:
     """Three inches wide, its caption and numbers in LaTeX; figures of the house are left alone."""
     sheet = toy.folder / "config/styles/mine.mplstyle"
@@ -164,6 +165,7 @@ BROKEN = """
 """
 
 
+@pytest.mark.nightly
 def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> None:
     path = toy.folder / "config/claims/toy.yaml"
     with edited(path, path.read_text(), path.read_text() + BROKEN):
@@ -199,6 +201,7 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
     toy.snakemake()
 
 
+@pytest.mark.nightly
 def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
     """The build stops with the sentence of its stage, and the page shows what there is."""
     refusing = """from reobserve.errors import InputError
@@ -265,6 +268,7 @@ def test_one_process_computes_what_the_pipeline_does(toy: Project) -> None:
     shutil.rmtree(mine)
 
 
+@pytest.mark.nightly
 def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     again = toy.folder / "again"
     again.mkdir()
@@ -284,6 +288,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     shutil.rmtree(again)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("module", "stale"),
     [
@@ -303,6 +308,7 @@ def test_an_edit_makes_stale_what_reads_the_design(
         assert toy.stale() == stale
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("config", "stale"),
     [
@@ -321,11 +327,13 @@ def test_a_value_makes_stale_what_sees_it(toy: Project, config: str, stale: dict
     assert toy.stale(config=[f"toy={config}"]) == stale
 
 
+@pytest.mark.nightly
 def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
     """Records and what follows, and every draw of what is open."""
     assert toy.stale(config=["seed=2"]) == {k: n for k, n in ALL.items() if k not in STATIC}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -399,6 +407,7 @@ def test_a_file_that_is_no_design_is_named(
     assert said in str(caught.value)
 
 
+@pytest.mark.nightly
 def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
     listing = toy.run("reobserve", "list", "toy").stdout
     assert "table1  Gains  built" in listing

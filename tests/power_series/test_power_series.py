@@ -31,7 +31,7 @@ from tests.synthesis.normal_form.systems import (
 )
 
 SIZES = [(1, 9), (2, 6), (3, 4), (4, 3)]
-quick = settings(deadline=None, derandomize=True, database=None, max_examples=30)
+more = settings(max_examples=3 * settings.default.max_examples)  # of a cheap test
 
 
 def random_map(seed: int, n: int, components: int, degree: int, lowest: int = 1) -> Polynomials:
@@ -242,7 +242,7 @@ def test_floats_do_what_fractions_do(n: int, degree: int) -> None:
 seeds = st.integers(0, 10**6)
 
 
-@quick
+@more
 @given(seeds, st.sampled_from([(1, 6), (2, 4), (3, 3)]))
 def test_composition_is_associative(seed: int, size: tuple[int, int]) -> None:
     n, degree = size
@@ -252,7 +252,7 @@ def test_composition_is_associative(seed: int, size: tuple[int, int]) -> None:
     assert np.array_equal(left.coefficients, right.coefficients)
 
 
-@quick
+@more
 @given(seeds, st.sampled_from([(1, 6), (2, 4), (3, 3)]))
 def test_inverse_of_the_inverse_and_of_a_composition(seed: int, size: tuple[int, int]) -> None:
     n, degree = size
@@ -263,7 +263,7 @@ def test_inverse_of_the_inverse_and_of_a_composition(seed: int, size: tuple[int,
     assert np.array_equal(left.coefficients, right.coefficients)
 
 
-@quick
+@more
 @given(seeds, st.sampled_from([(1, 6), (2, 4), (3, 3)]))
 def test_chain_rule(seed: int, size: tuple[int, int]) -> None:
     n, degree = size

@@ -165,7 +165,17 @@ def gains(design: Design) -> Array:
 
 
 # Near the floor SCS does not end with "optimal", and a Riccati equation has no solver.
-@pytest.mark.parametrize("name", sorted(DESIGNS.keys() - {"PD/PI, 1.02", "Riccati"}))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(ORDINARY := ["PI", "PD/PI", "least gamma, 50"]),
+        *(
+            pytest.param(name, marks=pytest.mark.nightly)
+            for name in DESIGNS
+            if name not in (*ORDINARY, "PD/PI, 1.02", "Riccati")
+        ),
+    ],
+)
 def test_gains_are_the_same_whatever_solver_began(name: str) -> None:
     one, other = designed(name), designed(name, "SCS")
     for part in ("L", "Ld"):
@@ -194,6 +204,7 @@ _ELSEWHERE = (
 )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "changed",
     [
@@ -245,7 +256,9 @@ def stated(system: AugmentedSystem, radius: float, decay: float, bound: float) -
     return gamma, [*sides, *edges, cvxpy.norm(everything) <= radius]
 
 
-@pytest.mark.parametrize(("decay", "bound"), [(0.0, 50.0), (2.0, 50.0)])
+@pytest.mark.parametrize(
+    ("decay", "bound"), [pytest.param(0.0, 50.0, marks=pytest.mark.nightly), (2.0, 50.0)]
+)
 def test_what_solvers_find_is_within_the_bounds_of_the_least_gamma(
     decay: float, bound: float
 ) -> None:

@@ -29,7 +29,7 @@ PRBS = {"kind": "prbs", "axis": 1, "until": 30.0, "amplitude": 0.1, "clock": 100
 SWEEP = {"kind": "sweep", "axis": 1, "from": 0.5, "amplitude": 2.0}
 SWEEP |= {"start": 1.0, "end": 11.0, "duration": 4.0}
 
-quick = settings(deadline=None, derandomize=True, database=None, max_examples=50)
+more = settings(max_examples=4 * settings.default.max_examples)  # of a cheap test
 
 
 def parse(*terms: Any, axes: int = 3) -> Signal:
@@ -197,7 +197,7 @@ def test_a_square_as_high_as_low_jumps_at_its_ends_alone() -> None:
     assert parse({**SQUARE, "low": 1.5}).jumps == (1.0, 9.0)
 
 
-@quick
+@more
 @given(st.integers(0, 40), st.integers(1, 300), st.integers(2, 30), st.data())
 def test_a_square_on_a_grid_is_that_of_whole_numbers(
     onset: int, span: int, period: int, data: st.DataObject
@@ -256,7 +256,7 @@ def test_the_sequence_by_hand() -> None:
     assert maximum_length_sequence(4)[:8].tolist() == [1, 1, 1, 1, -1, 1, -1, 1]
 
 
-@quick
+@more
 @given(st.integers(2, 6), st.integers(0, 40), st.integers(1, 300), st.integers(1, 7))
 def test_a_prbs_on_a_grid_is_the_sequence_over_and_over(
     order: int, onset: int, span: int, hold: int

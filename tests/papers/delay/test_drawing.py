@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from reobserve.ledger.job import Job, read_job
-from reobserve.ledger.ledger import Ledger
 from reobserve.papers.delay import keys, notes
 from reobserve.papers.delay.styles import style_of
+from tests.papers import fixed_ledger
 
 ROOT = Path(__file__).parents[3]
 
 
 def job(figure: str, **overrides: Any) -> Job:
-    ledger = Ledger.load(ROOT, "delay", overrides)
+    ledger = fixed_ledger("delay", overrides)
     return read_job(keys.Ledger, ledger.settings("plot", figure))
 
 

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.ledger.job import Job, read_job
-from reobserve.ledger.ledger import Ledger
 from reobserve.numerics.random_streams import random_stream
 from reobserve.papers.delay import keys, noise, plant
 from reobserve.timeseries.series import Series
+from tests.papers import fixed_ledger
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[3]
 
 def job(**changes: Any) -> Job:
     """The record of Fig. 2, some values of the plant changed."""
-    settings = Ledger.load(ROOT, "delay", seed=3).settings("plant", "sine")
+    settings = fixed_ledger("delay", seed=3).settings("plant", "sine")
     stated = read_job(keys.Ledger, settings)
     return replace(stated, plant=replace(stated.plant, **changes))
 
@@ -86,7 +86,7 @@ def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
 
 @pytest.mark.parametrize("name", ["ramp", "sine"])
 def test_an_input_without_a_past_is_the_same_from_zero_on(name: str) -> None:
-    settings = Ledger.load(ROOT, "delay").settings("plant", name)
+    settings = fixed_ledger("delay").settings("plant", name)
     stated = read_job(keys.Ledger, settings)
     cut = replace(stated, scenario=replace(stated.scenario, past="zero"))
     whole, late = plant.simulate(stated), plant.simulate(cut)

@@ -12,7 +12,6 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from reobserve.ledger.job import read_job
-from reobserve.ledger.ledger import Ledger
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve.papers.delay.setup import input_and_derivatives
@@ -30,6 +29,7 @@ from tests.observers.test_extended_high_gain import (
     observer,
     record,
 )
+from tests.papers import fixed_ledger
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def evaluated(overrides: dict[str, object] | None = None) -> Numbers:
-    return lookup(Evaluator(Ledger.load(ROOT, "delay", overrides)).theory())
+    return lookup(Evaluator(fixed_ledger("delay", overrides)).theory())
 
 
 @cache
@@ -197,7 +197,7 @@ def test_high_gains_end_at_the_bias_of_the_expansion() -> None:
 
 
 def test_runs_at_the_rho_of_the_figures_are_those_of_the_figures() -> None:
-    fig1 = lookup(Evaluator(Ledger.load(ROOT, "delay")).figure("fig1").numbers)
+    fig1 = lookup(Evaluator(fixed_ledger("delay")).figure("fig1").numbers)
     found = numbers().at("order2", "varying_peak_delay_error", rho=5)
     assert found == pytest.approx(fig1["order2", "varying_peak_delay_error"], rel=1e-6)
 
@@ -303,7 +303,7 @@ def test_each_derivative_is_harder_in_noise() -> None:
 
 def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
     """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
-    ledger = Ledger.load(ROOT, "delay")
+    ledger = fixed_ledger("delay")
     job = read_job(keys.Ledger, ledger.settings("theory"))
     start = [*job.theory.initial_state, 0.3]
     found = theory_state_gain.simulate(job, 0.0, start, 0.6, 10.0)

@@ -30,6 +30,7 @@ from reobserve.synthesis.extended_state.certificate import Certificate, certify,
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.timeseries.series import Channel, Series
+from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ FAULTS = ("actuator_fault", "sensor_fault")
 
 
 def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return Ledger.load(ROOT, "eso", changes, seed)
+    return fixed_ledger("eso", changes, seed)
 
 
 def simulated(scenario: str, seed: int = SEED, **values: Any) -> Series:
@@ -232,14 +233,6 @@ def test_either_observer_is_designed_by_either_criterion() -> None:
         np.testing.assert_array_equal(found["Ld"], direct.gains.Ld)
         assert np.array(found["Ld"]).any() == derivative
         assert found["method"] == f"{'PD/PI' if derivative else 'PI'}, least gamma"
-
-
-def test_the_other_solver_gives_the_same_gains() -> None:
-    other = compute_design(ledger({"designs": {"pd_pi": {"solver": "SCS"}}}), "pd_pi")
-    assert (other["solver"], designed("pd_pi")["solver"]) == ("SCS", "CLARABEL")
-    for name in ("L", "Ld"):
-        one = np.array(designed("pd_pi")[name])
-        assert np.abs(one - other[name]).max() < 1e-4 * np.abs(one).max()
 
 
 def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
@@ -606,7 +599,6 @@ BAD = {
     "unstable controller": (
         plants(controller_poles=[3, 1, -12]), f"{P}.controller_poles", "must be 3, stable",
     ),
-    "two poles": (plants(controller_poles=[-3, -12]), f"{P}.controller_poles", "list of 3 numbers"),
     "an odd number of steps": (
         plants(horizon=20.0005), f"{P}.horizon", "must be an even number of steps",
     ),
@@ -620,15 +612,11 @@ BAD = {
     "a hold of one step": (
         plants(hold_period=5e-4), f"{P}.hold_period", "must be an even number of steps",
     ),
-    "a reference of nothing": (plants(reference=3), f"{P}.reference", "must be a list of terms"),
     "a reference that jumps between": (
         plants(reference=[{**TERM, "from": 1.0005}]), f"{P}.reference", "jumps at 1.0005 s",
     ),
     "a disturbance matrix of one row": (
         plants(disturbance_matrix=[[1, 0]]), f"{P}.disturbance_matrix", "(1, 2), must be (2, 2)",
-    ),
-    "a noise matrix of words": (
-        plants(noise_matrix="much"), f"{P}.noise_matrix", "not a number or an array",
     ),
     "a sensor matrix of three rows": (
         plants(sensor_matrix=[[1], [0], [0]]), f"{P}.sensor_matrix", "(3, 1), must be (2, 1)",
@@ -649,43 +637,16 @@ BAD = {
     "two noises": (
         plants(noise_matrix=[[1, 0], [0, 1]]), f"{P}.noise_matrix", "must be (2, 1)",
     ),
-    "a fault of unknown kind": (
-        disturbed(actuator_fault=[{**TERM, "kind": "leak"}]), f"{D}.actuator_fault[0].kind",
-        "must be one of",
-    ),
     "a fault that jumps between": (
         disturbed(sensor_fault=[{**TERM, "from": 1.0005}]), f"{D}.sensor_fault", "at 1.0005 s",
-    ),
-    "a fault of another axis": (
-        disturbed(sensor_fault=[{**TERM, "axis": 2}]), f"{D}.sensor_fault[0].axis", "from 1 to 1",
     ),
     "bounds the wrong way round": (
         disturbed(disturbance=[[0.3, 0.2], [-0.1, 0.1]]), f"{D}.disturbance",
         "must be [least, greatest]",
     ),
-    "one bound": (disturbed(disturbance=0.2), f"{D}.disturbance", "has shape (), must be (2, 2)"),
-    "a law fed by nothing": (plants(feedback="no"), f"{P}.feedback", "be one of state, output"),
-    "a pulse of no width": (plants(pulse_width=0), f"{P}.pulse_width", "greater than zero"),
-    "one initial state": (plants(initial_state=[0]), f"{P}.initial_state", "list of 2 numbers"),
-    "a start of states alone": (
-        {"observers": {"pi": {"initial_estimate": [0, 0]}}}, "observers.pi.initial_estimate",
-        "list of 6 numbers",
-    ),
     "a comparison with nobody": (
         {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},
         "observers.pi_optimal.compared_with", "must be an observer of the ledger; did you mean",
-    ),
-    "an unknown criterion": (
-        {"designs": {"pd_pi": {"criterion": "least"}}}, "designs.pd_pi.criterion",
-        "must be one of least_norm, least_gamma",
-    ),
-    "negative power": (disturbed(noise_power=-1e-4), f"{D}.noise_power", "must not be negative"),
-    "a design of unknown kind": (
-        {"designs": {"pd_pi": {"kind": "pid"}}}, "designs.pd_pi.kind", "must be one of pi_feas",
-    ),
-    "a filter that stands": (
-        {"designs": {"pi_feasible": {"filter_rate": 0}}}, "designs.pi_feasible.filter_rate",
-        "greater than zero",
     ),
     "a window that falls": (
         rules(actuator_varying=[15, 3]), f"{M}.actuator_varying", "must be 0 or more, rising",
@@ -696,19 +657,10 @@ BAD = {
     "a window between samples": (
         rules(sensor_constant=[12.0002, 12.0008]), f"{M}.sensor_constant", "two samples",
     ),
-    "three times": (rules(sensor_varying=[1, 2, 3]), f"{M}.sensor_varying", "list of 2 numbers"),
-    "no lag": (rules(longest_lag=0), f"{M}.longest_lag", "greater than zero"),
-    "an unknown algorithm": (
-        {"observers": {"pi": {"algorithm": "kalman"}}}, "observers.pi.algorithm",
-        "must be extended_state",
-    ),
     "an observer without a design": (
         {"observers": {"own": {"algorithm": "extended_state", "label": "own"}}},
         "observers.own.design", "is missing; the observer needs it",
     ),
-    "negative decay of a study": (studies(decays=[-1]), f"{S}.decays.0", "-1 must not be negative"),
-    "a bound that is no list": (studies(pole_bounds=50), f"{S}.pole_bounds", "a list of numbers"),
-    "no radius": (studies(radius=0), f"{S}.radius", "greater than zero"),
     "words of a study": (studies(factors=["much"]), f"{S}.factors.0", "'much' is not a number"),
 }  # fmt: skip
 

@@ -13,7 +13,6 @@ import pytest
 
 from reobserve.errors import InputError
 from reobserve.ledger.job import read_job
-from reobserve.ledger.ledger import Ledger
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys, theory
 from reobserve.papers.eso import plant as plant_stage
@@ -35,6 +34,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve.timeseries.signals import Signal
+from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor
 
 ROOT = Path(__file__).parents[3]
@@ -48,7 +48,7 @@ UNITS = {"actuator": "V", "sensor": "rad/s"}
 
 @cache
 def evaluator() -> Evaluator:
-    return Evaluator(Ledger.load(ROOT, "eso", seed=SEED))
+    return Evaluator(fixed_ledger("eso", seed=SEED))
 
 
 @cache

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import copy
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from reobserve.ledger.ledger import Ledger
 from reobserve.papers.ilo import theory
 from reobserve.scoring.metrics import Numbers, lookup
+from tests.papers import fixed_ledger
 
 
 @pytest.fixture(scope="package")
 def settings() -> dict[str, Any]:
-    ledger = Ledger.load(Path(__file__).parents[3], "ilo")
+    ledger = fixed_ledger("ilo")
     return copy.deepcopy(ledger.settings("theory"))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import itertools
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from reobserve.scoring.metrics import Numbers, lookup
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
+from tests.papers import ROOT
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
@@ -112,13 +112,13 @@ def test_the_sampled_gains_follow_their_rule(settings: dict[str, Any], found: Nu
         factor = np.abs([trace + root, trace - root]).max() / 2
         return float(-np.log(factor) / interval)
 
+    keys = ("K2", "damping", "update_interval")
     mine = settings["observers"]["sampled"]
-    chosen = slowest(mine["K2"], mine["damping"], mine["update_interval"])
-    assert found["sampled", "slowest_decay"] == pytest.approx(chosen)
-    ledger = dict(Ledger.load(Path(__file__).parents[3], "ilo").entries())
-    ranges = [
-        ledger[f"observers.sampled.{key}"]["range"] for key in ("K2", "damping", "update_interval")
-    ]
+    assert found["sampled", "slowest_decay"] == pytest.approx(slowest(*map(mine.get, keys)))
+    # The defaults themselves are chosen by the rule.
+    defaults = Ledger.load(ROOT, "ilo").tree["observers"]["sampled"]
+    chosen = slowest(*(defaults[key]["value"] for key in keys))
+    ranges = [defaults[key]["range"] for key in keys]
     for gains in itertools.product(*(np.geomspace(*one, 25) for one in ranges)):
         assert slowest(*gains) <= chosen * (1 + 1e-9)
     # J s^2 + Lambda s + K2 / tau = 0 on the heaviest axis, but for the hold of a millisecond.

@@ -179,56 +179,9 @@ def test_wrong_beliefs_are_refused(mean: Any, covariance: Any, said: str) -> Non
         KalmanFilter(PLAIN).init(mean, covariance)
 
 
-RECORDS = [
-    ([[1.0, 2.0]], [[0.0]], r"y: has shape \(1, 2\), must have .* more of 1 number"),
-    ([[[1.0]]], [[0.0]], r"y: has shape \(1, 1, 1\), must have .*"),
-    ([1.0, 2.0], [[0.0]], "u: has 1 rows, must have 2 like y"),
-    (np.empty((0, 1)), np.empty((0, 1)), r"y: has shape \(0, 1\), must have one .*"),
-    ([[1.0], [INF]], [[0.0]] * 2, r"y: sample 1 is \[inf\], must be finite, or nan .*"),
-    ([[1.0], ["x"]], [[0.0]] * 2, "y: is no array of numbers"),
-    ([[1.0], [2.0, 3.0]], [[0.0]] * 2, "y: is no array of numbers"),
-    ([[1.0], [1.0]], [[0.0], [NAN]], r"u: sample 1 is \[nan\], must be finite"),
-    ([[1.0], [1.0]], [[INF], [0.0]], r"u: sample 0 is \[inf\], must be finite"),
-    ([[1.0], [1.0]], [[0.0]], "u: has 1 rows, must have 2 like y"),
-    ([[1.0]], [[0.0, 0.0]], r"u: has shape \(1, 2\), must have one row or more of 1 number"),
-    ([[1.0]], None, r"u: is left out, must have shape \(1, 1\)"),
-    ([[1.0]], [["x"]], "u: is no array of numbers"),
-]
-
-
-@pytest.mark.parametrize(("measurements", "controls", "said"), RECORDS)
-def test_wrong_records_are_refused(measurements: Any, controls: Any, said: str) -> None:
-    kalman, both = KalmanFilter(PLAIN), bank()
-    with pytest.raises(InputError, match=f"^{said}$"):
-        kalman.run(measurements, controls, state=kalman.init([0.0, 0.0], 1.0))
-    with pytest.raises(InputError, match=f"^{said}$"):
-        both.run(measurements, controls, state=both.init([0.0, 0.0], 1.0))
-
-
-def test_controls_of_a_model_without_inputs_are_refused() -> None:
-    kalman = KalmanFilter(NO_INPUT)
-    with pytest.raises(
-        InputError, match=r"^u: has shape \(1, 1\), must have one row or more of 0 numbers$"
-    ):
-        kalman.run([[1.0]], [[0.0]], state=kalman.init([0.0], 1.0))
-
-
-def test_wrong_samples_of_a_step_are_refused() -> None:
-    kalman, both = KalmanFilter(PLAIN), bank()
-    starts = kalman.init([0.0, 0.0], 1.0), both.init([0.0, 0.0], 1.0)
-    for one, state in ((kalman, starts[0]), (both, starts[1])):
-        step: Any = one.step
-        with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have"):
-            step(state, [1.0, 2.0], [0.0])
-        with pytest.raises(InputError, match=r"^y: sample 0 is \[inf\], must be finite, or nan"):
-            step(state, [INF], [0.0])
-        with pytest.raises(InputError, match=r"^u: sample 0 is \[nan\], must be finite$"):
-            step(state, [1.0], [NAN])
-        with pytest.raises(InputError, match=r"^u: is left out, must have shape \(1, 1\)$"):
-            step(state, [1.0])
-        with pytest.raises(InputError, match=r"^before: must be left out: \w+ reads nothing"):
-            step(state, [1.0], [0.0], before=([1.0], [0.0]))
-    belief = starts[0].belief
+def test_wrong_samples_of_a_correction_are_refused() -> None:
+    kalman = KalmanFilter(PLAIN)
+    belief = kalman.init([0.0, 0.0], 1.0).belief
     with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have"):
         kalman.correct(belief, [1.0, 2.0], [0.0])
     with pytest.raises(InputError, match=r"^u: \[nan\] has an entry that is not finite$"):

@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
@@ -30,6 +29,7 @@ from tests.observers.actuator_models import (
     square_wave,
     velocity_model,
 )
+from tests.papers import fixed_ledger
 
 Array = NDArray[np.float64]
 
@@ -322,6 +322,6 @@ def test_an_increased_layer_has_not_what_fig_8_shows() -> None:
     quoted = 0.8
     for factor, agrees in ((0.01, True), (100.0, False)):
         changes = {"observers": {"svsf_thin_tuned": {"layer_factor": factor}}}
-        figure = evaluate(Ledger.load(ROOT, "imm", changes, SEED), "fig8")
+        figure = evaluate(fixed_ledger("imm", changes, SEED), "fig8")
         leakage = lookup(figure.numbers)["svsf_thin_tuned", "leakage_after"]
         assert (abs(leakage - quoted) < 0.1) == agrees, leakage

@@ -29,6 +29,7 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.responses import window
 from reobserve.timeseries.series import Series
 from tests.observers.actuator_models import ACTUATOR
+from tests.papers import fixed_ledger
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]
@@ -38,7 +39,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
 def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return Ledger.load(ROOT, "imm", changes, seed)
+    return fixed_ledger("imm", changes, seed)
 
 
 @cache
@@ -458,24 +459,14 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "an unstable mode": (
         plants(friction_denominator=[1, 2, 3, -4]), "plant.friction_denominator", "be stable",
     ),
-    "a word in a model": (
-        plants(leakage_numerator="x"), "plant.leakage_numerator", "'x' must be a list of numbers",
-    ),
-    "no horizon": (plants(horizon=0), "plant.horizon", "0 must be greater than zero"),
     "horizon between samples": (
         plants(horizon=10.0005), "scenarios.plain.period",
         "10.0005 s must be a whole multiple of the period, 0.001 s",
     ),
-    "no period": (plain(period=0), "scenarios.plain.period", "0 must be greater than zero"),
     "a period too short": (plain(period=1e-7), "scenarios.plain.period", "makes more than 5e+06"),
     "a period that does not fit": (
         plain(period=3e-3), "scenarios.plain.period", "must be a whole multiple",
     ),
-    "unknown input": (
-        plain(input=[{"kind": "prsb", "axis": 1}]), "scenarios.plain.input[0].kind",
-        "'prsb' must be one of constant,",
-    ),
-    "an input that is no list": (plain(input=5), "scenarios.plain.input", "must be a list of term"),
     "an input after the end": (
         plain(input=[{**TERM, "from": 12}]), "scenarios.plain.input",
         "starts at 12 s, must start before the end at 10 s",
@@ -483,9 +474,6 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "an input between samples": (
         plain(input=[{**TERM, "from": 0.50005}]), "scenarios.plain.input",
         "must jump at a multiple of 0.001 s",
-    ),
-    "unknown fault": (
-        plain(fault="leak"), "scenarios.plain.fault", "'leak' must be one of friction, leakage",
     ),
     "the normal mode for a fault": (
         plain(fault="normal"), "scenarios.plain.fault", "must be one of friction, leakage",
@@ -500,23 +488,14 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         plain(onset=5.0005), "scenarios.plain.onset", "must be a whole multiple of the period",
     ),
     "noise of three": (plain(noise=[1, 2, 3]), "scenarios.plain.noise", "a list of 4 numbers"),
-    "negative noise": (plain(noise=[-1, 0, 0, 0]), "scenarios.plain.noise", "not be negative"),
-    "unknown algorithm": (
-        svsf(algorithm="svsf"), "observers.svsf.algorithm",
-        "'svsf' must be one of kalman, smooth_variable_structure",
-    ),
     "unknown realisation": (
         svsf(realisation="pva"), "observers.svsf.realisation",
         "'pva' must be one of velocity, derivatives, motion",
-    ),
-    "two realisations": (
-        svsf(realisation=["motion", "velocity"]), "observers.svsf.realisation", "must be one of",
     ),
     "a realisation with fewer states": (
         svsf(realisation="velocity", process_noise=[1, 1, 1]), "observers.svsf.process_noise",
         "has shape (3,), must be one",
     ),
-    "no frequency": (svsf(state_frequency=0), "observers.svsf.state_frequency", "greater than"),
     "process noise of two": (svsf(process_noise=[1, 1]), "observers.svsf.process_noise", "(2,)"),
     "negative process noise": (
         svsf(process_noise=-1), "observers.svsf.process_noise", "must be positive semidefinite",
@@ -524,8 +503,6 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "no measurement noise": (
         svsf(measurement_noise=0), "observers.svsf.measurement_noise", "must be positive definite",
     ),
-    "never stays": (svsf(stay=0), "observers.svsf.stay", "0 must be greater than zero"),
-    "more than stays": (svsf(stay=1.1), "observers.svsf.stay", "1.1 must be from 0 to 1"),
     "negative covariance": (
         svsf(initial_covariance=-1), "observers.svsf.initial_covariance", "positive semidefinite",
     ),
@@ -541,11 +518,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "a layer of no width": (
         svsf(boundary_layer=[1, 2, 0]), "observers.svsf.boundary_layer", "greater than zero",
     ),
-    "no factor": (svsf(layer_factor=0), "observers.svsf.layer_factor", "0 must be greater"),
     "a memory too long": (svsf(memory=1.0), "observers.svsf.memory", "from 0 to below 1"),
-    "one quoted value": (svsf(quoted=[0.4]), "observers.svsf.quoted", "a list of 2 numbers"),
-    "quoted per cents": (svsf(quoted=[40, 60]), "observers.svsf.quoted", "must be from 0 to 1"),
-    "high by a number": (svsf(quoted_high=1), "observers.svsf.quoted_high", "1 must be one of"),
     **{
         f"{name} {words}": (rules(**{name: value}), f"metrics.{name}", said)
         for name in ("before", "after", "overshoot")
@@ -560,41 +533,22 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         for name in ("alarm", "band")
         for value, said in ((1.5, "must be between 0 and 1"), ("x", "'x' is not a number"))
     },
-    "unknown method": (
-        study("changes", method="change"), "studies.changes.method", "must be one of neighbourhood",
-    ),
     "kept in a number": (
         study("neighbourhood", kept=3), "studies.neighbourhood.kept", "3 must be a word",
     ),
     "factors": (study("neighbourhood", factors=[0]), "studies.neighbourhood.factors", "0 must"),
-    "one factor": (study("neighbourhood", factors=2), "studies.neighbourhood.factors", "a list of"),
-    "another input that is none": (
-        study("changes", prbs=[{"kind": "prbs", "axis": 1}]), "studies.changes.prbs[0].amplitude",
-        "is missing",
-    ),
-    "a square that is none": (study("changes", square=3), "studies.changes.square", "list of term"),
-    "a sweep of another axis": (
-        study("changes", sweep=[{**TERM, "axis": 2}]), "studies.changes.sweep[0].axis", "from 1 to",
-    ),
     "a period of a study": (
         study("changes", periods=[3e-3]), "studies.changes.periods", "must be a whole multiple",
     ),
     "a period that the input does not fit": (
         study("changes", periods=[0.2]), "studies.changes.periods", "with it, scenario.input:",
     ),
-    "a share of a study": (study("changes", shares=[2]), "studies.changes.shares", "from 0 to 1"),
-    "layers of a study": (
-        study("changes", layer_factors=[-1]), "studies.changes.layer_factors", "than zero",
-    ),
-    "noise of a study": (study("changes", noise=[1, 2]), "studies.changes.noise", "4 numbers"),
     "input of pairs": (
         study("closeness", input=[{**TERM, "from": 4}]), "studies.closeness.input", "at 4 s",
     ),
-    "horizon of pairs": (study("closeness", horizon=0), "studies.closeness.horizon", "greater"),
     "horizon of pairs between samples": (
         study("closeness", horizon=1.4005), "studies.closeness.horizon", "the scenario's period",
     ),
-    "onset of pairs": (study("closeness", onset=-1), "studies.closeness.onset", "greater than"),
     "judged before the fault": (
         study("closeness", judged=0.7), "studies.closeness.judged",
         "0.7 s must fit between onset and horizon, 0.8 and 1.4 s",
@@ -614,39 +568,17 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
         study("closeness", budget=0.01), "studies.closeness.budget",
         "0.01 needs 99 records without a fault or more, there are 39",
     ),
-    "all may alarm": (
-        study("closeness", budget=1.0), "studies.closeness.budget", "1 must be between 0 and 1",
-    ),
-    "driven by no noise": (
-        study("closeness", driven_levels=[0]), "studies.closeness.driven_levels", "than zero",
-    ),
-    "layers of pairs": (
-        study("closeness", layer_units=[-1]), "studies.closeness.layer_units", "than zero",
-    ),
-    "layers of causes": (study("causes", units=[0]), "studies.causes.units", "greater than zero"),
     "causes without an SVSF": (
         study("causes", observers=["kalman_tuned"]), "studies.causes.observers", "have an SVSF",
     ),
-    "shares of pairs": (study("closeness", shares=[1.5]), "studies.closeness.shares", "0 to 1"),
     "pairs that are the same": (study("closeness", shares=[0]), "studies.closeness.shares", "zero"),
-    "noise of pairs": (
-        study("closeness", noise_levels=[-1]), "studies.closeness.noise_levels", "than zero",
-    ),
-    "no runs": (study("closeness", runs=0), "studies.closeness.runs", "0 must be from 1 to 100000"),
-    "more than all diagnoses": (
-        study("closeness", enough=1.5), "studies.closeness.enough", "1.5 must be between 0 and 1",
-    ),
     "half a run": (study("closeness", runs=2.5), "studies.closeness.runs", "a whole number"),
     **{
         f"bounds of {name}": (search(**{name: [1, 0.1]}), f"searches.calibrated.{name}", "and rise")
         for name in ("process_noise", "position_noise", "velocity_noise", "acceleration_noise",
                      "leave")
     },
-    "one bound": (search(leave=0.1), "searches.calibrated.leave", "must be a list of numbers"),
     "surely leaves": (search(leave=[0.1, 0.95]), "searches.calibrated.leave", "must stay below 1"),
-    "no population": (search(population=0), "searches.calibrated.population", "from 1 to"),
-    "half a generation": (search(generations=1.5), "searches.calibrated.generations", "a whole"),
-    "negative pairs": (search(neighbour_pairs=-1), "searches.calibrated.neighbour_pairs", "from 0"),
     "a spread of all": (search(spread=1), "searches.calibrated.spread", "from 0 to 0.99"),
     "unknown scenario": (search(scenario="stpe"), "searches.calibrated", "did you mean 'step'"),
 }  # fmt: skip

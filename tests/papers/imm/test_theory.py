@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.errors import InputError
-from reobserve.ledger.ledger import Ledger
 from reobserve.models.linear import LinearModel
 from reobserve.papers.imm.theory import (
     corrected_radius,
@@ -22,6 +21,7 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.scoring.metrics import lookup
 from reobserve.timeseries.signals import Signal
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
+from tests.papers import fixed_ledger
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
 def found(changes: dict[str, Any] | None = None, seed: int = SEED) -> dict[tuple[str, str], float]:
-    return lookup(Evaluator(Ledger.load(ROOT, "imm", changes, seed)).theory())
+    return lookup(Evaluator(fixed_ledger("imm", changes, seed)).theory())
 
 
 @cache
@@ -75,7 +75,7 @@ def test_the_radius_is_that_of_the_slowest_mode() -> None:
 
 
 def test_within_an_endless_layer_the_single_filter_errs_as_much_as_its_model() -> None:
-    rules = Ledger.load(ROOT, "imm").section("theory")
+    rules = fixed_ledger("imm").section("theory")
     steps, begin = (round(rules[name] / rules["period"]) for name in ("horizon", "onset"))
     control = Signal.parse("input", rules["input"], 1)(np.arange(steps) * rules["period"])[:, 0]
     normal, leakage = (ActuatorModel(*ACTUATOR[mode]) for mode in ("normal", "leakage"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 
 from reobserve.errors import InputError
 from reobserve.ledger.check import check_ledger
-from reobserve.ledger.ledger import Ledger
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
@@ -37,6 +35,7 @@ from tests.observers.test_normal_form_observers import (
     integrated,
     slope,
 )
+from tests.papers import fixed_ledger
 from tests.synthesis.normal_form.systems import (
     QQ,
     Case,
@@ -54,7 +53,7 @@ STEP, HORIZON = 2e-3, 20.0
 
 @cache
 def evaluator() -> Evaluator:
-    return Evaluator(Ledger.load(Path(__file__).parents[3], "lie", seed=1))
+    return Evaluator(fixed_ledger("lie", seed=1))
 
 
 @cache

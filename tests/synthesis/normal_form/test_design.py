@@ -27,10 +27,7 @@ from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
 from tests.synthesis.normal_form.systems import (
-    composed,
-    random_case,
     to_map,
-    to_polynomials,
     van_der_pol,
 )
 
@@ -127,17 +124,6 @@ def test_the_domain_can_be_checked_after_one_call() -> None:
 
 
 # -- gain
-
-
-@pytest.mark.parametrize(("n", "p", "degree", "seed"), [(1, 1, 7, 3), (2, 1, 5, 1), (3, 2, 4, 4)])
-def test_gain_is_the_jacobian_of_t_at_s_exactly(n: int, p: int, degree: int, seed: int) -> None:
-    case = random_case(seed, n, p)
-    f, h, l = (to_map(part) for part in (case.f, case.h, case.l))  # noqa: E741
-    form = normal_form(PolynomialSystem(f, h), degree, injection=l)
-    S, T = to_polynomials(form.S), to_polynomials(form.T)
-    slopes = [component.diff(x) for component in T for x in component.ring.gens]
-    assert to_polynomials(form.gain) == composed(slopes, S, degree - 1)
-    assert form.gain.degree == degree - 1
 
 
 def example() -> NormalForm:

@@ -16,7 +16,6 @@ import numpy as np
 from reobserve.drawing.figures import STYLES, new_figure, time_axis
 from reobserve.ledger import job
 from reobserve.ledger.check import Checks
-from reobserve.plain_data.validation import Levels, NotNegative, Positive, vector
 from reobserve.ledger.figure_data import FigureData
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
@@ -24,6 +23,7 @@ from reobserve.numerics.matrices import Matrix
 from reobserve.numerics.random_streams import random_stream
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
 from reobserve.plain_data.files import NAME, NUMBER
+from reobserve.plain_data.validation import Levels, NotNegative, Positive, vector
 from reobserve.scoring.metrics import Metric
 from reobserve.scoring.responses import root_mean_square
 from reobserve.timeseries.series import Channel, Series, Shape
