@@ -10,7 +10,9 @@ import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
+
+from pydantic import Discriminator, Tag
 
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.ledger import Ledger
@@ -74,6 +76,13 @@ class StudyFigure(Figure):
     """The figure of a study, whose method is the layout's name if it has one."""
 
     study: str
+
+
+# For papers whose layouts do not tell these apart.
+AnyFigure = Annotated[
+    Annotated[StudyFigure, Tag("figure of a study")] | Annotated[Figure, Tag("figure")],
+    Discriminator(lambda figure: "figure of a study" if "study" in figure else "figure"),
+]
 
 
 def record_axis(job: Job) -> tuple[float, float]:

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from reobserve.drawing.figures import STYLES, new_figure, time_axis
-from reobserve.ledger import job
 from reobserve.ledger.check import Checks
 from reobserve.ledger.figure_data import FigureData
+from reobserve.ledger.job import AnyFigure, Job, Study
 from reobserve.models.linear import LinearModel
 from reobserve.numerics.discretisation import zero_order_hold
 from reobserve.numerics.matrices import Matrix
@@ -70,7 +70,7 @@ class Observer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(job.Study):
+class NoiseStudy(Study):
     """Errors over the sensor's noise."""
 
     design: str
@@ -92,9 +92,9 @@ class Ledger:
     scenarios: Mapping[str, Scenario]
     designs: Mapping[str, Design]
     observers: Mapping[str, Observer]
-    studies: Mapping[str, Study]
+    studies: Mapping[str, NoiseStudy]
     metrics: Metrics
-    figures: Mapping[str, job.StudyFigure | job.Figure]
+    figures: Mapping[str, AnyFigure]
 
 
 def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
@@ -106,7 +106,7 @@ def sampled(plant: Plant, sign: float = 1.0) -> tuple[Matrix, Matrix]:
     return zero_order_hold(A, np.vstack([np.zeros((2, 2)), inverse]), plant.step)
 
 
-def simulate(job: types.Job) -> Series:
+def simulate(job: Job) -> Series:
     """From rest, under a square wave of force and gusts that are new at every step."""
     plant, (A, effects) = job.plant, sampled(job.plant)
     time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
@@ -119,17 +119,17 @@ def simulate(job: types.Job) -> Series:
     return Series(time, {**x, "measured": Channel(state[:, 0] + job.scenario.noise * noise, "m")})
 
 
-def plant(_: types.Job) -> dict[str, Shape]:
+def plant(_: Job) -> dict[str, Shape]:
     """What a record holds, and below what an observer estimates."""
     return {**estimates(_), "force": Shape("N"), "measured": Shape("m")}
 
 
-def estimates(_: types.Job) -> dict[str, Shape]:
+def estimates(_: Job) -> dict[str, Shape]:
     """Of both masses."""
     return {"position": Shape("m", 2)}
 
 
-def compute(job: types.Job) -> dict[str, Any]:
+def compute(job: Job) -> dict[str, Any]:
     """A design: where the error's poles lie after a step."""
     return {"poles": [float(np.exp(-job.design.pole * job.plant.step))] * 4}
 
@@ -144,7 +144,7 @@ def observed(plant: Plant, poles: Any, noise: float, y: Matrix, u: Matrix) -> Ma
     return built.run(y, u, state=built.init(np.zeros(4), 0.0))["state"][:, :2]
 
 
-def estimate(job: types.Job, record: Series, design: Mapping[str, Any] | None = None) -> Series:
+def estimate(job: Job, record: Series, design: Mapping[str, Any] | None = None) -> Series:
     """One observer on a record."""
     poles, signals = design["poles"] if design else None, (record["measured"], record["force"])
     found = observed(job.plant, poles, job.observer.noise, *signals)
@@ -159,13 +159,13 @@ MEANINGS = {
 }
 
 
-def rms_error(job: types.Job, record: Series, found: Matrix) -> float:
+def rms_error(job: Job, record: Series, found: Matrix) -> float:
     """Of x2 [m]."""
     settled = record.time >= job.metrics.settled
     return float(root_mean_square((found - record["position"])[settled, 1]))
 
 
-def run(job: types.Job, record: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
+def run(job: Job, record: Series, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The study: both observers on the same motion, more or less finely measured."""
     rows: list[dict[str, Any]] = []
     x1, noise = record["position"][:, 0], record["measured"] - record["position"][:, 0]
