@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reobserve.errors import InputError
+from reobserve.errors import InputError, located
 from reobserve.evidence.claims.kept_draws import read_kept
 from reobserve.evidence.claims.registry import amiss, claims_file, read_registry
 from reobserve.evidence.equations.table import equations_file, read_equations
 from reobserve.evidence.errata import errata_file, read_errata
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import samples_path
+from reobserve.plain_data.documents import read_json
 
 
 def check_evidence(project: Path, ledger: Ledger) -> None:
@@ -30,5 +31,9 @@ def check_evidence(project: Path, ledger: Ledger) -> None:
         read_errata(project, paper)
     if equations_file(project, paper).exists():
         read_equations(project, paper)
+    for key, entry in ledger.entries():
+        if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
+            with located(f"{paper}.{key}"):
+                read_json(project / entry["value"])
     if (samples := project / samples_path(paper)).exists():
         read_kept(samples, paper)
