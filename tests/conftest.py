@@ -9,11 +9,19 @@ from __future__ import annotations
 import os
 from typing import Any
 
+import hypothesis
 import pytest
 
 from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()
+
+# The same few examples each time; at night, `--hypothesis-profile=nightly`, many new ones.
+hypothesis.settings.register_profile(
+    "few", max_examples=12, derandomize=True, deadline=None, database=None
+)
+hypothesis.settings.register_profile("nightly", max_examples=1000, deadline=60_000)
+hypothesis.settings.load_profile("few")
 
 
 def group(test: str) -> str:

@@ -74,6 +74,8 @@ def _numbers(branch: Any) -> Any:
 def _override(entry: Tree, value: Any, place: str) -> Tree:
     if not isinstance(value, Mapping):
         value = {"value": value}
+    if not value:
+        raise InputError(place, "{} must be a value, or a mapping with the key 'value'")
     for key in value:
         if key not in ("value", "unit", "source", "why", "range"):
             raise InputError(f"{place}.{key}", f"unknown key{nearest(key, ['value', 'why'])}")
