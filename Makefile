@@ -4,6 +4,7 @@ VENV    := .venv
 BIN     := $(VENV)/bin
 STAMP   := $(VENV)/.installed
 DOCS    := $(VENV)/.docs
+TOOLS   := $(VENV)/.package
 CORES   ?= 2
 LOCKS   := requirements-build.lock requirements.lock
 
@@ -46,6 +47,8 @@ check: $(STAMP)  ## style, types, workflow lint
 	ruff check .
 	ruff format --check .
 	mypy
+	check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	snakemake --lint
 
 elsewhere: $(STAMP)  ## compare the golden numbers under every processor that this one can stand in for
@@ -71,8 +74,12 @@ docs: $(DOCS)  ## the documentation as a site that any static host serves, build
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
 	@echo "build/site/index.html: the documentation"
 
-package: $(STAMP)  ## wheel and source archive in dist, checked, each extra installed and used; minutes
-	python -m tests.package
+package: $(TOOLS)  ## wheel and source archive in dist, checked as package indexes check them
+	rm -rf dist
+	python -m hatchling build --directory dist
+	twine check --strict dist/*
+	check-wheel-contents dist/*.whl
+	hadolint Containerfile
 
 env: $(STAMP)  ## set up .venv and nothing else
 
@@ -81,6 +88,10 @@ cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Sl
 
 $(DOCS): $(STAMP) requirements-docs.lock
 	python -m pip install --quiet --require-hashes -r requirements-docs.lock
+	@touch $@
+
+$(TOOLS): $(STAMP) requirements-package.lock
+	python -m pip install --quiet --require-hashes -r requirements-package.lock
 	@touch $@
 
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh
