@@ -36,8 +36,13 @@ archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/arch
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html
 
-quick: $(STAMP)  ## style, types and the tests of what is not committed yet, in under a minute
-	python -m tests.quick
+quick: $(STAMP)  ## style, types and the tests beside the changed modules; SINCE=main for a whole branch
+	ruff check .
+	ruff format --check .
+	mypy
+	pytest --exitfirst -m "not nightly" tests/test_project.py $$({ git diff --name-only \
+		--diff-filter=d $(or $(SINCE),HEAD) --; git ls-files --others --exclude-standard; } | \
+		sh tests/affected.sh)
 
 # One process more than cores: a third of what takes longest is waiting for builds and schedulers.
 test: check  ## everything below `check`, then the whole test suite

@@ -147,8 +147,8 @@ def test_odd_arguments(data: st.DataObject) -> None:
     call: Call = data.draw(st.sampled_from([one for one in calls().values() if one.arguments]))
     arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
     never = False
-    for _ in range(data.draw(st.integers(1, 2))):
-        place = data.draw(st.integers(0, len(arguments) - 1))
+    places = st.integers(0, len(arguments) - 1)
+    for place in data.draw(st.lists(places, min_size=1, max_size=2, unique=True)):
         name, arguments[place] = data.draw(odd_argument(call.arguments[place]))
         numeric = is_numeric(call.arguments[place])
         never = never or (numeric and name in NEVER and name not in call.takes)
