@@ -6,6 +6,7 @@ STAMP   := $(VENV)/.installed
 DOCS    := $(VENV)/.docs
 TOOLS   := $(VENV)/.package
 CORES   ?= 2
+MODULE  ?= src/reobserve/numerics/chandrupatla.py
 LOCKS   := requirements-build.lock requirements.lock
 
 # The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.
@@ -71,8 +72,15 @@ accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="
 draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/draws: make draws [MOST=400] [PAPER=ilo]
 	reobserve draws $(PAPER) --most $(or $(MOST),40)
 
-mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
-	python -m tests.mutations --jobs $(CORES)
+mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
+	rm -rf build/mutations && mkdir -p build/mutations && git archive HEAD | tar -x -C build/mutations
+	cd build/mutations && export PYTHONPATH="$$PWD/src" && \
+		tests=$$(echo $(MODULE) | sh tests/affected.sh | tr '\n' ' ') && \
+		sed "s|MODULE|$(MODULE)|; s|TESTS|$$tests|" tests/cosmic-ray.toml > config.toml && \
+		cosmic-ray init config.toml session.sqlite && \
+		cr-filter-operators session.sqlite config.toml && \
+		cosmic-ray exec config.toml session.sqlite && \
+		cr-report session.sqlite --surviving-only --show-diff
 
 docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
 	python -m docs.generate

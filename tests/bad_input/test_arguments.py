@@ -19,6 +19,7 @@ from reobserve.errors import InputError
 from reobserve.models.linear import LinearModel
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.synthesis.high_gain import high_gain_over_time
+from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 from reobserve.synthesis.ilo_theorem import certify
 from reobserve.synthesis.linear import hidden_modes, place, steady_kalman_gain
 from tests.library.calls import Call, calls
@@ -148,9 +149,9 @@ def test_odd_arguments(data: st.DataObject) -> None:
     arguments = [one.copy() if type(one) is np.ndarray else one for one in call.arguments]
     never = False
     places = st.integers(0, len(arguments) - 1)
-    for place in data.draw(st.lists(places, min_size=1, max_size=2, unique=True)):
-        name, arguments[place] = data.draw(odd_argument(call.arguments[place]))
-        numeric = is_numeric(call.arguments[place])
+    for at in data.draw(st.lists(places, min_size=1, max_size=2, unique=True)):
+        name, arguments[at] = data.draw(odd_argument(call.arguments[at]))
+        numeric = is_numeric(call.arguments[at])
         never = never or (numeric and name in NEVER and name not in call.takes)
     accepted = is_accepted(lambda: call.function(*arguments))
     assert not (accepted and never), "took for a number what is none"
@@ -173,6 +174,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "model: of eigenvalues far apart": lambda: steady_kalman_gain(STIFF),
     "rho: so small that S is singular": lambda: high_gain_over_time(2, 1e-300, 1.0, [0.0]),
     "size: whose factorial is no number": lambda: high_gain_over_time(200, 1.0, 1.0, [0.0]),
+    "inertia: huge": lambda: scalar_sampled_limit(1e308, 500.0, 1.0, 0.01),
     "damping: huge": lambda: certify(1e308, np.eye(3), 0.5, 50.0, 0.01),
     "damping: huge, full": lambda: certify(np.full((3, 3), 1e308), np.eye(3), 0.5, 50.0, 0.01),
 }
