@@ -4,7 +4,9 @@ VENV    := .venv
 BIN     := $(VENV)/bin
 STAMP   := $(VENV)/.installed
 DOCS    := $(VENV)/.docs
+TOOLS   := $(VENV)/.package
 CORES   ?= 2
+MODULE  ?= src/reobserve/numerics/chandrupatla.py
 LOCKS   := requirements-build.lock requirements.lock
 
 # The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.
@@ -35,8 +37,13 @@ archive: $(STAMP)  ## the build with its provenance as an RO-Crate, results/arch
 report: figures  ## Snakemake's own report of the same build, results/report.snakemake.html
 	snakemake --report results/report.snakemake.html
 
-quick: $(STAMP)  ## style, types and the tests of what is not committed yet, in under a minute
-	python -m tests.quick
+quick: $(STAMP)  ## style, types and the tests beside the changed modules; SINCE=main for a whole branch
+	ruff check .
+	ruff format --check .
+	mypy
+	pytest --exitfirst -m "not nightly" tests/test_project.py $$({ git diff --name-only \
+		--diff-filter=d $(or $(SINCE),HEAD) --; git ls-files --others --exclude-standard; } | \
+		sh tests/affected.sh)
 
 # One process more than cores: one waits for the build.
 TESTS := pytest --numprocesses $$(($(CORES) + 1))
@@ -52,6 +59,8 @@ check: $(STAMP)  ## style, types, workflow lint
 	ruff check .
 	ruff format --check .
 	mypy
+	check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	snakemake --lint
 
 elsewhere: $(STAMP)  ## compare the golden numbers under every processor that this one can stand in for
@@ -69,16 +78,27 @@ accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="
 draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/draws: make draws [MOST=400] [PAPER=ilo]
 	reobserve draws $(PAPER) --most $(or $(MOST),40)
 
-mutations: $(STAMP)  ## change one line at a time and see whether the tests notice; an hour or so
-	python -m tests.mutations --jobs $(CORES)
+mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
+	rm -rf build/mutations && mkdir -p build/mutations && git archive HEAD | tar -x -C build/mutations
+	cd build/mutations && export PYTHONPATH="$$PWD/src" && \
+		tests=$$(echo $(MODULE) | sh tests/affected.sh | tr '\n' ' ') && \
+		sed "s|MODULE|$(MODULE)|; s|TESTS|$$tests|" tests/cosmic-ray.toml > config.toml && \
+		cosmic-ray init config.toml session.sqlite && \
+		cr-filter-operators session.sqlite config.toml && \
+		cosmic-ray exec config.toml session.sqlite && \
+		cr-report session.sqlite --surviving-only --show-diff
 
 docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
 	python -m docs.generate
 	NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --config-file build/mkdocs.yml
 	@echo "build/site/index.html: the documentation"
 
-package: $(STAMP)  ## wheel and source archive in dist, checked, each extra installed and used; minutes
-	python -m tests.package
+package: $(TOOLS)  ## wheel and source archive in dist, checked as package indexes check them
+	rm -rf dist
+	python -m hatchling build --directory dist
+	twine check --strict dist/*
+	check-wheel-contents dist/*.whl
+	hadolint Containerfile
 
 env: $(STAMP)  ## set up .venv and nothing else
 
@@ -87,6 +107,10 @@ cluster: $(STAMP)  ## add to .venv what profiles/slurm takes: jobs as jobs of Sl
 
 $(DOCS): $(STAMP) requirements-docs.lock
 	python -m pip install --quiet --require-hashes -r requirements-docs.lock
+	@touch $@
+
+$(TOOLS): $(STAMP) requirements-package.lock
+	python -m pip install --quiet --require-hashes -r requirements-package.lock
 	@touch $@
 
 $(STAMP): $(LOCKS) pyproject.toml workflow/envs/install.sh

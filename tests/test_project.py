@@ -74,7 +74,7 @@ def test_imports_run_downhill() -> None:
 
 # Rooms without a folder of tests of their own, and where they are tested instead.
 TESTED_ELSEWHERE = {
-    "errors": "tests/fuzz",  # every room raises them; the fuzzer reads the sentences
+    "errors": "tests/bad_input",  # every package raises them
     "extras": "tests/package",  # only an installed package lacks one
     "stages": "tests/pipeline",  # a stage runs as a job of a build
     "command_line": "tests/pipeline",  # what is typed is run in copies of the project

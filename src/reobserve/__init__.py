@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from reobserve.designs.file import load_design
+    from reobserve.designs.loading import load_design
     from reobserve.errors import DivergenceError, InputError
     from reobserve.models.linear import LinearModel
     from reobserve.models.polynomial import PolynomialSystem
@@ -70,7 +70,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "designs.file": ("load_design",),
+    "designs.loading": ("load_design",),
     "errors": ("DivergenceError", "InputError"),
     "models.linear": ("LinearModel",),
     "models.polynomial": ("PolynomialSystem",),

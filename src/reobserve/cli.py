@@ -25,6 +25,9 @@ from reobserve.errors import InputError, ReobserveError, one_line, shown
 from reobserve.extras import EXTRAS, missing
 from reobserve.numerics.code_paths import pin_code_paths
 
+# The extra of pyproject.toml that the commands of a package take, if not `pipeline`.
+_EXTRAS = {"own_data": "data", "designs": "design", "export": "design"}
+
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 
 
@@ -36,6 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace", newline="\n")
     options = vars(command_parser().parse_args(arguments))
     module, function = options.pop("run").split(":")
+    extra = next((one for part, one in _EXTRAS.items() if module.startswith(part)), "pipeline")
     try:
         if "project" in options:
             _check_project(options["project"])
@@ -49,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         top = str(error.name).partition(".")[0]
         if top not in EXTRAS:
             raise
-        print(f"reobserve: {missing(top, 'run this command', 'pipeline')}", file=sys.stderr)
+        print(f"reobserve: {missing(top, 'run this command', extra)}", file=sys.stderr)
         return 1
     except BrokenPipeError:
         _forget_output()

@@ -143,7 +143,11 @@ OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     ),
     "a number too small to compute with": (
         "delay", {"observers": {"order2": {"rho": 1e-320}}},
-        "delay.observers.order2: its numbers are too large or too small to compute with (Singular",
+        "delay.observers.order2.rho: 9.99989e-321 1/s must keep S and the gains inside the float",
+    ),
+    "a number too large to compute with": (
+        "delay", {"plant": {"length": 1e300}},
+        "delay.scenarios.ramp: its numbers are too large or too small to compute with (",
     ),
     "variances in a block": (
         "imm", {"observers": {"kalman": {"process_noise": [[[1.0]]]}}},

@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from reobserve.errors import InputError
-from reobserve.plain_data.documents import read_yaml
-from reobserve.replication.prepare import load_parameters
 from reobserve.stages.check import run
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +58,7 @@ def test_a_fault_is_named_before_the_first_job(project: Path, case: str) -> None
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load_parameters(project, read_yaml(project / "config/config.yaml"))
+        run(project, ["ilo", "imm"], {})
     assert str(caught.value).startswith(said or str(path))
     assert "\n" not in str(caught.value)
 

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from reobserve.errors import InputError
-from tests.fuzz.subjects import subjects
-from tests.fuzz.subjects.subject import Subject
+from tests.library.calls import Call, calls
 
 
 class Nothing:
@@ -36,9 +35,9 @@ SAID = {
 }
 
 
-def parameters(subject: Subject) -> Iterator[str]:
+def parameters(call: Call) -> Iterator[str]:
     """The names of the arguments; empty for those that are told by their place alone."""
-    for parameter in inspect.signature(subject.call).parameters.values():
+    for parameter in inspect.signature(call.function).parameters.values():
         if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
             break
         yield parameter.name
@@ -46,12 +45,12 @@ def parameters(subject: Subject) -> Iterator[str]:
         yield ""
 
 
-def refused(subject: Subject, place: int, parameter: str) -> bool:
+def refused(call: Call, place: int, parameter: str) -> bool:
     """Whether a call with one argument of another kind names that argument."""
-    arguments: list[Any] = list(subject.arguments)
+    arguments: list[Any] = list(call.arguments)
     arguments[place] = Nothing()
     try:
-        subject.call(*arguments)
+        call.function(*arguments)
     except InputError as error:
         wanted = {parameter, SAID.get(parameter, parameter)}
         return not parameter or not wanted.isdisjoint(error.parameter.split("."))
@@ -66,12 +65,12 @@ def test_an_argument_of_another_kind_is_refused_by_its_name(
     """In one test, since what stands ready for all of them is made once."""
     monkeypatch.chdir(tmp_path)  # some write a file
     wrong = []
-    for name, subject in subjects().items():
-        subject.call(*subject.arguments)  # nothing else is wrong
-        named = zip(range(len(subject.arguments)), parameters(subject), strict=False)
+    for name, call in calls().items():
+        call.function(*call.arguments)  # nothing else is wrong
+        named = zip(range(len(call.arguments)), parameters(call), strict=False)
         wrong += [
             f"{name}: {parameter or place + 1}"
             for place, parameter in named
-            if LABELS.get(name) != parameter and not refused(subject, place, parameter)
+            if LABELS.get(name) != parameter and not refused(call, place, parameter)
         ]
     assert wrong == []

@@ -1,1 +1,1 @@
-"""The package as others install it: its wheel, and its extras one by one."""
+"""The package as others install it: what the wheel holds, what each extra brings, metadata."""

@@ -1,50 +1,60 @@
-"""What the project says of itself to who installs, cites and archives it: the same everywhere."""
+"""What the project says of itself to those who install, cite and archive it."""
 
 from __future__ import annotations
 
+import json
 import re
-import subprocess
-import sys
+import tomllib
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
-from .metadata import CODEMETA, ROOT, citation, codemeta, project
+import pytest
+import yaml
 
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+CODEMETA = json.loads((ROOT / "codemeta.json").read_text(encoding="utf-8"))
 CHANGELOG = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-RELEASES = re.findall(r"^## \[(.+?)\](?: - (\S+))?$", CHANGELOG, re.MULTILINE)
+RELEASES = re.findall(r"^## \[(\d.*?)\] - (\S+)$", CHANGELOG, re.MULTILINE)
 
 
-def test_a_version_is_the_same_everywhere() -> None:
-    version, day = next((name, day) for name, day in RELEASES if name != "Unreleased")
-    assert project()["version"] == version
-    assert citation()["version"] == version
-    assert str(citation()["date-released"]) == day
-    assert metadata.version("reobserve") == version
+def test_the_version_and_its_day_are_the_same_everywhere() -> None:
+    version, day = RELEASES[0]
+    found = {PROJECT["version"], CITATION["version"], CODEMETA["version"]}
+    assert found == {version, metadata.version("reobserve")}
+    assert {str(CITATION["date-released"]), CODEMETA["dateModified"]} == {day}
 
 
-def test_the_changelog_is_one() -> None:
-    """In the form of Keep a Changelog: newest first, each release with its day."""
-    names = [name for name, _ in RELEASES]
-    assert "Unreleased" not in names[1:]
-    released = [name for name in names if name != "Unreleased"]
-    numbers = [tuple(map(int, name.split("."))) for name in released]
-    assert numbers == sorted(numbers, reverse=True)
-    for name, day in RELEASES:
-        assert name == "Unreleased" or re.fullmatch(r"\d{4}-\d\d-\d\d", day), name
-    kinds = set(re.findall(r"^### (.*)$", CHANGELOG, re.MULTILINE))
-    assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+def test_the_newest_release_comes_first() -> None:
+    versions = [tuple(map(int, version.split("."))) for version, _ in RELEASES]
+    assert versions == sorted(versions, reverse=True)
 
 
-def test_codemeta_says_what_the_others_say() -> None:
-    assert CODEMETA.read_text(encoding="utf-8") == codemeta(), "python -m tests.package.metadata"
-    assert citation()["license"] == project()["license"]
-    assert citation()["keywords"] == project()["keywords"]
-    assert [one["name"] for one in citation()["authors"]] == [
-        one["name"] for one in project()["authors"]
-    ]
+def test_names_and_words_are_the_same_everywhere() -> None:
+    authors = [one["name"] for one in PROJECT["authors"]]
+    assert [one["name"] for one in CITATION["authors"]] == authors
+    assert [one["name"] for one in CODEMETA["author"]] == authors
+    assert CITATION["license"] == PROJECT["license"]
+    assert CODEMETA["license"] == f"https://spdx.org/licenses/{PROJECT['license']}"
+    assert CITATION["keywords"] == CODEMETA["keywords"] == PROJECT["keywords"]
+    for key in ("name", "description"):
+        assert CODEMETA[key] == PROJECT[key]
+    assert CODEMETA["softwareRequirements"] == PROJECT["dependencies"]
+    assert CODEMETA["runtimePlatform"] == f"Python {PROJECT['requires-python']}"
 
 
-def test_the_citation_is_of_its_schema() -> None:
-    words = [sys.executable, "-m", "check_jsonschema", "--builtin-schema"]
-    words += ["vendor.citation-file-format", str(ROOT / "CITATION.cff")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+def test_the_papers_are_those_of_the_citation() -> None:
+    def article(reference: dict[str, Any]) -> dict[str, str]:
+        place = {"@id": f"https://doi.org/{reference['doi']}"} if "doi" in reference else {}
+        return {"@type": "ScholarlyArticle", **place, "name": reference["title"]}
+
+    assert CODEMETA["referencePublication"] == [*map(article, CITATION["references"])]
+
+
+@pytest.mark.parametrize("workflow", sorted((ROOT / ".github/workflows").glob("*.yml")))
+def test_a_workflow_runs_targets_of_the_makefile(workflow: Path) -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"\bmake (\w+)", workflow.read_text(encoding="utf-8")):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target

@@ -95,8 +95,6 @@ def as_run(command: Command, built: str = "") -> str:
     if first == "reobserve":
         whole = command.alone or len(rest) > 1 + rest.count("stage")
         return command.text if whole else shlex.join([*words, "--help"])
-    if words[:3] == ["python", "-m", "tests.fuzz"]:  # a single case of them all
-        return shlex.join([*words, "--class", "yaml", "--case", "1"])
     elsewhere = (
         words[:2] == ["source", ".venv/bin/activate"]
         or first == "git"  # a copy has no history

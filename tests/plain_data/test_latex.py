@@ -7,7 +7,7 @@ import unicodedata
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pylatexenc.latex2text import LatexNodes2Text
 
@@ -36,6 +36,7 @@ def test_text_is_written_in_commands_of_latex_itself(text: str) -> None:
 ASCII = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=40)
 
 
+@settings(max_examples=100)
 @given(ASCII)
 def test_every_text_is_read_back(text: str) -> None:
     known = latex(text).replace(r"\textbar{}", "|")  # a command that the parser does not know

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from reobserve.errors import InputError
 from reobserve.ledger.job import signal
@@ -21,6 +21,7 @@ from reobserve.plain_data.validation import (
     Share,
     Window,
     array,
+    having,
     items,
     matrix,
     parse,
@@ -232,7 +233,7 @@ class Short:
 
 Form = Annotated[
     Annotated[Long, Tag("long form")] | Annotated[Short, Tag("short form")],
-    Discriminator(lambda tree: "long form" if "second" in tree else "short form"),
+    having("second", "long form", "short form"),
 ]
 
 
@@ -243,6 +244,8 @@ def test_forms_are_told_apart_by_a_key() -> None:
         InputError, match=r"^it\.third: unknown key; there are: first, second, note$"
     ):
         parse(Form, {"first": 1, "third": 3}, "it")
+    with pytest.raises(InputError, match=r"^it: None must be a mapping of keys to values$"):
+        parse(Form, None, "it")
     with pytest.raises(InputError, match=r"^it\.first: is missing; the short form needs it$"):
         parse(Form, {"note": "b"}, "it")
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from reobserve.errors import ReobserveError
+from reobserve.evidence.check import check_evidence
 from reobserve.evidence.claims.registry import claims_text, decisive
 from reobserve.ledger.config import check_config_files
 from reobserve.ledger.ledger import digest
@@ -25,6 +26,8 @@ try:
     check_config_files("config/config.yaml", *workflow.configfiles)
     configfile: "config/config.yaml"
     PARAMETERS = load_parameters(Path(), config)
+    for parameters in PARAMETERS.values():
+        check_evidence(Path(), parameters)
     if not workflow.dryrun and "--unlock" not in sys.argv:
         refuse_beside_another_build(Path(), PARAMETERS)
 except ReobserveError as error:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, get_args, get_type_hints
 
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from reobserve.errors import InputError, nearest
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import SECTIONS, paper_part
-from reobserve.plain_data.validation import Names, checked, parse
+from reobserve.plain_data.validation import Names, checked, having, parse
 from reobserve.timeseries.signals import Signal
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
@@ -81,7 +81,7 @@ class StudyFigure(Figure):
 # For papers whose layouts do not tell these apart.
 AnyFigure = Annotated[
     Annotated[StudyFigure, Tag("figure of a study")] | Annotated[Figure, Tag("figure")],
-    Discriminator(lambda figure: "figure of a study" if "study" in figure else "figure"),
+    having("study", "figure of a study", "figure"),
 ]
 
 

@@ -168,7 +168,7 @@ def _override(entry: Tree, value: Any, place: str, root: Tree) -> Tree:
     if not isinstance(value, Mapping):
         value = {"value": value}
     if not value:
-        raise InputError(place, "{} must be a value, or a mapping with one")
+        raise InputError(place, "{} must be a value, or a mapping with the key 'value'")
     for key in value:
         if key not in ("value", "unit", "source", "why", "range"):
             raise InputError(f"{place}.{key}", f"unknown key{nearest(key, ['value', 'why'])}")

@@ -66,8 +66,18 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
             f"delay: over 100 % of the first {len(y)} rows the input moves too little for it to be "
             "seen, and it stays as it began"
         )
+    with np.errstate(over="ignore", invalid="ignore"):  # of readings near the largest number
+        found += _unsettled(estimation, whole, later, noisy, len(y))
+    return found
+
+
+def _unsettled(
+    estimation: Estimation, whole: Array, later: Array, noisy: Array, rows: int
+) -> list[str]:
+    """A sentence for each estimate that noise or an earlier start moves."""
     half = len(later) - len(later) // 2
     columns = estimation.outputs.columns
+    found: list[str] = []
     sizes: dict[tuple[str, str], float] = {}
     for c, column in enumerate(columns):
         group = (column.estimate, column.unit)
@@ -81,12 +91,12 @@ def misleading(estimation: Estimation, head: Head) -> list[str]:
         if moved > _SHARE_OF_NOISE * size:
             found.append(
                 f"{column.name}: noise moves it by {_percent(moved, size)} of its size over the "
-                f"first {len(y)} rows; a lower gain, or less process noise, smooths it"
+                f"first {rows} rows; a lower gain, or less process noise, smooths it"
             )
         apart = float(abs(later[-1, c] - whole[-1, c]))
         if apart > max(_APART * size, 3.0 * moved):
             found.append(
-                f"{column.name}: started again at half of the first {len(y)} rows, it ends "
+                f"{column.name}: started again at half of the first {rows} rows, it ends "
                 f"{_percent(apart, size)} of its size elsewhere; the record is too short for it to "
                 "settle"
             )

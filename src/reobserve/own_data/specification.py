@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from reobserve.errors import InputError, located, shown
 from reobserve.own_data.dates import ISO
 from reobserve.own_data.kinds import Observer
 from reobserve.own_data.quantities import check_unit, conversion
 from reobserve.plain_data.documents import read_yaml
-from reobserve.plain_data.validation import NotNegative, Positive, checked, parse
+from reobserve.plain_data.validation import NotNegative, Positive, checked, having, parse
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
 Missing = Literal["refuse", "interpolate", "skip"]
@@ -171,7 +171,7 @@ class LearnedThreshold:
 Alarm = Annotated[
     Annotated[StatedThreshold, Tag("stated threshold")]
     | Annotated[LearnedThreshold, Tag("learned threshold")],
-    Discriminator(lambda alarm: "stated threshold" if "above" in alarm else "learned threshold"),
+    having("above", "stated threshold", "learned threshold"),
 ]
 
 

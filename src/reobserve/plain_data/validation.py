@@ -22,7 +22,7 @@ from functools import cache
 from typing import Annotated, Any, TypeVar, overload
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, TypeAdapter, ValidationError
 
 from reobserve.errors import InputError, nearest, shown
 from reobserve.numerics.matrices import as_floats, as_matrix, as_positive_definite, as_vector
@@ -254,6 +254,11 @@ def _title(schema: Any, location: Path) -> str:
 def _tags(schema: Any, location: Path) -> list[str]:
     node, _ = _at(schema, location)
     return list(node.get("discriminator", {}).get("mapping", {}))
+
+
+def having(key: str, form: str, other: str) -> Discriminator:
+    """A discriminator of two forms: the tag of mappings that have a key, and that of others."""
+    return Discriminator(lambda tree: form if isinstance(tree, dict) and key in tree else other)
 
 
 # Conditions on values

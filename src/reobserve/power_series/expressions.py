@@ -242,7 +242,10 @@ class _Walk:
         if not value.is_finite or not value.is_real:
             raise self._no_series(expression)
         if not self.exact:
-            number = float(value)
+            try:
+                number = float(value)
+            except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
+                raise self._no_series(expression) from None
             if not np.isfinite(number):
                 raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
             return number

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.errors import InputError, ReobserveError, shown
-from reobserve.evidence.check import check_evidence
 from reobserve.ledger.config import check_config, known_papers, take_truths
 from reobserve.ledger.job import read_ledger
 from reobserve.ledger.ledger import Ledger
@@ -78,7 +77,6 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
         found[paper] = Ledger.load(project, paper, config.get(paper), config["seed"])
         read_ledger(found[paper])
         _check_files(found[paper])
-        check_evidence(project, found[paper])
     return found
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reobserve.errors import InputError, nearest, shown
-from reobserve.ledger.ledger import Ledger, default_seed
-from reobserve.ledger.overrides import OVERRIDDEN
-from reobserve.replication.evaluation import Replication, evaluate
+from reobserve.extras import package
 from reobserve.timeseries.signals import sample_files
+
+if TYPE_CHECKING:
+    from reobserve.ledger.ledger import Ledger
+    from reobserve.replication.evaluation import Replication
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -66,6 +68,10 @@ def replicate(
     folder = _own_project() if project is None else Path(project)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
+    package("pydantic", "read parameters", extra="pipeline")
+    from reobserve.ledger.ledger import Ledger, default_seed
+    from reobserve.replication.evaluation import evaluate
+
     ledger = Ledger.load(folder, paper, dict(overrides or {}), default_seed(folder))
     if figure not in (figures := ledger.tree["figures"]):
         raise InputError("figure", f"{paper} has no {shown(figure)}{nearest(str(figure), figures)}")
@@ -81,6 +87,8 @@ def _own_project() -> Path:
 
 def _name_files_from_here(ledger: Ledger, folder: Path) -> None:
     """Make paths whole that parameter files state relative to the project."""
+    from reobserve.ledger.overrides import OVERRIDDEN
+
     for _, entry in ledger.entries():
         if entry["source"] == OVERRIDDEN:
             continue

@@ -130,6 +130,9 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
         negative or not finite, or as `high_gain`.
     """
     size, rho = _as_size(size), as_positive("rho", rho)
+    if size >= _LARGEST_OVER_TIME:
+        problem = f"{size} must be below {_LARGEST_OVER_TIME}, its factorial is needed"
+        raise InputError("size", problem)
     first = as_positive_definite("initial", initial, size)
     instants = as_floats("times", times)
     if instants.ndim != 1:
@@ -152,10 +155,15 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
         total = _in_range(decayed + gathered, rho)
     unit = np.zeros((size, 1))
     unit[0] = 1.0
-    return _in_range(np.linalg.solve(total, unit)[..., 0] * scale, rho)
+    try:
+        gain = np.linalg.solve(total, unit)[..., 0] * scale
+    except np.linalg.LinAlgError:
+        raise _out_of_range(rho) from None
+    return _in_range(gain, rho)
 
 
 _LARGEST = 500  # the binomials of S stay below 1e300
+_LARGEST_OVER_TIME = 171  # factorials below it are floating-point numbers
 
 
 def _at_one(size: int) -> Array:
@@ -180,5 +188,9 @@ def _powers(size: int, rho: float, sign: float) -> Array:
 
 def _in_range(values: Array, rho: float) -> Array:
     if not np.all(np.isfinite(values)):
-        raise InputError("rho", f"{rho:g} 1/s must keep S and the gains inside the float range")
+        raise _out_of_range(rho)
     return values
+
+
+def _out_of_range(rho: float) -> InputError:
+    return InputError("rho", f"{rho:g} 1/s must keep S and the gains inside the float range")

@@ -154,4 +154,7 @@ def scalar_sampled_limit(inertia: float, damping: float, K1: float, interval: fl
     tau, k1 = as_positive("interval", interval), as_scalar("K1", K1)
     if not -1 < k1 <= 1:
         raise InputError("K1", f"{k1:g} must be above -1 and at most 1")
-    return (1 + k1) * lam / float(np.tanh(lam * tau / (2 * j)))
+    share = float(np.tanh(lam * tau / (2 * j)))
+    if share == 0.0:
+        raise InputError("inertia", f"{j:g} is so large that the limit is no floating-point number")
+    return (1 + k1) * lam / share

@@ -177,7 +177,8 @@ class _Design:
             _norm(as_matrix("K1", K1, size)),
             _norm(as_matrix("K2", K2, size)),
         )
-        for name, norm in zip(("fault_matrix", "K1", "K2"), sizes, strict=True):
+        norms = zip(("fault_matrix", "K1", "K2"), sizes, strict=True)
+        for name, norm in (("damping", np.abs(full).max()), *norms):
             if not norm < _LARGEST:
                 raise InputError(
                     name, "is so large that its square is beyond floating-point numbers"

@@ -68,7 +68,11 @@ def _placed(A: Array, C: Array, poles: NDArray[np.complex128]) -> Array:
     # As far as it goes: short of that the eigenvalues are off by some 1e-9, as the sensitivity is.
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Convergence was not reached")
-        found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
+        try:
+            found = place_poles(A.T, C.T, poles, rtol=1e-12, maxiter=300)
+        except (ValueError, np.linalg.LinAlgError):
+            said = f"{shown(poles.tolist())} are too far from the eigenvalues of A to be placed"
+            raise InputError("poles", said) from None
     gain: Array = np.ascontiguousarray(found.gain_matrix.T)
     return gain
 
@@ -112,7 +116,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
         raise InputError("model", f"{said} that Q does not drive: there is no steady gain")
     try:
         P = solve_discrete_are(A.T, H.T, Q, R)
-    except np.linalg.LinAlgError:
+    except (ValueError, np.linalg.LinAlgError):  # ValueError: scipy's, of eigenvalues far apart
         said = "has modes too near to the unit circle, or hidden too well, for a steady gain"
         raise InputError("model", said) from None
     gain: Array = np.linalg.solve(H @ P @ H.T + R, H @ P).T
@@ -137,17 +141,23 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     Raises
     ------
     InputError
-        If the shapes do not fit.
+        If the shapes do not fit, or numbers are too large to tell.
     """
     A, C = _pair(A, C)
     # Rows of C in units of their own: how large they are has no part in what they show.
     sizes = np.linalg.norm(C, axis=1, keepdims=True)
     scale = max(float(np.linalg.norm(A, 2)), float(np.finfo(float).tiny))
-    rows = scale * C / np.where(sizes > 0, sizes, 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = scale * C / np.where(sizes > 0, sizes, 1.0)
     found = []
     for value in np.linalg.eigvals(A):
         pencil = np.vstack([A - value * np.eye(len(A)), rows])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= _RANK * scale:
+        try:
+            smallest = np.linalg.svd(pencil, compute_uv=False)[-1]
+        except np.linalg.LinAlgError:
+            said = "have entries whose products are beyond floating-point numbers"
+            raise InputError("A, C", said) from None
+        if smallest <= _RANK * scale:
             found.append(value)
     return np.array(found, dtype=np.complex128)
 

@@ -531,7 +531,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     **{
         f"{name} {value}": (rules(**{name: value}), f"metrics.{name}", said)
         for name in ("alarm", "band")
-        for value, said in ((1.5, "must be between 0 and 1"), ("x", "'x' is not a number"))
+        for value, said in ((1.5, "must be less than 1"), ("x", "'x' is not a number"))
     },
     "kept in a number": (
         study("neighbourhood", kept=3), "studies.neighbourhood.kept", "3 must be a word",
@@ -579,7 +579,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
                      "leave")
     },
     "surely leaves": (search(leave=[0.1, 0.95]), "searches.calibrated.leave", "must stay below 1"),
-    "a spread of all": (search(spread=1), "searches.calibrated.spread", "from 0 to 0.99"),
+    "a spread of all": (search(spread=1), "searches.calibrated.spread", "must be 0.99 or less"),
     "unknown scenario": (search(scenario="stpe"), "searches.calibrated", "did you mean 'step'"),
 }  # fmt: skip
 

@@ -188,7 +188,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "degree too high": (
         {"designs": {"linear": {"degree": 5000}}}, "lie.designs.linear.degree:",
-        "5000 must be from 1 to 61",
+        "5000 must be 61 or less",
     ),
     "step of an observer": (
         {"observers": {"order4": {"sampling_period": 3e-3}}},

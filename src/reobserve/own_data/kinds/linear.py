@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from reobserve.errors import InputError, located
 from reobserve.models.linear import LinearModel
@@ -22,7 +22,7 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.own_data.kinds.setup import Estimates, Setup
-from reobserve.plain_data.validation import checked
+from reobserve.plain_data.validation import checked, having
 from reobserve.synthesis.linear import undetectable_modes
 
 Array = FloatArray
@@ -88,7 +88,7 @@ def _no_input(A: Array) -> Array:
 Model = Annotated[
     Annotated[ContinuousModel, Tag("continuous model")]
     | Annotated[DiscreteModel, Tag("discrete model")],
-    Discriminator(lambda model: "continuous model" if "continuous" in model else "discrete model"),
+    having("continuous", "continuous model", "discrete model"),
 ]
 
 

@@ -1,0 +1,21 @@
+#!/bin/sh
+# Read names of changed files, print the tests of the same names: test_NAME.py for NAME.py, or else
+# the folder of tests of the same name as the package.
+while read -r file; do
+    case $file in
+    tests/*/test_*.py | tests/test_*.py) echo "$file" ;;
+    src/reobserve/*.py)
+        folder=tests/${file#src/reobserve/}
+        folder=${folder%/*}
+        if [ -f "$folder/test_${file##*/}" ]; then
+            echo "$folder/test_${file##*/}"
+        else
+            until [ -d "$folder" ]; do folder=${folder%/*}; done
+            [ "$folder" = tests ] || echo "$folder"
+        fi
+        ;;
+    config/papers/* | workflow/schemas/*) echo tests/ledger ;;
+    config/claims/* | config/errata/*) echo tests/evidence/claims ;;
+    docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py ;;
+    esac
+done | sort -u

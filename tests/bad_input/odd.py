@@ -1,0 +1,104 @@
+"""Strategies: valid data with a few changes."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import yaml
+from hypothesis import strategies as st
+
+WORDS = [
+    "", " ", "x", "nan", "1e3", "0x10", "true", "null", "~", "None", "1,5", "٣", "²", "sampled",
+    "a b", "a;b", "it's", '"', "$(touch escaped)", "`touch escaped`", "$HOME", "{x}", "%s", ".",
+    "..", "../../../escaped", "con/stant", "-", "--help", "\x00", "\n", "\u202e", "\ud800",
+    "é" * 40, "x" * 20_000, "__import__('os').system('touch escaped')", "<b>&amp;",
+]  # fmt: skip
+NUMBERS = [
+    0, -0.0, 1, -1, 2, 3, 0.5, 1e-9, 5e-324, 1e300, -1e300, 2**31, 2**63, -(2**64), 10**30,
+    float("nan"), float("inf"), float("-inf"),
+]  # fmt: skip
+DEEP: Any = []
+for _ in range(200):
+    DEEP = [DEEP]
+TREES = [
+    None, True, False, [], {}, [[]], [None], [{}], {"": None}, {"value": 1}, [1, [2, "x"]],
+    {"value": 1, "unit": "1", "source": "x"}, [0] * 500, DEEP,
+]  # fmt: skip
+
+words = st.sampled_from(WORDS) | st.text(st.characters(exclude_characters="/"), max_size=8)
+# Other numbers in place of a step or a horizon would only take long.
+numbers = st.sampled_from(NUMBERS) | st.integers(-3, 3) | st.floats(-4, 4)
+values = st.one_of(numbers, words, st.sampled_from(TREES))
+
+
+@st.composite
+def changed(draw: st.DrawFn, tree: Any, odd: st.SearchStrategy[Any] = values) -> Any:
+    """A copy of a tree of plain data with one to three changes anywhere in it."""
+    whole = copy.deepcopy(tree)
+    for _ in range(draw(st.integers(1, 3))):
+        path: list[Any] = []
+        here: Any = whole
+        while isinstance(here, dict | list) and here and (not path or draw(st.integers(0, 4))):
+            keys = list(here) if isinstance(here, dict) else range(len(here))
+            path.append(draw(st.sampled_from(keys)))
+            here = here[path[-1]]
+        if not path:
+            return draw(odd)
+        *above, last = path
+        parent: Any = whole
+        for key in above:
+            parent = parent[key]
+        match draw(st.sampled_from(["replace", "replace", "scale", "remove", "rename"])):
+            case "replace":
+                parent[last] = copy.deepcopy(draw(odd))
+            case "scale":
+                parent[last] = draw(scaled(parent[last]))
+            case "remove":
+                del parent[last]
+            case "rename" if isinstance(parent, dict):
+                parent[draw(st.just(f"{last}x") | words)] = parent.pop(last)
+            case "rename":
+                parent.append(copy.deepcopy(parent[last]))
+    return whole
+
+
+@st.composite
+def scaled(draw: st.DrawFn, old: Any) -> Any:
+    """A number times another, a text and a bit, a list that is shorter or longer."""
+    if isinstance(old, bool) or old is None or isinstance(old, dict):
+        return [old]
+    if isinstance(old, int | float):
+        return old * draw(st.sampled_from([0, -1, 0.5, 3, 1e-12, 1e12]))
+    if isinstance(old, str):
+        return old + draw(st.sampled_from(["x", " ", "/", "\n", "'"]))
+    return draw(st.sampled_from([old[:-1], old + old, [old]]))
+
+
+@st.composite
+def damaged(draw: st.DrawFn, content: bytes, tokens: list[bytes] | None = None) -> bytes:
+    """Bytes with some cut out, repeated, replaced, or with one of the tokens among them."""
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, len(content)))
+        end = at + draw(st.sampled_from([0, 1, 2, 8, 64, len(content)]))
+        new = draw(
+            st.just(content[at:end] * 2)
+            | st.binary(max_size=8)
+            | (st.sampled_from(tokens) if tokens else st.just(b""))
+        )
+        content = content[:at] + new + content[end:]
+    return content
+
+
+def as_json(tree: Any) -> bytes:
+    """Plain data as a program writes it."""
+    return json.dumps(tree).encode()
+
+
+def as_yaml(tree: Any) -> bytes:
+    """Plain data as a person may write it."""
+    try:
+        return yaml.dump(tree, Dumper=yaml.CSafeDumper, sort_keys=False).encode()
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return as_json(tree)

@@ -1,0 +1,113 @@
+"""What must become of bad input."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import resource
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import SimpleNamespace
+
+from reobserve.cli import command_parser, main
+from reobserve.errors import ReobserveError
+
+ROOT = Path(__file__).parents[2]
+LONGEST = 1000  # characters of a message
+MEMORY = 4 << 30  # bytes that a call may ask for
+
+
+class RefusedError(ReobserveError):
+    """The command line refused, with an exit code and in one line."""
+
+
+def is_accepted(call: Callable[[], object], files: Mapping[str, bytes] | None = None) -> bool:
+    """Make a call in a folder that holds these files: True if it returns, False if it refuses.
+
+    Anything else fails: another exception, a message that is not one line, a file that a refused
+    call has left or changed, one outside of the folder, or one that is half-written.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        top = Path(scratch).resolve()
+        folder = top / "above" / "here"
+        folder.mkdir(parents=True)
+        for name, content in (files or {}).items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+        _link_project(ROOT, folder, ("config", "workflow"))
+        before = _files(top)
+        refusal = None
+        with contextlib.chdir(folder), _limited_memory(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                call()
+            except ReobserveError as error:
+                refusal = str(error)
+        after = _files(top)
+        changed = {name for name in {*before, *after} if before.get(name) != after.get(name)}
+        if refusal is not None:
+            assert refusal.strip(), "an empty message"
+            assert "\n" not in refusal
+            assert len(refusal) <= LONGEST
+            assert changed == set(), "a refused call changed files"
+        assert [name for name in changed if not name.startswith("above/here/")] == []
+        assert [name for name in changed if "escaped" in name or name.endswith(".partial")] == []
+        return refusal is None
+
+
+def command(*words: object, stdin: bytes = b"", parse_only: bool = False) -> None:
+    """Run ``reobserve`` in this process, or its parser alone; `RefusedError` if it refuses."""
+    out, err = io.StringIO(), io.StringIO()
+    line, before = list(map(str, words)), sys.stdin
+    sys.stdin = SimpleNamespace(buffer=io.BytesIO(stdin))  # type: ignore[assignment]
+    code: object = 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = 0 if parse_only and command_parser().parse_args(line) else main(line)
+        except SystemExit as stop:
+            code = stop.code
+        finally:
+            sys.stdin = before
+    if code != 0:
+        usage, _, message = err.getvalue().rstrip("\n").rpartition("\n")
+        assert code in (1, 2)
+        assert message.startswith("reobserve")
+        assert not usage or usage.startswith("usage: "), "more than one line"
+        raise RefusedError(message)
+
+
+def _files(top: Path) -> dict[str, object]:
+    """Files by their name, with what shows that one has changed."""
+    found: dict[str, object] = {}
+    for folder, _, names in os.walk(top):
+        for name in names:
+            path = Path(folder, name)
+            about = path.lstat()
+            found[path.relative_to(top).as_posix()] = (about.st_size, about.st_mtime_ns)
+    return found
+
+
+def _link_project(source: Path, target: Path, names: tuple[str, ...]) -> None:
+    """Complete a folder that has some files of a project by links to the others."""
+    for name in names:
+        if (target / name).is_dir():
+            inside = tuple(path.name for path in (source / name).iterdir())
+            _link_project(source / name, target / name, inside)
+        elif not (target / name).exists():
+            (target / name).symlink_to(source / name)
+
+
+@contextlib.contextmanager
+def _limited_memory() -> Iterator[None]:
+    """Answer a call that asks for `MEMORY` more than there is in use with a `MemoryError`."""
+    used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used * resource.getpagesize() + MEMORY, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)

@@ -1,0 +1,82 @@
+"""Right-hand sides as text: of the grammar, beside it, and hostile."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reobserve.errors import InputError
+from reobserve.observers.normal_form import normal_form_observer
+
+from .odd import values, words
+from .outcome import is_accepted
+
+HOSTILE = [
+    "__import__('os').system('touch escaped')", "().__class__.__bases__[0].__subclasses__()",
+    "exec('import os')", "open('escaped', 'w')", "lambda: 0", "a if a else w", "a**100000000",
+    "a**a**a**a", "2**2**2**2**2**2**2", "9" * 5000, "(" * 500 + "a" + ")" * 500,
+    "-" * 3000 + "a", "+".join(["a"] * 3000), "*".join(["a"] * 500),
+    "sin(" * 100 + "a" + ")" * 100, "1/0", "1/a", "0**0", "0**-1", "log(a)", "sqrt(a)", "1e400*a",
+    "1e-400*a", "oo*a", "nan", "I*a", "a/(w-w)", "a.w", "a[0]", "a,w", "a;w", "a=w", "a==w", "a<w",
+    "a and w", "[a]", "{a}", "f'{a}'", "'a'", "a\nw", "a#w", "", " ", "\x00", "sin", "sin()",
+    "sin(a,w)", "sin a", "pi*a", "E**a", "exp(exp(exp(a)))", "a!", "a w", "2a", "a**0.5", "a**-1",
+    "a**(1/3)", "a**w", "(1+a)**1000", "(1+a)**0.5", "(1+a)**1e9", "u", "t*a", "Symbol('a')",
+    "Integral(a, a)", "Sum(a,(w,1,9))", "factorial(a)", "abs(a)", "sign(a)", "a@w", "~a", "ａ",
+    "α", "a\u0301", "\u202ea", "0x10*a", "1_0*a", "1j*a", "0b1*a", "True*a", "None", "a:=w", "*a",
+    "tan(1.5707963267948966+a)", "erf(a)", "sinc(a)", "1e308*a*10", "a%w", "a//w", "a<<1", "S(1)*a",
+]  # fmt: skip
+ATOMS = ["a", "w", "1", "0", "-2", "0.1", "1e-3", "3/2", "pi", "b", "1e30", "a**2", "w**3"]
+FUNCTIONS = [
+    "sin", "cos", "exp", "log", "tan", "sqrt", "atan", "atanh", "cosh", "sinh", "Abs", "gamma", "f",
+]  # fmt: skip
+VALID: dict[str, Any] = {
+    "dynamics": ["w", "-sin(a) - w/10"], "output": ["a"], "variables": ["a", "w"], "order": 2,
+    "sampling_period": 0.01, "poles": [-1.5, -2], "expanded": 3,
+}  # fmt: skip
+
+grown = st.recursive(
+    st.sampled_from(ATOMS),
+    lambda part: (
+        st.builds("{}({})".format, st.sampled_from(FUNCTIONS), part)
+        | st.builds("({}{}{})".format, part, st.sampled_from("+-*/"), part)
+        | st.builds("({})**{}".format, part, st.sampled_from(["2", "3", "-1", "0.5", "a", "40"]))
+    ),
+    max_leaves=8,
+)
+
+
+def accepts(**changes: Any) -> bool:
+    return is_accepted(lambda: normal_form_observer(**{**VALID, **changes}))
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_texts_that_were_tried_before(text: str) -> None:
+    accepts(dynamics=["w", text])
+    accepts(dynamics=["w", f"-sin(a) - w/10 + a**2*({text})"])
+
+
+@pytest.mark.parametrize("text", ["atan(1/0)", "sin(atanh(1))", "atan(log(0))", "a*atan(1/0)"])
+def test_a_constant_without_value_is_no_coefficient(text: str) -> None:
+    with pytest.raises(InputError, match=r"^dynamics\[1\]: .* has no Taylor series at the origin"):
+        normal_form_observer(**{**VALID, "dynamics": ["w", text]})
+
+
+@given(grown, st.none() | words, st.integers(0, 40))
+def test_grown_texts(text: str, piece: str | None, at: int) -> None:
+    assert accepts()
+    broken = text if piece is None else text[:at] + piece[:50] + text[at:]
+    accepts(dynamics=["w", f"-sin(a) - w/10 + a**2*({broken})"])
+
+
+ODD = [
+    0, 1, 2, 7, 200, 10**9, -1, 1.5, None, True, "a", [], ["a"], [-1], [-1, "x"], [-1, -1], [1, 2],
+    [-1 + 1j, -1 - 1j], [-1 + 1j, -2], ["a", "a"], ["sin", "w"], ["lambda", "w"],
+]  # fmt: skip
+
+
+@given(st.sampled_from([*VALID, "degree", "form", "gain", "inputs"]), st.sampled_from(ODD) | values)
+def test_other_arguments_of_a_normal_form(name: str, value: Any) -> None:
+    accepts(**{name: value})

@@ -1,0 +1,145 @@
+"""Valid files of every kind: those of the project, and what the commands make of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from reobserve.designs.file import kind_of, save_design
+from reobserve.own_data.examples import simulated, specification_text
+from reobserve.plain_data.documents import parse_yaml, read_yaml
+
+from .outcome import ROOT, command
+
+_FOLDER = tempfile.TemporaryDirectory(prefix="bad-input-")
+
+# Of each paper a scenario, an observer of it, and the design that the observer needs.
+OBSERVERS = {
+    "ilo": ("constant", "sampled", ""),
+    "lie": ("figure", "order4", "linear"),
+    "delay": ("ramp", "order2", ""),
+    "imm": ("plain", "kalman", ""),
+    "eso": ("disturbed", "pd_pi", "pd_pi"),
+}
+PAPERS = tuple(OBSERVERS)
+
+
+@cache
+def tree(path: str) -> Any:
+    """A YAML file of the project."""
+    return read_yaml(ROOT / path)
+
+
+def paper(name: str) -> Any:
+    """The parameter file of a paper."""
+    return tree(f"config/papers/{name}.yaml")
+
+
+@cache
+def parameters(paper: str) -> Path:
+    """The parameters of a paper as a build stores them."""
+    return _made("stage", "parameters", paper, "--project", ROOT, name=f"{paper}.json")
+
+
+@cache
+def record(paper: str) -> Path:
+    """The plant's record of the scenario of `OBSERVERS`."""
+    scenario = OBSERVERS[paper][0]
+    return _made("stage", "plant", parameters(paper), scenario, name=f"{paper}.parquet")
+
+
+@cache
+def design(paper: str, name: str) -> Path:
+    """A design of a paper."""
+    return _made("stage", "design", parameters(paper), name, name=f"{paper}.{name}.json")
+
+
+def observing(paper: str) -> list[object]:
+    """The words by which the observer of `OBSERVERS` reads ``in.parquet``."""
+    name = OBSERVERS[paper][2]
+    chosen = ["--design-file", design(paper, name)] if name else []
+    line = ["stage", "observe", parameters(paper), "in.parquet", OBSERVERS[paper][1]]
+    return [*line, *chosen, "--output", "out.parquet"]
+
+
+@cache
+def results() -> dict[str, bytes]:
+    """What the verdicts on the claims of `eso` are computed from."""
+    nothing = {"paper": "eso", "seed": 0, "draws": 1, "claims": {}}
+    found = {"parameters.json": parameters("eso").read_bytes()}
+    found["robustness.json"] = json.dumps(nothing).encode()
+    for figure in (*paper("eso")["figures"], "theory"):
+        found[f"{figure}.metrics.csv"] = _golden_metrics("eso", figure)
+    return {f"results/eso/{name}": content for name, content in found.items()}
+
+
+def _golden_metrics(paper: str, figure: str) -> bytes:
+    """The accepted numbers of a figure without their tolerances."""
+    text = (ROOT / f"tests/golden/{paper}/{figure}.metrics.csv").read_text(encoding="utf-8")
+    out = io.StringIO()
+    rows = csv.reader(io.StringIO(text))
+    csv.writer(out, lineterminator="\n").writerows(row[:4] for row in rows)
+    return out.getvalue().encode()
+
+
+@cache
+def claims_table() -> bytes:
+    """The verdicts on the claims of `eso`."""
+    folder = Path(_FOLDER.name)
+    for name, content in results().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    line = ("stage", "claims", "eso", "--results", folder / "results", "--project", ROOT)
+    return _made(*line, name="claims.csv").read_bytes()
+
+
+@cache
+def study() -> tuple[Path, list[Path]]:
+    """The study of the orders of `lie`, and the estimates that its figure shows."""
+    read, estimates = (parameters("lie"), record("lie")), []
+    for name in paper("lie")["figures"]["fig1_orders"]["observers"]:
+        chosen = design("lie", paper("lie")["observers"][name]["design"])
+        line = ("stage", "observe", *read, name, "--design-file", chosen)
+        estimates.append(_made(*line, name=f"lie.{name}.parquet"))
+    line = ("stage", "study", *read, "orders", "--design-file", design("lie", "linear"))
+    return _made(*line, name="study.csv"), estimates
+
+
+@cache
+def saved_design(kind: str) -> bytes:
+    """The design of the example of a kind."""
+    made: Any = kind_of(kind)
+    path = Path(_FOLDER.name, f"{kind}.design.json")
+    save_design(path, made.designed(parse_yaml(made.example, "model.yaml")))
+    return path.read_bytes()
+
+
+@cache
+def specification(name: str) -> Any:
+    """What `reobserve estimate` is told about the record of an example."""
+    return parse_yaml(specification_text(name), name)
+
+
+@cache
+def columns(name: str) -> dict[str, Any]:
+    """The first rows of the record of an example."""
+    return {title: values[:60] for title, values in simulated(name).record().items()}
+
+
+@cache
+def csv_record(name: str) -> bytes:
+    """The record of an example as CSV."""
+    rows = zip(*(values.tolist() for values in columns(name).values()), strict=True)
+    lines = [",".join(columns(name)), *(",".join(f"{one:.9g}" for one in row) for row in rows)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _made(*words: object, name: str) -> Path:
+    path = Path(_FOLDER.name, name)
+    command(*words, "--output", path)
+    return path

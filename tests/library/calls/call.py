@@ -1,0 +1,36 @@
+"""A call that is accepted, and short ways to state one."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+MISSING = ("not a number",)  # a measurement may be missing
+COMPLEX = ("complex",)  # poles may be
+
+
+@dataclass(frozen=True)
+class Call:
+    """``function(*arguments)``, which is accepted; ``name`` begins with module and function.
+
+    ``takes`` are the kinds of odd numbers that are allowed, as `tests.bad_input.odd` names them.
+    """
+
+    name: str
+    function: Callable[..., object]
+    arguments: tuple[Any, ...]
+    takes: tuple[str, ...] = ()
+
+
+def called(table: Mapping[str, tuple[Any, ...]], takes: tuple[str, ...] = ()) -> Iterator[Call]:
+    for name, arguments in table.items():
+        yield Call(name, pkgutil.resolve_name(f"reobserve.{name}"), arguments, takes)
+
+
+def method(owner: object, method: str, *arguments: Any, takes: tuple[str, ...] = ()) -> Call:
+    """A call of a method of an object."""
+    kind = type(owner)
+    name = f"{kind.__module__.removeprefix('reobserve.')}.{kind.__qualname__}.{method}"
+    return Call(name, getattr(owner, method), arguments, takes)

@@ -1,0 +1,68 @@
+"""Models that several calls take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reobserve.models.linear import LinearModel
+from reobserve.models.polynomial import PolynomialSystem
+from reobserve.plants.hydraulic_actuator import ActuatorModel
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.timeseries.signals import Signal
+
+INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
+TRANSITION = np.array([[1.0, 0.01], [-0.01, 0.99]])
+NUMERATOR = [27.03, 9577.0, 1.87e6, 1.65e8]
+DENOMINATOR = [535.2, 7.38e4, 6.08e6, 1.813e8]
+VAN_DER_POL = ["-w", "a - (1 - a**2)*w"]  # in reversed time, so that the origin is stable
+TERMS: list[dict[str, Any]] = [
+    {"kind": "constant", "axis": 1, "size": 0.5},
+    {"kind": "sine", "axis": 1, "from": 0.1, "amplitude": 1.0, "frequency": 2.0, "phase": 0.5},
+    {"kind": "growing_sine", "axis": 1, "from": 1, "until": 2, "growth": 0.01, "frequency": 1.57},
+    {"kind": "ramp", "axis": 1, "from": 1, "until": 4, "slope": 0.1},
+    {"kind": "square", "axis": 1, "from": 1, "until": 6, "high": 1, "period": 4, "width": 2},
+    {"kind": "prbs", "axis": 1, "until": 3, "amplitude": 0.1, "clock": 100, "order": 7},
+    {"kind": "sweep", "axis": 1, "amplitude": 0.1, "start": 1, "end": 50, "duration": 20},
+]
+HALF = np.linspace(0.0, 0.2, 41)  # two samples a step of 0.01 s
+
+
+def signal(axes: int = 1) -> Signal:
+    """A constant on every axis."""
+    terms = [{"kind": "constant", "axis": k + 1, "size": 0.1} for k in range(axes)]
+    return Signal.parse("signal", terms, axes)
+
+
+def linear_model() -> LinearModel:
+    """Two states, one input, one output."""
+    return LinearModel(TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2)
+
+
+def van_der_pol(dynamics: list[str] = VAN_DER_POL) -> PolynomialSystem:
+    """Van der Pol's equation."""
+    return PolynomialSystem.from_expressions(dynamics, ["a"], ["a", "w"], 3)
+
+
+def augmented() -> AugmentedSystem:
+    """The motor of the README."""
+    return AugmentedSystem(
+        A=np.array([[-10.0, 1.0], [-0.02, -2.0]]), B=np.array([[0.0], [2.0]]), C=np.eye(2),
+        Dd=np.diag([1.0, 2.0]), Dw=np.array([[1.0], [0.0]]), Fa=np.array([[0.0], [2.0]]),
+        Fs=np.array([[1.0], [0.0]]),
+    )  # fmt: skip
+
+
+def gains() -> Gains:
+    """Gains of a Riccati equation, which make a PI observer of `augmented` stable."""
+    from scipy.linalg import solve_continuous_are
+
+    system = augmented()
+    P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, np.eye(system.size), np.eye(2))
+    return Gains(P @ system.C_tilde.T, np.zeros((system.size, 2)))
+
+
+def actuator() -> ActuatorModel:
+    """The hydraulic actuator without fault."""
+    return ActuatorModel(NUMERATOR, DENOMINATOR)

@@ -1,0 +1,194 @@
+"""Calls of all but observers: signals, models, plants, synthesis, designs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+
+from reobserve.designs.file import kind_of, load_design, save_design
+from reobserve.numerics.random_streams import held_normal, random_stream
+from reobserve.plain_data.documents import parse_yaml
+from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve.plants.delayed_input import DelayedInputPlant
+from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.plants.hydraulic_actuator import ActuatorModel
+from reobserve.plants.pendulum import pendulum
+from reobserve.plants.polynomial import PolynomialPlant
+from reobserve.plants.satellite import Satellite
+from reobserve.synthesis.floquet import limit_cycle
+from reobserve.synthesis.ilo_error_system import LearningLaw
+from reobserve.synthesis.ilo_theorem import certify, theorem1
+from reobserve.timeseries.input_history import InputHistory
+from reobserve.timeseries.series import Channel
+from reobserve.timeseries.signals import Signal
+
+from . import models
+from .call import COMPLEX, Call, called, method
+from .models import HALF, INERTIA, TERMS, TRANSITION, VAN_DER_POL, signal, van_der_pol
+
+
+def calls() -> Iterator[Call]:
+    """All of them."""
+    for part in (_basics, _models, _plants, _synthesis, _designs):
+        yield from part()
+
+
+def _basics() -> Iterator[Call]:
+    def held(samples: Any, hold: Any, columns: Any) -> object:
+        return held_normal(random_stream(1), samples, hold, columns)
+
+    yield Call("numerics.random_streams.held_normal", held, (20, 2, 3))
+    hold = (TRANSITION, [[0.0], [1.0]], 0.1)
+    yield from called({
+        "numerics.random_streams.random_stream": (3, "noise"),
+        "numerics.discretisation.zero_order_hold": hold,
+        "numerics.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
+        "numerics.discretisation.polynomial_hold": (*hold, 1),
+    })  # fmt: skip
+
+
+def _models() -> Iterator[Call]:
+    time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
+    samples = np.column_stack([np.sin(time), np.cos(time)])
+    history = InputHistory(0.02, samples, samples)
+    yield from called({
+        "timeseries.input_history.InputHistory": (0.02, samples, samples),
+        "timeseries.signals.Signal.parse": ("fault", TERMS, 1),
+        "timeseries.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
+        "models.linear.LinearModel": (
+            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2, [[0.0]], False,
+        ),
+        "models.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
+        "models.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
+        "models.triangular_text.triangular_model": (["a", "b"], ["0", "-a"], "1"),
+        "models.polynomial.PolynomialSystem": (system.dynamics, system.output),
+        "models.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
+    })  # fmt: skip
+    yield method(history, "at", [0.0, 0.05])
+    yield method(history, "latest", 3)
+    yield method(history, "followed_by", samples, samples)
+    yield method(signal(), "__call__", time)
+    yield method(signal(), "check_grid", "fault", 0.01, 1.0)
+    for term in TERMS:  # each value of a term by itself
+
+        def parse(*values: object, keys: tuple[str, ...] = tuple(term)) -> None:
+            found = Signal.parse("fault", [dict(zip(keys, values, strict=True))], 1)
+            assert np.isfinite(found(np.linspace(0.0, 3.0, 30))).all()
+
+        yield Call(f"timeseries.signals.Signal.parse, {term['kind']}", parse, (*term.values(),))
+
+
+def _plants() -> Iterator[Call]:
+    one, motor = signal(), DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
+    control = SpeedControl.placed(motor, [-5.0, -6.0, -7.0])
+    controlled = (motor, control, np.eye(2), np.ones((2, 1)), np.ones((2, 1)))
+    late, model = DelayedInputPlant(pendulum(9.81, 0.5, 0.2, 0.3)), models.actuator()
+    oscillator = PolynomialPlant(van_der_pol())
+    yield from called({"plants.dc_motor.SpeedControl.placed": (motor, [-5.0, -6.0, -7.0])}, COMPLEX)
+    yield from called({
+        "plants.dc_motor.DCMotor": (0.01, 0.1, 0.01, 0.01, 1.0, 0.5, False),
+        "plants.dc_motor.SpeedControl": ([1.0, 0.1], 2.0),
+        "plants.dc_motor.poles_for": (1.0, 0.1),
+        "plants.dc_motor.ControlledMotor": controlled,
+        "plants.delayed_input.DelayedInputPlant": (late.model,),
+        "plants.delayed_input.delayed": (one, one, HALF),
+        "plants.delayed_input.check_delay": ("delay", one, (0.0, 1.0), 0.01, 1.0),
+        "plants.first_order_lag.first_order_lag": (1.0, 2.0),
+        "plants.pendulum.pendulum": (9.81, 0.5, 0.2, 0.3),
+        "plants.hydraulic_actuator.ActuatorModel": (models.NUMERATOR, models.DENOMINATOR),
+        "plants.hydraulic_actuator.simulate": (
+            [model, model], [0] * 10 + [1] * 10, np.ones(20), 1e-3,
+        ),
+        "plants.polynomial.PolynomialPlant": (oscillator.system,),
+        "plants.satellite.Satellite": (INERTIA, np.eye(3), np.eye(3)),
+    })  # fmt: skip
+    noise = (np.zeros((20, 2)), np.zeros((20, 1)))
+    yield method(ControlledMotor(*controlled), "simulate", one, one, one, *noise, 0.01, [0.0, 0.0])
+    yield method(late, "simulate", [0.1, 0.0], one, one, 0.01, 20)
+    yield method(model, "sampled", "motion", 1e-3, 1e3)
+    yield method(model, "blended", ActuatorModel([1, 2, 3, 4e8], models.DENOMINATOR), 0.5)
+    yield method(oscillator, "simulate", [0.1, 0.0], 0.01, 20)
+    yield method(oscillator, "output", np.zeros((5, 2)))
+    body, three = Satellite(INERTIA), signal(3)
+    yield method(body, "simulate", [0.1, 0.0, 0.0], three, three, 0.01, 20)
+
+
+def _synthesis() -> Iterator[Call]:
+    parameters = (INERTIA, 500.0, np.eye(3), 0.9, 50.0, 0.01)
+    law, zeros = LearningLaw(*parameters), np.zeros((4, 3))
+    forward = van_der_pol(["w", "-a + (1 - a**2)*w"])
+    cycle = limit_cycle(forward, [2.0, 0.5], 60.0)
+    pressure = (models.NUMERATOR, [1.0, *models.DENOMINATOR])
+    negative = ([[-2.0, 1.0], [1.0, -2.0]],)
+    yield from called({
+        "synthesis.ilo_error_system.LearningLaw": parameters,
+        "synthesis.ilo_accuracy.error_transfer": ([1.0, 2.0], law),
+        "synthesis.ilo_accuracy.sampled_error_transfer": ([1.0, 2.0], law),
+        "synthesis.ilo_accuracy.predicted_rms_error": ([[1.0, 0, 0]], [10.0], law),
+        "synthesis.ilo_accuracy.matched_integrator": (500.0, 0.01, 3),
+        "synthesis.ilo_accuracy.pi_error_transfer": (
+            [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0,
+        ),
+        "synthesis.ilo_lyapunov.gyroscopic_eta": (INERTIA, 0.1),
+        "synthesis.ilo_lyapunov.RepairedLyapunov": parameters,
+        "synthesis.ilo_sampled_stability.held_blocks": (law,),
+        "synthesis.ilo_sampled_stability.sampled_map": (law,),
+        "synthesis.ilo_sampled_stability.sampled_stability": (law,),
+        "synthesis.ilo_sampled_stability.sampled_limit_gain": (law,),
+        "synthesis.ilo_sampled_stability.scalar_sampled_limit": (36.0, 500.0, 1.0, 0.01),
+        "synthesis.ilo_stability.continuous_stability": (law,),
+        "synthesis.ilo_stability.ripple_roots": (36.0, 500.0, 0.9, 50.0, 0.01, 3),
+        "synthesis.ilo_theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
+        "synthesis.ilo_theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
+        "synthesis.ilo_theorem.bound18": (
+            certify(3.0, 1.0, 0.5, 0.5).theorem, np.ones((5, 3)), np.ones((5, 3)), 0.1,
+        ),
+        "synthesis.high_gain.lyapunov_matrix": (3, 2.0),
+        "synthesis.high_gain.high_gain": (3, 2.0),
+        "synthesis.high_gain.high_gain_over_time": (2, 2.0, np.eye(2), [0.0, 1.0]),
+        "synthesis.h_infinity_norm.h_infinity_norm": (
+            [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
+        ),
+        "synthesis.nu_gap.nu_gap": (pressure, ([1.0], [1.0, 2.0])),
+        "synthesis.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
+        "synthesis.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
+        "synthesis.definiteness.ball_matrix": negative,
+        "synthesis.definiteness.prove_negative_definite": negative,
+    })  # fmt: skip
+
+    def proved(damping: Any, faults: Any, K1: Any, K2: Any, eta: Any, *weights: Any) -> object:
+        names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
+        return theorem1(damping, faults, K1, K2, eta, **dict(zip(names, weights, strict=True)))
+
+    weights = (1.0, 1.0, 1.0, 1.0, 0.5)
+    arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)
+    yield Call("synthesis.ilo_theorem.theorem1", proved, arguments)
+
+
+def _designs() -> Iterator[Call]:
+    system, found = models.augmented(), models.gains()
+    kind: Any = kind_of("luenberger")
+    path = Path(mkdtemp()) / "design.json"
+    save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
+    matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
+    yield from called({
+        "synthesis.extended_state.system.AugmentedSystem": matrices,
+        "synthesis.extended_state.floor.gamma_floor": (system,),
+        "synthesis.extended_state.floor.as_gamma": (system, 1.05),
+        "synthesis.extended_state.certificate.error_system": (system, found),
+        "synthesis.extended_state.certificate.certify": (system, found, 100.0),
+        "synthesis.extended_state.deviation.held_deviation": (system, found, np.ones(3), 0.1),
+        "synthesis.extended_state.pi.design": (system, 1.05),
+        "synthesis.extended_state.pi.design_feasible": (system, 1.0),
+        "synthesis.extended_state.pd_pi.design": (system, 1.05),
+        "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
+        "synthesis.extended_state.structured.design": (system, 1.05),
+        "designs.file.load_design": (path,),
+        "designs.file.save_design": (Path("again.json"), load_design(path)),
+        "designs.file.kind_of": ("luenberger",),
+        "designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+    })  # fmt: skip
