@@ -49,6 +49,7 @@ def build(folder: Path, project: Path, cores: int, log: Path, papers: Sequence[s
     are used. What Snakemake prints goes to ``log``.
     """
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), "--keep-going"]
+    command += ["--show-failed-logs"]
     command += ["--config", f"papers=[{','.join(papers)}]"] if papers else []
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w", encoding="utf-8") as stream:

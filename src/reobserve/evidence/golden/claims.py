@@ -1,8 +1,7 @@
-"""Golden verdicts: what was found of each claim, kept and compared.
+"""Golden verdicts: what was accepted of each claim, compared with a build.
 
-They are decided from many runs and not from one evaluation, so it is the figure diff that compares
-them, with what a build left. The tests build with fewer draws, and compare what depends on none:
-whether a claim holds with the ledger as it is.
+A verdict needs many Monte Carlo samples. A build with few samples can compare ``holds`` alone:
+whether a claim holds with the parameters as they are.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER, KINDS
-from reobserve.evidence.golden.deviation import OtherCell
+from reobserve.evidence.golden.comparison import Moved
 from reobserve.plain_data.files import read_table, write_table
 
 _COMPARED = ("verdict", "holds")
@@ -30,40 +29,40 @@ def golden_file(project: Path) -> Path:
 
 
 def read_golden(project: Path) -> Verdicts:
-    """What was accepted; `InputError` if the file is missing or damaged."""
+    """The accepted verdicts; `InputError` if the file is missing or damaged."""
     return _by_paper(read_table(golden_file(project), _HEADER, _KINDS, _KEY))
 
 
 def read_built(results: Path) -> Verdicts:
-    """What a build left; `InputError` if it left none, or the file is damaged."""
+    """The verdicts of a build; `InputError` if there are none, or the file is damaged."""
     return _by_paper(read_table(results / "claims.csv", HEADER, KINDS, _KEY))
 
 
 def compare(
     golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
-) -> Iterator[OtherCell]:
+) -> Iterator[Moved]:
     """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
     before, now = golden.get(paper, {}), found.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
         for column in columns:
             old, new = (side.get(claim, {}).get(column, _NONE) for side in (before, now))
             if old != new:
-                yield OtherCell(f"{paper} claims", f"{column} of {claim}", old, new)
+                yield Moved(f"{paper} {claim}, {column}", old, new)
 
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
-    """Accept what a build left, of all or of some papers; what moved, a line each.
+    """Accept the verdicts of a build, of all or of some papers; what moved, a line each.
 
     Raises
     ------
     InputError
-        If the build left no verdicts.
+        If the build has no verdicts.
     """
     found = read_built(results)
     try:
         golden = read_golden(project)
     except InputError as error:
-        golden, moved = {}, [f"claims: written anew ({error})"]
+        golden, moved = {}, [f"claims: all verdicts are new ({error})"]
     else:
         chosen = dict.fromkeys(papers or [*golden, *found])
         moved = [str(cell) for paper in chosen for cell in compare(golden, found, paper)]

@@ -1,0 +1,97 @@
+"""New golden numbers from a build; a number that has not moved keeps its digits and tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from reobserve.errors import InputError, ReobserveError
+from reobserve.evidence.golden.comparison import compare, distance
+from reobserve.evidence.golden.conditions import measure
+from reobserve.evidence.golden.files import (
+    Key,
+    Number,
+    Numbers,
+    columns,
+    golden_file,
+    golden_files,
+    read_numbers,
+    write_numbers,
+)
+from reobserve.evidence.golden.tolerances import tolerance
+from reobserve.evidence.golden.values import built_numbers, part_names
+
+
+def renew(
+    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, cores: int
+) -> list[str]:
+    """Write the golden numbers of a paper that moved, from its results in ``folder``.
+
+    The paper is evaluated under other settings only if something moved. What moved is returned,
+    one line for each column.
+    """
+    golden: dict[str, Numbers] = {}
+    found = {part: built_numbers(folder, tree, part) for part in part_names(tree)}
+    moved = []
+    for part, numbers in found.items():
+        try:
+            golden[part] = read_numbers(golden_file(project, paper, part))
+        except InputError as error:
+            golden[part] = {}
+            moved.append(f"{paper} {part}: all numbers are new ({error})")
+        else:
+            moved += map(str, compare(golden[part], numbers, f"{paper} {part}"))
+    if moved:
+        print(f"measuring the tolerances of {paper}, some minutes", flush=True)
+        processors, halved = measure(project, paper, cores)
+        for part, numbers in found.items():
+            others = [processor[part] for processor in processors]
+            new = renewed(golden[part], numbers, others, halved[part])
+            write_numbers(golden_file(project, paper, part), new)
+    for part, path in golden_files(project, paper).items():
+        if part not in found:
+            path.unlink()
+            moved.append(f"{paper} {part}: removed, nothing of this name is built")
+    return moved
+
+
+def renewed(
+    golden: Numbers, found: Numbers, processors: Sequence[Numbers], halved: Numbers
+) -> dict[Key, Number]:
+    """The numbers of a part: golden columns that have not moved, the others with new tolerances."""
+    new: dict[Key, Number] = {}
+    for keys in columns(found).values():
+        old = {key: golden[key] for key in keys if key in golden}
+        column = {key: found[key] for key in keys}
+        compared = old and all(one.tolerance or one.is_word for one in old.values())
+        unmoved = compared and not list(compare(old, column, ""))
+        new |= old if unmoved else _measured(column, processors, halved)
+    return new
+
+
+def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -> Numbers:
+    if any(number.is_word for number in column.values()):
+        for key in column:
+            if any(other.get(key) != column[key] for other in processors):
+                raise ReobserveError(f"{key[0]}, {key[1]}: a word depends on the processor")
+        return column
+    values = {key: float(number.value) for key, number in column.items()}
+    size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
+    moved = max((_change(values, other) for other in processors), default=0.0)
+    # With half the step a run may end at another time: the numbers that both have.
+    both = {key: values[key] for key in values if math.isfinite(_value(halved, key))}
+    allowed = tolerance(size, moved, _change(both, halved))
+    if allowed is None:
+        return {key: Number(f"{value:.3g}", column[key].unit) for key, value in values.items()}
+    return {key: Number(one.value, one.unit, f"{allowed:g}") for key, one in column.items()}
+
+
+def _change(values: Mapping[Key, float], other: Numbers) -> float:
+    return max((distance(value, _value(other, key)) for key, value in values.items()), default=0.0)
+
+
+def _value(numbers: Numbers, key: Key) -> float:
+    """A number, or nan where there is none."""
+    return math.nan if key not in numbers or numbers[key].is_word else float(numbers[key].value)
