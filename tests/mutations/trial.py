@@ -16,7 +16,7 @@ from queue import SimpleQueue
 
 import yaml
 
-from reobserve.evidence.figure_diff.project_copy import copy_environment, copy_project
+from tests.project_copy import copy_environment, copy_project
 
 PATCHES = Path(__file__).with_name("patches.yaml")
 

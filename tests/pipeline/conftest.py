@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.replication.evaluation import Evaluator
+from tests import project_copy
 
 ROOT = Path(__file__).parents[2]
 

@@ -56,10 +56,7 @@ def _add_figure_diff(commands: Any) -> None:
             f"--{name}", type=Path, default=Path(default), metavar="DIR",
             help=f"{text} (default: {default})",
         )  # fmt: skip
-    diff.add_argument(
-        "--build", action="store_true",
-        help="build everything from scratch in a temporary folder, and compare that",
-    )  # fmt: skip
+    add_project(diff)
     accept = add_command(
         commands, "accept", "evidence.figure_diff.commands:accept_command",
         "build, and accept figures, numbers and verdicts; refuses in CI and on a dirty tree",
@@ -68,6 +65,5 @@ def _add_figure_diff(commands: Any) -> None:
         "--reason", required=True, help="why they moved; kept in tests/golden/REASONS.md"
     )
     accept.add_argument("paper", nargs="*", help="only these papers (default: all)")
-    for command in (diff, accept):
-        command.add_argument("--cores", type=whole(1), default=2, help="for building (default: 2)")
-        add_project(command)
+    accept.add_argument("--cores", type=whole(1), default=2, help="for building (default: 2)")
+    add_project(accept)

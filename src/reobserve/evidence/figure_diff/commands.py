@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.errors import InputError, ReobserveError
@@ -15,7 +15,6 @@ from reobserve.evidence.claims.verdict_table import put_into
 from reobserve.evidence.figure_diff import pixels
 from reobserve.evidence.figure_diff.comparison import compare_all, figures
 from reobserve.evidence.figure_diff.page import counts, render, to_markdown
-from reobserve.evidence.figure_diff.project_copy import build, copy_project
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.evidence.golden.acceptance import renew
 from reobserve.evidence.golden.guard import check_may_accept, keep_reason
@@ -24,69 +23,11 @@ from reobserve.ledger.config import known_papers, named_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.files import write_text
 
-_BUILD_LOG = "build.log"
 
-
-def figdiff_command(
-    project: Path, reference: Path, results: Path, output: Path, build: bool, cores: int
-) -> None:
-    """Compare, write page and summary to ``output``; fail if anything does not agree.
-
-    With ``build`` everything is built from scratch in a temporary folder, and ``results`` is not
-    looked at.
-    """
-    if not build:
-        _compare(project, reference, results, output, [])
-        return
-    with _built_copy(project, cores, output / _BUILD_LOG) as (copy, problems):
-        _compare(project, reference, copy / "results", output, problems)
-
-
-def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
-    """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
-
-    Refuses without a reason, in CI and on a dirty tree. Everything is built first: if the build
-    fails, what was accepted stays.
-    """
-    check_may_accept(project, reason)
-    known = known_papers(project)
-    chosen = named_papers(known, paper)
-    with _built_copy(project, cores, project / "figdiff" / _BUILD_LOG, paper) as (copy, problems):
-        if problems:
-            raise ReobserveError(f"nothing is accepted: {problems[0]}")
-        results, moved = copy / "results", []
-        for one in chosen:
-            tree = Ledger.load(project, one).tree
-            moved += renew(project, results / one, tree, one, cores)
-            _keep_samples(project, results, one)
-        moved += golden_claims.renew(project, results, paper)
-        put_into(project / "README.md", results / "verdicts.md", known if paper else ())
-        write_lists(project)
-        redrawn = _renew_references(project / "tests" / "reference", results, chosen)
-    print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
-    keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
-
-
-@contextmanager
-def _built_copy(
-    project: Path, cores: int, log: Path, papers: Sequence[str] = ()
-) -> Iterator[tuple[Path, list[str]]]:
-    """A copy of the project with everything built that can be; what failed, in a sentence."""
-    with tempfile.TemporaryDirectory(prefix="reobserve-") as folder:
-        copy = Path(folder)
-        copy_project(project, copy)
-        what = ", ".join(papers) or "everything"
-        print(f"building {what} from scratch in a temporary folder, some minutes", flush=True)
-        whole = build(copy, project, cores, log, papers)
-        yield copy, [] if whole else [f"the build failed in part; {log} has what it said"]
-
-
-def _compare(
-    project: Path, reference: Path, results: Path, output: Path, problems: list[str]
-) -> None:
-    for option, path in (("--reference", reference), ("--results", results)):
-        if not path.is_dir():
-            problems = [*problems, f"{option}: there is no folder {path}"]
+def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:
+    """Compare, write page and summary to ``output``; fail if anything does not agree."""
+    folders = (("--reference", reference), ("--results", results))
+    problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     items = compare_all(project, reference, results)
     write_text(output / "summary.md", to_markdown(items, problems))
     write_text(output / "index.html", render(items, problems, project / "workflow" / "report"))
@@ -99,6 +40,35 @@ def _compare(
     if failed or problems:
         said = "; ".join([f"{len(failed)} do not agree with what was accepted", *problems])
         raise ReobserveError(f"{said}; see {output / 'index.html'}")
+
+
+def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
+    """Accept figures, golden numbers, verdicts, and the table of the README, of some or all papers.
+
+    Refuses without a reason, in CI and on a dirty tree. What is not up to date in the results is
+    built first; if that fails, what was accepted stays.
+    """
+    check_may_accept(project, reason)
+    known, results, moved = known_papers(project), project / "results", []
+    chosen = named_papers(known, paper)
+    _build(project, paper, cores)
+    for one in chosen:
+        moved += renew(project, results / one, Ledger.load(project, one).tree, one, cores)
+        _keep_samples(project, results, one)
+    moved += golden_claims.renew(project, results, paper)
+    put_into(project / "README.md", results / "verdicts.md", known if paper else ())
+    write_lists(project)
+    redrawn = _renew_references(project / "tests" / "reference", results, chosen)
+    print("\n".join([*moved, *redrawn]) if moved or redrawn else "nothing moved")
+    keep_reason(project, reason, f"{len(moved)} numbers and {len(redrawn)} figures moved")
+
+
+def _build(project: Path, papers: Sequence[str], cores: int) -> None:
+    """Bring the results up to date, of these papers or of all that the config names."""
+    command = [sys.executable, "-m", "snakemake", "--cores", str(cores)]
+    command += ["--config", f"papers=[{','.join(papers)}]"] if papers else []
+    if subprocess.run(command, cwd=project, check=False).returncode:
+        raise ReobserveError("nothing is accepted: the build failed")
 
 
 def _keep_samples(project: Path, results: Path, paper: str) -> None:

@@ -30,7 +30,8 @@ class _Shown:
 def counts(items: Sequence[Item]) -> str:
     """How many items have which verdict."""
     found = Counter(item.verdict for item in items)
-    return ", ".join(f"{found[one]} {one}" for one in sorted(found, reverse=True)) or "nothing"
+    words = {"not compared": "not compared", "moved": "moved", "agrees": "agree"}
+    return ", ".join(f"{found[one]} {words[one]}" for one in words if found[one]) or "nothing"
 
 
 def to_markdown(items: Sequence[Item], problems: Sequence[str]) -> str:
@@ -93,8 +94,7 @@ def _show(item: Item) -> _Shown:
     difference = ""
     if item.pixels and not same and item.reference and item.new:
         old, new = map(pixels.read_pixels, (item.reference, item.new))
-        shown = pixels.show_difference(old, new, item.pixels.place)
-        difference = _data(pixels.to_png(shown))
+        difference = _data(pixels.show_difference(old, new, item.pixels.place))
     return _Shown(item, _picture(item.reference), "" if same else _picture(item.new), difference)
 
 

@@ -81,7 +81,11 @@ def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -
     size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
     moved = max((_change(values, other) for other in processors), default=0.0)
     # With half the step a run may end at another time: the numbers that both have.
-    both = {key: values[key] for key in values if math.isfinite(_value(halved, key))}
+    both = {
+        key: value
+        for key, value in values.items()
+        if math.isfinite(value) and math.isfinite(_value(halved, key))
+    }
     allowed = tolerance(size, moved, _change(both, halved))
     if allowed is None:
         return {key: Number(f"{value:.3g}", column[key].unit) for key, value in values.items()}

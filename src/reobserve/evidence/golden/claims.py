@@ -9,33 +9,38 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER, KINDS
 from reobserve.evidence.golden.comparison import Moved
 from reobserve.plain_data.files import read_table, write_table
 
-_COMPARED = ("verdict", "holds")
 _KEY = ("paper", "claim")
-_HEADER = (*_KEY, *_COMPARED)
+_COMPARED = ("verdict", "holds")
 _KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
-_NONE = "none"
 
-Verdicts = dict[str, dict[str, dict[str, str]]]  # by paper and claim: verdict, and holds
+Verdicts = dict[str, dict[str, dict[str, str]]]  # verdict and holds, by paper and claim
 
 
 def golden_file(project: Path) -> Path:
-    """Where the golden verdicts are."""
+    """The file of the golden verdicts."""
     return project / "tests" / "golden" / "claims.csv"
 
 
 def read_golden(project: Path) -> Verdicts:
     """The accepted verdicts; `InputError` if the file is missing or damaged."""
-    return _by_paper(read_table(golden_file(project), _HEADER, _KINDS, _KEY))
+    return _read(golden_file(project), (*_KEY, *_COMPARED))
 
 
 def read_built(results: Path) -> Verdicts:
     """The verdicts of a build; `InputError` if there are none, or the file is damaged."""
-    return _by_paper(read_table(results / "claims.csv", HEADER, KINDS, _KEY))
+    return _read(results / "claims.csv", HEADER)
+
+
+def _read(path: Path, header: Sequence[str]) -> Verdicts:
+    verdicts: Verdicts = {}
+    for row in read_table(path, header, _KINDS, _KEY):
+        kept = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
+    return verdicts
 
 
 def compare(
@@ -45,7 +50,7 @@ def compare(
     before, now = golden.get(paper, {}), found.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
         for column in columns:
-            old, new = (side.get(claim, {}).get(column, _NONE) for side in (before, now))
+            old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
             if old != new:
                 yield Moved(f"{paper} {claim}, {column}", old, new)
 
@@ -59,28 +64,14 @@ def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]
         If the build has no verdicts.
     """
     found = read_built(results)
-    try:
-        golden = read_golden(project)
-    except InputError as error:
-        golden, moved = {}, [f"claims: all verdicts are new ({error})"]
-    else:
-        chosen = dict.fromkeys(papers or [*golden, *found])
-        moved = [str(cell) for paper in chosen for cell in compare(golden, found, paper)]
-    others = {paper: claims for paper, claims in golden.items() if papers and paper not in papers}
-    kept = found | others
-    order = filter(kept.__contains__, dict.fromkeys([*golden, *found]))
+    golden = read_golden(project) if golden_file(project).exists() else {}
+    chosen = papers or list(dict.fromkeys([*golden, *found]))
+    moved = [str(one) for paper in chosen for one in compare(golden, found, paper)]
+    kept = golden | {paper: found.get(paper, {}) for paper in chosen}
     rows = (
         {"paper": paper, "claim": claim, **row}
-        for paper in order
-        for claim, row in kept[paper].items()
+        for paper, claims in kept.items()
+        for claim, row in claims.items()
     )
-    write_table(golden_file(project), rows, _HEADER)
+    write_table(golden_file(project), rows, (*_KEY, *_COMPARED))
     return moved
-
-
-def _by_paper(rows: list[dict[str, str]]) -> Verdicts:
-    verdicts: Verdicts = {}
-    for row in rows:
-        kept = {column: row[column] for column in _COMPARED}
-        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
-    return verdicts

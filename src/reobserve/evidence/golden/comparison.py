@@ -88,5 +88,6 @@ def distance(one: float, other: float) -> float:
 def _extent(keys: list[Key]) -> str:
     if not keys:
         return "none"
-    count = "1 number" if len(keys) == 1 else f"{len(keys)} numbers"
-    return f"{count}, the last at {keys[-1][2]} s" if keys[-1][2] else count
+    if not keys[0][2]:
+        return "a number"
+    return f"{len(keys)} numbers up to {max(float(time) for _, _, time in keys):g} s"

@@ -43,12 +43,9 @@ def measure(
     project: Path, paper: str, cores: int
 ) -> tuple[list[dict[str, Numbers]], dict[str, Numbers]]:
     """The numbers of a paper by part: on each of `PROCESSORS`, and with every step halved."""
-
-    def run(variables: Mapping[str, str] | None) -> dict[str, Numbers]:
-        return evaluate(project, paper, variables)
-
     with ThreadPoolExecutor(cores) as pool:
-        *processors, halved = pool.map(run, [*PROCESSORS, None])
+        settings = [*PROCESSORS, None]
+        *processors, halved = pool.map(lambda one: evaluate(project, paper, one), settings)
     return processors, halved
 
 

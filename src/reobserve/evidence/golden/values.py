@@ -89,18 +89,22 @@ def _metrics(metrics: Iterable[Metric]) -> dict[Key, Number]:
 
 
 def _samples(source: str, series: Series) -> dict[Key, Number]:
-    """Samples at even distances, at the same times if the step is halved."""
+    """Samples at even distances, and two in the first interval for how an estimate starts.
+
+    If the step is halved they are at the same times.
+    """
     steps = len(series.time) - 1
     if steps % _SAMPLES == 0:
         every = steps // _SAMPLES
-    else:  # a power of two: 21 to 41 samples
+    else:  # a power of two: 20 to 40 intervals
         every = 1 << max(0, (steps // 20).bit_length() - 1)
+    rows = [0, *(every // n for n in (4, 2) if every % n == 0), *range(every, steps + 1, every)]
     numbers = {}
     for column, values in series.flat().items():
         name = column if column in series.channels else column.rpartition("_")[0]
         if name.endswith("_before"):  # left limits at jumps
             continue
-        for time, value in zip(series.time[::every], values[::every], strict=True):
+        for time, value in zip(series.time[rows], values[rows], strict=True):
             numbers[source, column, f"{time:.9g}"] = Number(
                 _text(value), series.channels[name].unit
             )
