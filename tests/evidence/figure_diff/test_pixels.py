@@ -63,6 +63,8 @@ def test_a_moved_curve_is_seen_twice_and_rounding_is_not(reference: Path) -> Non
     found = difference(reference, drawing(shift=0.001))  # line widths
     assert found.rms > 0
     assert not found.exceeded
+    numbers = [(0.09, 0.96), (0.11, 0.96), (0.09, 0.94)]
+    assert [PixelDifference(*two, None).exceeded for two in numbers] == [False, True, True]
 
 
 @pytest.mark.parametrize(
@@ -74,15 +76,6 @@ def test_one_sign_of_a_label_is_seen(reference: Path, changed: dict[str, str]) -
     found = difference(reference, drawing(**changed))
     assert found.exceeded
     assert found.similarity < 0.9
-
-
-@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P"])
-def test_encoding_does_not_matter(tmp_path: Path, mode: str) -> None:
-    grey = np.tile(np.arange(0, 250, 5, dtype=np.uint8), (20, 1))
-    for name, encoded in (("L", "L"), ("other", mode)):
-        Image.fromarray(grey).convert(encoded).save(tmp_path / f"{name}.png")
-    one, other = (read_pixels(tmp_path / f"{name}.png") for name in ("L", "other"))
-    assert compare(one, other, "fig1").place is None
 
 
 def test_the_numbers_are_known_for_a_flat_picture_and_for_one_pixel() -> None:
@@ -116,9 +109,3 @@ def test_a_damaged_picture_is_named(reference: Path, tmp_path: Path, start: int)
     path.write_bytes(whole[:start] + b"\0" * 40 + whole[start + 40 :])
     with pytest.raises(InputError, match=r"fig1\.png: is damaged or is no picture \("):
         read_pixels(path)
-
-
-def test_one_tolerance_that_is_exceeded_is_enough() -> None:
-    numbers = [(0.09, 0.96), (0.11, 0.96), (0.09, 0.94)]
-    exceeded = [PixelDifference(*pair, None).exceeded for pair in numbers]
-    assert exceeded == [False, True, True]

@@ -14,7 +14,7 @@ from reobserve.evidence.claims.robustness_file import read_robustness
 from reobserve.evidence.claims.verdict_table import put_into
 from reobserve.evidence.figure_diff import pixels
 from reobserve.evidence.figure_diff.comparison import compare_all, figures
-from reobserve.evidence.figure_diff.page import counts, render, to_markdown
+from reobserve.evidence.figure_diff.page import render, summary
 from reobserve.evidence.golden import claims as golden_claims
 from reobserve.evidence.golden.acceptance import renew
 from reobserve.evidence.golden.guard import check_may_accept, keep_reason
@@ -29,17 +29,13 @@ def figdiff_command(project: Path, reference: Path, results: Path, output: Path)
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
     items = compare_all(project, reference, results)
-    write_text(output / "summary.md", to_markdown(items, problems))
     write_text(output / "index.html", render(items, problems, project / "workflow" / "report"))
-    failed = [item for item in items if item.verdict != "agrees"]
-    for item in failed:
-        print(f"{item.paper} {item.name}: {item.verdict}")
-        for sentence in (*item.problems, *map(str, item.moved[:3])):
-            print(f"  {sentence}")
-    print(f"{len(items)} figures, tables, theories and papers' claims: {counts(items)}")
+    write_text(output / "summary.md", summary(items, problems) + "\n")
+    print(summary(items, problems))
+    failed = sum(item.verdict != "agrees" for item in items)
     if failed or problems:
-        said = "; ".join([f"{len(failed)} do not agree with what was accepted", *problems])
-        raise ReobserveError(f"{said}; see {output / 'index.html'}")
+        page = output / "index.html"
+        raise ReobserveError(f"{failed} do not agree with what was accepted; see {page}")
 
 
 def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int) -> None:
@@ -93,10 +89,7 @@ def _renew_references(reference: Path, results: Path, papers: Sequence[str]) -> 
             else:
                 if found.place is None:
                     continue
-                said.append(
-                    f"{title}: RMS {found.rms:.3g} grey levels, "
-                    f"least local similarity {found.similarity:.4f}"
-                )
+                said.append(f"{title}: {found}")
             accepted.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, accepted)
         for name, path in figures(reference / paper).items():

@@ -38,11 +38,6 @@ class Item:
     problems: list[str] = field(default_factory=list)
 
     @property
-    def is_figure(self) -> bool:
-        """Whether there is a picture."""
-        return bool(self.reference or self.new)
-
-    @property
     def verdict(self) -> str:
         """In a few words, the gravest first."""
         if self.problems:

@@ -59,6 +59,10 @@ class PixelDifference:
         """Whether a tolerance is exceeded."""
         return self.rms > RMS or self.similarity < SIMILARITY
 
+    def __str__(self) -> str:
+        """Both numbers in words."""
+        return f"RMS {self.rms:.3g} grey levels, least local similarity {self.similarity:.4f}"
+
 
 def read_pixels(path: Path) -> Pixels:
     """The drawing of a PNG on white paper, shape (rows, columns, 3).

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError, ReobserveError
+from reobserve.errors import ReobserveError
 from reobserve.evidence.golden.comparison import compare, distance
 from reobserve.evidence.golden.conditions import measure
 from reobserve.evidence.golden.files import (
@@ -34,15 +34,14 @@ def renew(
     """
     golden: dict[str, Numbers] = {}
     found = {part: built_numbers(folder, tree, part) for part in part_names(tree)}
-    moved = []
+    moved: list[str] = []
     for part, numbers in found.items():
-        try:
-            golden[part] = read_numbers(golden_file(project, paper, part))
-        except InputError as error:
-            golden[part] = {}
-            moved.append(f"{paper} {part}: all numbers are new ({error})")
-        else:
+        path = golden_file(project, paper, part)
+        golden[part] = read_numbers(path) if path.exists() else {}
+        if path.exists():
             moved += map(str, compare(golden[part], numbers, f"{paper} {part}"))
+        else:
+            moved.append(f"{paper} {part}: new")
     if moved:
         print(f"measuring the tolerances of {paper}, some minutes", flush=True)
         processors, halved = measure(project, paper, cores)
@@ -79,21 +78,15 @@ def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -
         return column
     values = {key: float(number.value) for key, number in column.items()}
     size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
-    moved = max((_change(values, other) for other in processors), default=0.0)
-    # With half the step a run may end at another time: the numbers that both have.
-    both = {
-        key: value
-        for key, value in values.items()
-        if math.isfinite(value) and math.isfinite(_value(halved, key))
-    }
-    allowed = tolerance(size, moved, _change(both, halved))
-    if allowed is None:
-        return {key: Number(f"{value:.3g}", column[key].unit) for key, value in values.items()}
-    return {key: Number(one.value, one.unit, f"{allowed:g}") for key, one in column.items()}
-
-
-def _change(values: Mapping[Key, float], other: Numbers) -> float:
-    return max((distance(value, _value(other, key)) for key, value in values.items()), default=0.0)
+    moved = max(distance(values[key], _value(one, key)) for one in processors for key in values)
+    new: dict[Key, Number] = {}
+    for key, value in values.items():
+        change = abs(value - _value(halved, key))
+        # With half the step a run may end at another time: then there is nothing to compare.
+        allowed = tolerance(size, moved, change if math.isfinite(change) else 0.0)
+        text = f"{value:.3g}" if allowed is None else column[key].value
+        new[key] = Number(text, column[key].unit, "" if allowed is None else f"{allowed:g}")
+    return new
 
 
 def _value(numbers: Numbers, key: Key) -> float:

@@ -56,13 +56,7 @@ def compare(
 
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
-    """Accept the verdicts of a build, of all or of some papers; what moved, a line each.
-
-    Raises
-    ------
-    InputError
-        If the build has no verdicts.
-    """
+    """Accept the verdicts of a build, of all or of some papers; what moved, a line each."""
     found = read_built(results)
     golden = read_golden(project) if golden_file(project).exists() else {}
     chosen = papers or list(dict.fromkeys([*golden, *found]))

@@ -33,13 +33,7 @@ class Moved:
 def compare_built(
     project: Path, folder: Path, tree: Mapping[str, Any], paper: str, part: str
 ) -> list[Moved]:
-    """What moved of a figure, a table or the theory that was built in the folder of its paper.
-
-    Raises
-    ------
-    InputError
-        If a golden file or a built one is missing or damaged.
-    """
+    """What moved of a part that was built; `InputError` if a file is missing or damaged."""
     golden = read_numbers(golden_file(project, paper, part))
     return list(compare(golden, built_numbers(folder, tree, part), f"{paper} {part}"))
 

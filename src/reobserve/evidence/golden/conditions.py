@@ -50,13 +50,7 @@ def measure(
 
 
 def evaluate(project: Path, paper: str, variables: Mapping[str, str] | None) -> dict[str, Numbers]:
-    """The numbers of a paper under these variables, or with every step halved for None.
-
-    Raises
-    ------
-    ReobserveError
-        If it cannot be evaluated.
-    """
+    """The numbers of a paper under these variables, or with every step halved for None."""
     environment = dict(os.environ)
     if variables is not None:
         environment = unpinned(environment) | dict.fromkeys(THREADS, "1") | dict(variables)

@@ -32,19 +32,14 @@ class Number:
     @property
     def is_word(self) -> bool:
         """Whether the value is no number, and is compared letter by letter."""
-        return not is_number(self.value)
+        try:
+            float(self.value)
+        except ValueError:
+            return True
+        return False
 
 
 Numbers = Mapping[Key, Number]
-
-
-def is_number(text: str) -> bool:
-    """Whether a text spells a number; nan and inf are numbers."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def golden_file(project: Path, paper: str, part: str) -> Path:

@@ -1,15 +1,15 @@
 """How far a number may be off: what was measured on other processors and with half the steps.
 
-The tolerance of a column is the largest of
+The tolerance of a number is the largest of
 
-- ten times the largest change under other settings of the processor (`conditions`),
-- twice the change when every numerical step is halved,
-- a rounding error of 1e-12 of its largest number.
+- ten times the largest change of its column under other settings of the processor (`conditions`),
+- twice its own change when every numerical step is halved,
+- a rounding error of 1e-12 of the largest number of the column.
 
-A column is not determined if that is more than one per cent of its largest number, or if another
-processor moves it by more than a millionth. Such a number would not notice a parameter that is
-wrong by one per cent: it is listed with three digits, for pages that quote it, and not compared.
-What is zero but for rounding, below a millionth of its unit, is determined: by that bound.
+A number is not determined if that is more than one per cent of the largest number, or if another
+processor moves the column by more than a millionth. Such a number would not notice a parameter
+that is wrong by one per cent: it is listed with three digits, for pages that quote it, and not
+compared. What is zero but for rounding, below a millionth of its unit, is determined by its bound.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _NEARLY_ZERO = 1e-6  # in the unit of the number
 
 
 def tolerance(size: float, moved: float, halved: float) -> float | None:
-    """The tolerance of a column, rounded up to two digits; None if it is not determined.
+    """The tolerance of a number, rounded up to two digits; None if it is not determined.
 
-    ``size`` is its largest number, ``moved`` the largest change on another processor, ``halved``
-    that with every step halved.
+    ``size`` is the largest number of its column, ``moved`` the largest change of that on another
+    processor, ``halved`` the change of the number with every step halved.
     """
     rounding = max(_RELATIVE_ROUNDING * size, _ABSOLUTE_ROUNDING)
     allowed = max(_MARGIN * moved, _STEP_MARGIN * halved, rounding)
@@ -40,7 +40,7 @@ def tolerance(size: float, moved: float, halved: float) -> float | None:
 
 
 def is_determined(size: float, moved: float, allowed: float) -> bool:
-    """Whether a column of this size with this tolerance says anything."""
+    """Whether a number with this tolerance says anything, in a column of this size."""
     if size + allowed <= _NEARLY_ZERO:
         return True
     return allowed <= _MOST * size and moved <= _MOST_BY_PROCESSOR * size

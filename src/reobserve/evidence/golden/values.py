@@ -36,13 +36,7 @@ def records(tree: Mapping[str, Any], figure: str) -> list[str]:
 
 
 def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key, Number]:
-    """The numbers of a part from what was built in the folder of its paper.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged.
-    """
+    """The numbers of a part that was built; `InputError` if a file is missing or damaged."""
     if part in tree.get("tables", {}):
         header, lines = read_rows(folder / f"{part}.csv")
         return _cells([dict(zip(header, line, strict=True)) for line in lines])
@@ -55,13 +49,7 @@ def built_numbers(folder: Path, tree: Mapping[str, Any], part: str) -> dict[Key,
 
 
 def evaluated_numbers(evaluator: Evaluator, part: str) -> dict[Key, Number]:
-    """The numbers of a part, computed in this process.
-
-    Raises
-    ------
-    InputError
-        If a parameter cannot be used.
-    """
+    """The numbers of a part, computed here; `InputError` if a parameter cannot be used."""
     tree = evaluator.ledger.tree
     if part in tree.get("tables", {}):
         header = paper_module(evaluator.ledger.paper, "table").HEADER
