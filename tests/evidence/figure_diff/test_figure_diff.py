@@ -74,6 +74,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_text("results/verdicts.md", "| `made` | [Re] |\n")
     write_text("README.md", "# Made\n<!-- verdicts -->\nold\n<!-- end -->\nmore\n")
     write_text("config/papers/made.yaml", "")
+    write_text("config/config.yaml", "seed: 0\n")
     write_text(".gitignore", "results\nfigdiff\n")
     git("init", "--quiet")
     commit()

@@ -14,6 +14,7 @@ from reobserve.evidence.golden import claims as golden_claims
 from reobserve.evidence.golden.comparison import Moved, compare_built
 from reobserve.evidence.golden.files import golden_files
 from reobserve.evidence.golden.values import part_names
+from reobserve.ledger.config import known_papers, read_yaml
 from reobserve.ledger.ledger import Ledger
 from reobserve.ledger.names import stored_parameters
 
@@ -61,15 +62,15 @@ def figures(folder: Path) -> dict[str, Path]:
 
 
 def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
-    """An item for each figure, table and theory that was accepted or built, and for the claims."""
-    folders = (reference, results, project / "tests" / "golden")
-    papers = {path.name for folder in folders for path in folder.glob("*/") if path.is_dir()}
+    """An item for each figure, table and theory of the papers to build, and for their claims."""
+    stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
+    papers: list[str] = stated or known_papers(project)
     items = [
         item
-        for paper in sorted(papers)
+        for paper in papers
         for item in _compare_paper(project, reference / paper, results / paper, paper)
     ]
-    return [*items, *_compare_claims(project, results)]
+    return [*items, *_compare_claims(project, results, papers)]
 
 
 def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> Iterator[Item]:
@@ -100,7 +101,7 @@ def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> I
         yield item
 
 
-def _compare_claims(project: Path, results: Path) -> list[Item]:
+def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Item]:
     """The verdicts on the claims of each paper that has some, accepted or built."""
     try:
         golden = golden_claims.read_golden(project)
@@ -109,5 +110,6 @@ def _compare_claims(project: Path, results: Path) -> list[Item]:
         return [Item("all papers", "claims", problems=[str(error)])]
     return [
         Item(paper, "claims", moved=list(golden_claims.compare(golden, found, paper)))
-        for paper in dict.fromkeys([*golden, *found])
+        for paper in papers
+        if paper in golden or paper in found
     ]
