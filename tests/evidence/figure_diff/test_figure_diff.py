@@ -14,6 +14,7 @@ import pytest
 from reobserve.cli import main
 from reobserve.drawing.figures import new_figure
 from reobserve.drawing.formats import save
+from reobserve.errors import ReobserveError
 from reobserve.evidence.claims.table import HEADER
 from reobserve.evidence.figure_diff import commands
 from reobserve.evidence.golden import acceptance
@@ -31,6 +32,7 @@ TREE = {
     "designs": {"gains": {}}, "tables": {"table1": {"design": "gains"}},
 }  # fmt: skip
 LEDGER = Ledger("made", TREE, 0)
+BUILD = commands._build
 TIME = np.arange(41) * 0.05
 BUILT, GOLDEN, ACCEPTED = "results/made", "tests/golden/made", "tests/reference/made"
 
@@ -155,6 +157,8 @@ def test_accepting_is_guarded(
         return capsys.readouterr().err
 
     assert "must say in three words" in refused("because")
+    with pytest.raises(ReobserveError, match="nothing is accepted: the build failed"):
+        BUILD(Path(), [], 1)  # there is no Snakefile
     assert "there is no 'nobody'" in refused("a good reason", "nobody")
     Path("new.txt").touch()
     assert "1 uncommitted changes, the first is 'new.txt'" in refused()
@@ -166,6 +170,8 @@ def test_accepting_renews_what_moved_and_keeps_the_reason(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     draw(f"{BUILT}/fig1.png", "state y")
+    assert main(["figdiff"]) == 1
+    assert text("figdiff/index.html").count("data:image/png") == 3  # accepted, new, difference
     rewrite(f"{BUILT}/theory.metrics.csv", "-2.0", "-3")()
     rewrite("results/claims.csv", "reproduced", "contradicted")()
     shutil.copy(f"{ACCEPTED}/fig1.png", f"{ACCEPTED}/old.png")
