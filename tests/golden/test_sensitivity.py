@@ -156,7 +156,7 @@ def test_one_step_more_of_an_interval_is_noticed(key: str, factor: float) -> Non
 
 
 def test_the_list_of_constants_is_long_enough() -> None:
-    keys = {key for paper, key, _ in CONSTANTS if paper == "ilo"}
-    assert len(keys) > 30
-    assert {"plant.inertia", "observers.sampled.K2", "observers.matched.integral_gain"} <= keys
-    assert sum((paper, key) == ("ilo", "plant.inertia") for paper, key, _ in CONSTANTS) == 4
+    keys = [key for paper, key, _ in CONSTANTS if paper == "ilo"]
+    assert {"observers.sampled.K2", "observers.matched.integral_gain"} < set(keys)
+    assert len(set(keys)) > 30
+    assert keys.count("plant.inertia") == 4

@@ -83,7 +83,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def measure(*arguments: object) -> object:
         same = {part: built_numbers(Path(BUILT), TREE, part) for part in part_names(TREE)}
-        return [same], same
+        return [same, same]
 
     monkeypatch.setenv("CI", "")
     monkeypatch.setattr(commands, "_build", lambda *arguments: None)
@@ -162,6 +162,8 @@ def test_accepting_is_guarded(
     assert "there is no 'nobody'" in refused("a good reason", "nobody")
     Path("new.txt").touch()
     assert "1 uncommitted changes, the first is 'new.txt'" in refused()
+    Path(".git").rename("git")
+    assert "accepted in a git checkout" in refused()
     monkeypatch.setenv("CI", "true")
     assert "nothing is accepted in CI" in refused()
 

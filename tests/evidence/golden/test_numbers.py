@@ -10,6 +10,7 @@ import pytest
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.golden import acceptance, conditions
 from reobserve.evidence.golden.comparison import compare
+from reobserve.evidence.golden.conditions import Rounded
 from reobserve.evidence.golden.files import (
     Key,
     Number,
@@ -18,9 +19,9 @@ from reobserve.evidence.golden.files import (
     read_numbers,
     write_numbers,
 )
-from reobserve.evidence.golden.guard import check_may_accept
 from reobserve.evidence.golden.tolerances import tolerance
 from reobserve.evidence.golden.values import _samples, evaluated_numbers, part_names, records
+from reobserve.replication.evaluation import Evaluator
 from reobserve.timeseries.series import Channel, Series
 from tests.pipeline.conftest import EVALUATORS, LEDGERS, ROOT
 
@@ -137,9 +138,6 @@ def test_only_what_moved_is_renewed() -> None:
     halved[new] = Number("3.2", "V")
     listed = acceptance.renewed(golden, found, [other], halved)
     assert listed == {still: golden[still], new: Number("3.12", "V")}
-    word = ("row 1", "agrees", "")
-    with pytest.raises(ReobserveError, match="row 1, agrees: a word depends on the processor"):
-        acceptance.renewed({}, {word: Number("yes")}, [{word: Number("no")}], {})
 
 
 def test_each_sample_has_the_tolerance_of_its_own_step() -> None:
@@ -156,7 +154,7 @@ def test_renewing_writes_what_moved_and_nothing_else(
     tree = {"figures": dict.fromkeys(("fig1", "fig2"), figure), "theory": {}}
     built = {part: number("0.5", "") for part in part_names(tree)}
     monkeypatch.setattr(acceptance, "built_numbers", lambda folder, tree, part: built[part])
-    monkeypatch.setattr(acceptance, "measure", lambda *arguments: ([built], built))
+    monkeypatch.setattr(acceptance, "measure", lambda *arguments: [built, built])
     for part in ("fig1", "fig2", "old"):
         write_numbers(golden_file(tmp_path, "made", part), number("0.5000001"))
     golden = golden_file(tmp_path, "made", "fig2")
@@ -178,13 +176,21 @@ def test_a_process_evaluates_as_this_one_does() -> None:
     assert set(there) == set(part_names(LEDGERS["lie"].tree))
     for found in (evaluated_numbers(here, "fig1"), there["fig1"]):
         assert list(compare(golden, found, "")) == []
-    halved = conditions.evaluate(ROOT, "lie", None)
+    halved = conditions.evaluate(ROOT, "lie", change="halved")
     assert halved["fig1"]["constant", "ise", ""] != there["fig1"]["constant", "ise", ""]
+
+
+def test_a_rounding_error_is_one_unit_in_the_last_place() -> None:
+    one, other = (kind(LEDGERS["ilo"]).run("plant", "constant") for kind in (Evaluator, Rounded))
+    for name, values in one.flat().items():
+        off = np.abs(other.flat()[name] - values)
+        assert np.all(off <= np.spacing(np.abs(values)))
+        assert np.array_equal(off == 0, values == np.round(values))
 
 
 def test_what_cannot_be_evaluated_is_one_sentence() -> None:
     with pytest.raises(ReobserveError, match=r"^nobody: .*there is no 'nobody'") as caught:
-        conditions.evaluate(ROOT, "nobody", None)
+        conditions.evaluate(ROOT, "nobody")
     assert "\n" not in str(caught.value)
 
 
@@ -205,10 +211,3 @@ def test_a_damaged_golden_file_is_named(tmp_path: Path, old: str, new: str, said
     with pytest.raises(InputError, match=said) as caught:
         read_numbers(path)
     assert str(path) in str(caught.value)
-
-
-def test_only_a_checkout_can_be_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CI", "")
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    with pytest.raises(ReobserveError, match=r"^figures and numbers are accepted in a git checko"):
-        check_may_accept(tmp_path, "a good reason")

@@ -28,13 +28,13 @@ def figdiff_command(project: Path, reference: Path, results: Path, output: Path)
     """Compare, write page and summary to ``output``; fail if anything does not agree."""
     folders = (("--reference", reference), ("--results", results))
     problems = [f"{name}: there is no folder {path}" for name, path in folders if not path.is_dir()]
-    items = compare_all(project, reference, results)
-    write_text(output / "index.html", render(items, problems, project / "workflow" / "report"))
-    write_text(output / "summary.md", summary(items, problems) + "\n")
-    print(summary(items, problems))
+    items, page = compare_all(project, reference, results), output / "index.html"
+    said = summary(items, problems)
+    write_text(page, render(items, problems, project / "workflow" / "report"))
+    write_text(output / "summary.md", said + "\n")
+    print(said)
     failed = sum(item.verdict != "agrees" for item in items)
     if failed or problems:
-        page = output / "index.html"
         raise ReobserveError(f"{failed} do not agree with what was accepted; see {page}")
 
 

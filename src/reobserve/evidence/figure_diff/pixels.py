@@ -90,13 +90,7 @@ def read_pixels(path: Path) -> Pixels:
 
 
 def compare(reference: Pixels, new: Pixels, name: str) -> PixelDifference:
-    """How far ``new`` is from ``reference``, both of shape (rows, columns, 3).
-
-    Raises
-    ------
-    InputError
-        If they differ in size: then nothing lies over its counterpart.
-    """
+    """How far ``new`` is from ``reference``; `InputError` if they differ in size."""
     if reference.shape != new.shape:
         here, there = (f"{p.shape[1]} x {p.shape[0]}" for p in (new, reference))
         raise InputError(name, f"has {here} pixels, the reference figure has {there}")

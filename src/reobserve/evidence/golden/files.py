@@ -54,13 +54,7 @@ def golden_files(project: Path, paper: str) -> dict[str, Path]:
 
 
 def read_numbers(path: Path) -> dict[Key, Number]:
-    """The numbers of a file.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or damaged, or a tolerance is negative.
-    """
+    """The numbers of a file; `InputError` if it is missing or damaged."""
     rows = read_table(path, _HEADER, {"source": NAME, "quantity": NAME, "tolerance": GAP}, _KEY)
     for line, row in enumerate(rows, start=2):
         if row["tolerance"] and not float(row["tolerance"]) >= 0:
