@@ -2,7 +2,7 @@
 
 The tolerance of a number is the largest of
 
-- ten times the largest change of its column under other settings of the processor (`conditions`),
+- ten times the largest change of its column as on other processors (`conditions`),
 - twice its own change when every numerical step is halved,
 - a rounding error of 1e-12 of the largest number of the column.
 
