@@ -10,7 +10,6 @@ import pytest
 from reobserve.errors import InputError, ReobserveError
 from reobserve.evidence.golden import acceptance, conditions
 from reobserve.evidence.golden.comparison import compare
-from reobserve.evidence.golden.conditions import Rounded
 from reobserve.evidence.golden.files import (
     Key,
     Number,
@@ -47,7 +46,6 @@ def moved(golden: dict[Key, Number], found: dict[Key, Number]) -> list[str]:
         (number("0.5"), number("0.500002"), "golden 0.5, found 0.500002, off by 2e-06, allowed"),
         (number("0.5"), number("nan"), "golden 0.5, found nan, off by nan, allowed 1e-6"),
         (number("nan"), number("nan"), ""),
-        (number("inf"), number("1e300"), "golden inf, found 1e300, off by inf"),
         (number("0.5"), number("0.5", unit="A"), "golden in V, found in A"),
         (number("0.5"), {}, "golden a number, found none"),
         ({}, number("0.5"), "golden none, found a number"),
@@ -117,7 +115,6 @@ def test_a_record_is_kept_with_the_first_figure_that_shows_it() -> None:
         (0.71, 0.0, 0.195, None),
         (2e-11, 0.0, 2.5e-11, 5e-11),  # zero but for the step
         (1.0, 0.0, float("inf"), None),
-        (1.0, 0.0, 1.234e-5, 2.5e-5),
     ],
 )
 def test_the_tolerance_follows_from_what_was_measured(
@@ -138,6 +135,9 @@ def test_only_what_moved_is_renewed() -> None:
     halved[new] = Number("3.2", "V")
     listed = acceptance.renewed(golden, found, [other], halved)
     assert listed == {still: golden[still], new: Number("3.12", "V")}
+    found[new] = Number("3.2345678", "V")
+    again = acceptance.renewed(listed, found, [found], found)
+    assert again == {still: golden[still], new: Number("3.23", "V")}
 
 
 def test_each_sample_has_the_tolerance_of_its_own_step() -> None:
@@ -181,7 +181,9 @@ def test_a_process_evaluates_as_this_one_does() -> None:
 
 
 def test_a_rounding_error_is_one_unit_in_the_last_place() -> None:
-    one, other = (kind(LEDGERS["ilo"]).run("plant", "constant") for kind in (Evaluator, Rounded))
+    one, other = (
+        kind(LEDGERS["ilo"]).run("plant", "constant") for kind in (Evaluator, conditions.Rounded)
+    )
     for name, values in one.flat().items():
         off = np.abs(other.flat()[name] - values)
         assert np.all(off <= np.spacing(np.abs(values)))

@@ -14,7 +14,6 @@ from reobserve.evidence.report.policy import content_policy, inline
 
 TEMPLATE = "figure_diff.html.jinja"
 STYLE = "figure_diff.css"
-_LISTED = 3  # numbers of an item in the summary; the page has all
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ def summary(items: Sequence[Item], problems: Sequence[str]) -> str:
         if item.verdict != "agrees":
             lines.append(f"- {item.paper} {item.name}: {item.verdict}")
             drawn = [str(item.pixels)] if item.pixels and item.pixels.exceeded else []
-            said = (*item.problems, *drawn, *map(str, item.moved[:_LISTED]))
+            said = (*item.problems, *drawn, *map(str, item.moved[:3]))
             lines += [f"    - {sentence}" for sentence in said]
     return "\n".join(lines)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,15 +59,24 @@ def renew(
 def renewed(
     golden: Numbers, found: Numbers, processors: Sequence[Numbers], halved: Numbers
 ) -> dict[Key, Number]:
-    """The numbers of a part: golden columns that have not moved, the others with new tolerances."""
+    """The numbers of a part: golden columns that have not moved, the others with new tolerances.
+
+    A number that was only listed stays so: that rounding decides it does not show every time.
+    """
     new: dict[Key, Number] = {}
     for keys in columns(found).values():
         old = {key: golden[key] for key in keys if key in golden}
         column = {key: found[key] for key in keys}
-        compared = old and all(one.tolerance or one.is_word for one in old.values())
-        unmoved = compared and not list(compare(old, column, ""))
-        new |= old if unmoved else _measured(column, processors, halved)
+        if list(compare(old, column, "")):
+            new |= _measured(column, processors, halved)
+        else:
+            compared = {key: one for key, one in old.items() if one.tolerance or one.is_word}
+            new |= {key: compared.get(key, _listed(one)) for key, one in column.items()}
     return new
+
+
+def _listed(number: Number) -> Number:
+    return number if number.is_word else Number(f"{float(number.value):.3g}", number.unit)
 
 
 def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -> Numbers:
@@ -75,13 +85,13 @@ def _measured(column: Numbers, processors: Sequence[Numbers], halved: Numbers) -
     values = {key: float(number.value) for key, number in column.items()}
     size = max((abs(value) for value in values.values() if math.isfinite(value)), default=0.0)
     moved = max(distance(values[key], _value(one, key)) for one in processors for key in values)
-    new: dict[Key, Number] = {}
+    new = {}
     for key, value in values.items():
         change = abs(value - _value(halved, key))
         # With half the step a run may end at another time: then there is nothing to compare.
         allowed = tolerance(size, moved, change if math.isfinite(change) else 0.0)
-        text = f"{value:.3g}" if allowed is None else column[key].value
-        new[key] = Number(text, column[key].unit, "" if allowed is None else f"{allowed:g}")
+        one = column[key]
+        new[key] = _listed(one) if allowed is None else replace(one, tolerance=f"{allowed:g}")
     return new
 
 
