@@ -12,9 +12,6 @@ from reobserve.evidence.figure_diff import pixels
 from reobserve.evidence.figure_diff.comparison import Item
 from reobserve.evidence.report.policy import content_policy, inline
 
-TEMPLATE = "figure_diff.html.jinja"
-STYLE = "figure_diff.css"
-
 
 @dataclass(frozen=True)
 class _Shown:
@@ -56,8 +53,8 @@ def render(items: Sequence[Item], problems: Sequence[str], templates: Path) -> s
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     shown = [_show(item) for item in items]
-    style = inline(templates / STYLE)
-    return environment.get_template(TEMPLATE).render(
+    style = inline(templates / "figure_diff.css")
+    return environment.get_template("figure_diff.html.jinja").render(
         policy=content_policy(style),
         style=Markup(style),
         counts=counts(items),
