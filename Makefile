@@ -63,16 +63,22 @@ check: $(STAMP)  ## style, types, workflow lint
 	check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	snakemake --lint
 
-elsewhere: $(STAMP)  ## compare the golden numbers under every processor that this one can stand in for
-	reobserve golden elsewhere --cores $(CORES)
+# A newer and an older processor: what numpy, its BLAS, numba and the C library are told to use.
+NEWER := OPENBLAS_CORETYPE=Haswell NPY_ENABLE_CPU_FEATURES=
+OLDER := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= \
+	GLIBC_TUNABLES=glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2
+
+elsewhere: $(STAMP)  ## compare the golden numbers with builds as on a newer and an older processor
+	$(NEWER) pytest tests/golden/test_golden.py
+	$(OLDER) pytest tests/golden/test_golden.py
 
 bench: $(STAMP)  ## speed: ratios against C, numpy and scipy, and the cold build
 	python -m benchmarks
 
-figdiff: $(STAMP)  ## build all from nothing elsewhere, compare with the accepted figures, write figdiff/
-	reobserve figdiff --build --cores $(CORES)
+figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, write figdiff/
+	snakemake --cores $(CORES) --keep-going; reobserve figdiff
 
-accept: $(STAMP)  ## accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
+accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
 draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/draws: make draws [MOST=400] [PAPER=ilo]

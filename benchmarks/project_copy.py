@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from reobserve.evidence.figure_diff.project_copy import copy_environment, copy_project
+from tests.project_copy import copy_environment, copy_project
 
 PROJECT = Path(__file__).parents[1]
 _MADE = ("results", "logs", ".snakemake")

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from reobserve.evidence.golden.files import golden_file, read_metrics, read_numbers
 from reobserve.ledger.ledger import Ledger
 
 ROOT = Path(__file__).parents[1]
 
 
 def golden_metrics(paper: str, figure: str) -> dict[tuple[str, str], float]:
-    with (ROOT / f"tests/golden/{paper}/{figure}.metrics.csv").open() as stream:
-        return {
-            (row["observer"], row["metric"]): float(row["value"]) for row in csv.DictReader(stream)
-        }
+    """The accepted metrics of a figure or the theory, by observer and metric."""
+    metrics = read_metrics(ROOT, paper, figure)
+    return {(metric.observer, metric.metric): metric.value for metric in metrics}
 
 
 def percent(number: float, digits: int = 2) -> str:
@@ -56,8 +55,9 @@ def of_lie() -> Iterator[str]:
     yield f"({first:g}, {second:g}) y³, in identity form of order 4, has an integral"
     better = percent(ensemble["cubic4", "share_better order=4"])
     yield f"of {ensemble['cubic4', 'ise']:.3g} s and is better from {better} of the initial states"
-    with (ROOT / "tests/golden/lie/table_coefficients.csv").open() as stream:
-        agree = [row["agrees"] for row in csv.DictReader(stream) if row["printed"]]
+    table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
+    rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}
+    agree = [table[row, "agrees", ""].value for row in rows]
     assert agree == ["yes"] * 10
     yield "All ten nonlinear coefficients"
 

@@ -13,8 +13,10 @@ import pytest
 import yaml
 
 from reobserve.errors import InputError
+from reobserve.evidence.golden.values import part_names
 from reobserve.evidence.meanings import LISTS, meanings, write_lists
 from reobserve.ledger.config import known_papers
+from reobserve.ledger.ledger import Ledger
 from reobserve.replication.provenance import import_closure
 
 from . import FIVE
@@ -210,9 +212,9 @@ def test_metadata_agrees() -> None:
 def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
     """All that are kept, and no others."""
     told = [pattern for pattern, _ in meanings(paper)]
-    kept = (ROOT / "tests/golden" / paper).glob("*.metrics.csv")
-    figures = [path.name.removesuffix(".metrics.csv") for path in kept]
-    metrics = {metric for figure in figures for _, metric in golden_metrics(paper, figure)}
+    tree = Ledger.load(ROOT, paper).tree
+    parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
+    metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}
     assert {one for one in metrics if not any(p.fullmatch(one) for p in told)} == set()
     assert {p.pattern for p in told if not any(map(p.fullmatch, metrics))} == set()
 

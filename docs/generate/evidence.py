@@ -6,8 +6,6 @@ accepted one; that the first two give the third is checked here, so that no page
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +22,7 @@ from reobserve.evidence.claims.registry import Registry, read_registry
 from reobserve.evidence.claims.robustness import Robustness
 from reobserve.evidence.claims.table import HEADER, row
 from reobserve.evidence.errata import Erratum, read_errata
-from reobserve.evidence.golden.files import read_metrics, read_undetermined
+from reobserve.evidence.golden.files import read_metrics
 from reobserve.evidence.report.assumptions import Entry, entries
 from reobserve.evidence.report.claims import Claim, claim_of_row
 from reobserve.evidence.report.markup import to_html, without_title
@@ -37,9 +35,6 @@ from reobserve.scoring.metrics import Metric, lookup
 
 GOLDEN = "tests/golden"
 REFERENCES = "tests/reference"
-
-# In a caption in place of a number that rounding moves, so that none is kept.
-_NOT_KEPT = "a number that rounding decides"
 
 
 @dataclass(frozen=True)
@@ -88,9 +83,8 @@ class Paper:
     @cached_property
     def numbers(self) -> dict[str, list[Metric]]:
         """The golden numbers by figure, and of the theory."""
-        folder = self.root / GOLDEN / self.name
         names = [*self.ledger.tree["figures"], *([THEORY] if "theory" in self.ledger.tree else [])]
-        return {name: _metrics(folder, name) for name in names}
+        return {name: read_metrics(self.root, self.name, name) for name in names}
 
     @cached_property
     def claims(self) -> tuple[Claim, ...]:
@@ -135,10 +129,7 @@ class Paper:
     def _figure(self, name: str, body: Mapping[str, Any]) -> Figure:
         template = caption_template(self.root, self.name, name, "figure")
         settings = self.ledger.settings("plot", name)
-        lost = read_undetermined(self.root / GOLDEN / self.name).get(name, {})
-        unknown = [_metric(one, math.nan, "1") for one in lost]
-        text = render(self.root / template, settings, [*self.numbers[name], *unknown])
-        text = re.sub(r"\bnan\b", _NOT_KEPT, text) if lost else text
+        text = render(self.root / template, settings, self.numbers[name])
         told, source = without_title(to_html(template, text), body["title"])
         return Figure(
             paper=self.name,
@@ -175,14 +166,3 @@ def _robustness(
     for number in range(len(kept.draws)):
         found.add(claim, (), kept.numbers(number), kept=True)
     return found
-
-
-def _metrics(folder: Path, name: str) -> list[Metric]:
-    """The golden numbers of a figure or a theory."""
-    found = read_metrics(folder, name).items()
-    return [_metric(key, float(one.text[0]), one.unit) for key, one in found]
-
-
-def _metric(key: str, value: float, unit: str) -> Metric:
-    observer, _, metric = key.partition(":")
-    return Metric(observer, metric, value, unit)

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from reobserve.evidence.figure_diff import project_copy
 from reobserve.ledger.config import known_papers
 from reobserve.ledger.ledger import Ledger
 from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
+from tests import project_copy
 
 ROOT = Path(__file__).parents[2]
 

@@ -426,27 +426,24 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
 
 
 def test_golden_numbers_hold_the_table(toy: Project) -> None:
-    """Kept, found again, noticed when they move, and renewed with old, new and the reason."""
-    update = ("env", "CI=", "reobserve", "golden", "update", "toy")
-    said = toy.run(*update, "--reason", "a paper is added").stdout
-    assert "toy fig1: written anew" in said
-    assert "toy table1: written anew" in said
+    """Accepted, found again, noticed when they move, and accepted with old, new and the reason."""
+    accept = ("env", "CI=", "reobserve", "accept", "toy")
+    said = toy.run(*accept, "--reason", "a paper is added").stdout
+    assert "toy fig1: new" in said
+    assert "toy table1: new" in said
+    assert ": 4 agree" in toy.run("reobserve", "figdiff").stdout
     kept = toy.folder / "tests/golden/toy/table1.csv"
-    assert kept.read_text() == (toy.folder / "results/toy/table1.csv").read_text()
-    said = toy.run("reobserve", "golden", "check").stdout
-    assert re.fullmatch(r"toy: \d+ numbers compared, 0 off\n", said), said
     before = kept.read_text()
-    kept.write_text(before.replace("16.0", "16.1"))
-    done = toy.run("reobserve", "golden", "check", check=False)
-    moved = "toy table1, computed in row 2: golden 16.1, found 16, off by 0.1"
+    kept.write_text(before.replace(",16.0,", ",16.1,"))
+    done = toy.run("reobserve", "figdiff", check=False)
+    moved = "toy table1, row 2 computed: golden 16.1, found 16.0, off by 0.1, allowed 1.6e-11"
     assert done.returncode == 1
     assert moved in done.stdout
-    assert done.stderr == "reobserve: 1 golden numbers moved beyond their tolerances\n"
     toy.run("git", "add", "--all")
     git = ("git", "-c", "user.name=t", "-c", "user.email=t@example.org")
     toy.run(*git, "commit", "--quiet", "--message", "a wrong cell")
-    said = toy.run(*update, "--reason", "the cell was wrong").stdout
-    assert [line for line in said.splitlines() if "golden" in line] == [f"{moved}, allowed 2e-11"]
+    said = toy.run(*accept, "--reason", "the cell was wrong").stdout
+    assert [line for line in said.splitlines() if "golden" in line] == [moved]
     assert kept.read_text() == before
     log = (toy.folder / "tests/golden/REASONS.md").read_text()
-    assert log.splitlines()[-1].endswith(": the cell was wrong (1 moved)")
+    assert log.splitlines()[-1].endswith(": the cell was wrong (1 numbers and 0 figures moved)")

@@ -14,11 +14,10 @@ import pytest
 import reobserve
 from reobserve import InputError, replicate
 from reobserve.evidence.golden.comparison import compare
-from reobserve.evidence.golden.files import folder
-from reobserve.evidence.golden.kept import kept_records
+from reobserve.evidence.golden.files import golden_file, read_numbers
+from reobserve.evidence.golden.values import evaluated_numbers
 from reobserve.ledger.ledger import default_ledger
 from reobserve.replication.evaluation import Evaluator
-from tests.evidence.golden.deviations import deviations
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,10 +27,9 @@ def test_a_figure_has_its_golden_numbers() -> None:
     found = replicate("ilo", "fig1")
     evaluator = Evaluator(default_ledger(ROOT, "ilo"))
     assert repr(found.numbers) == repr(evaluator.figure("fig1").numbers)
-    assert list(deviations(evaluator, "fig1")) == []
-    records = kept_records(found, found.ledger.tree["figures"]["fig1"]["scenario"])
-    for name, kept in records.items():
-        assert list(compare(kept, "ilo", name, folder(ROOT, "ilo"))) == []
+    assert np.array_equal(found.plant["fault"], evaluator.figure("fig1").plant["fault"])
+    golden = read_numbers(golden_file(ROOT, "ilo", "fig1"))
+    assert list(compare(golden, evaluated_numbers(evaluator, "fig1"), "ilo fig1")) == []
     assert list(found.estimates) == ["sampled", "continuous", "forgetting"]
     assert found.estimates["sampled"]["fault"].shape == (len(found.estimates["sampled"].time), 3)
     assert found.study is None

@@ -8,7 +8,7 @@ Importing the package pins nothing: a user's process is the user's.
 What cannot be pinned from inside a running process is the C library: glibc takes its sines,
 exponentials, logarithms and powers with fused multiply-adds where the processor has them, as all
 have from about 2013 on, and listens to ``GLIBC_TUNABLES`` only before a program starts. To start
-every stage twice would cost more than it gives; `reobserve golden elsewhere` shows what it moves.
+every stage twice would cost more than it gives; `make elsewhere` shows what it moves.
 """
 
 from __future__ import annotations

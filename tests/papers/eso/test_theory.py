@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -34,6 +33,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve.timeseries.signals import Signal
+from tests.found import golden_metrics
 from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor
 
@@ -246,9 +246,7 @@ def test_what_is_held_for_long_is_a_constant(observer: str) -> None:
 def test_deviations_are_those_of_the_study() -> None:
     """d of the ledger is uniform: both disturbances together, and the noise."""
     sizes = np.array([0.4, 0.2]) / np.sqrt(12)
-    with (ROOT / "tests/golden/eso/fig3_designs.metrics.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    study = Numbers({(row["observer"], row["metric"]): float(row["value"]) for row in rows})
+    study = Numbers(golden_metrics("eso", "fig3_designs"))
     for observer, kind, at in (
         ("pi", "pi_feasible", {"rate": 1, "decay": 1}),
         ("pd_pi", "pd_pi_least_norm", {"rate": 1, "factor": 1.05}),

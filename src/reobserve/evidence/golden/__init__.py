@@ -1,9 +1,8 @@
-"""Golden numbers: what stands behind each figure, kept with tolerances and compared.
+"""Golden numbers: the accepted numbers behind each figure, compared with those of every build.
 
-For each figure ``tests/golden/<paper>`` holds the metrics; for each record that figures show, the
-plant's or an observer's in a scenario, its series once, one row every `kept.PERIOD` seconds; for
-each table its cells; and the numbers of the paper's theory like the metrics of a figure of that
-name. Every number has two tolerances, both measured when it was written: how far
-other processors moved it (`processors`), and how far halving every numerical step did. What moves
-too far to be called determined is not kept, and listed (`files.UNDETERMINED`).
+``tests/golden/PAPER/FIGURE.csv`` holds the metrics of a figure and samples of the series that it
+is the first to show; a table and the theory have a file like it. Each number has one tolerance,
+measured when the number was accepted (`tolerances`). `values` reads the numbers from a build,
+`comparison` says what moved and by how much, `acceptance` writes new ones for
+``make accept REASON="..."``. ``tests/golden/claims.csv`` holds the accepted verdicts (`claims`).
 """

@@ -1,8 +1,7 @@
-"""Golden verdicts: what was found of each claim, kept and compared.
+"""Golden verdicts: what was accepted of each claim, compared with a build.
 
-They are decided from many runs and not from one evaluation, so it is the figure diff that compares
-them, with what a build left. The tests build with fewer draws, and compare what depends on none:
-whether a claim holds with the ledger as it is.
+A verdict needs many Monte Carlo samples. A build with few samples can compare ``holds`` alone:
+whether a claim holds with the parameters as they are.
 """
 
 from __future__ import annotations
@@ -10,78 +9,63 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from reobserve.errors import InputError
 from reobserve.evidence.claims.table import HEADER, KINDS
-from reobserve.evidence.golden.deviation import OtherCell
+from reobserve.evidence.golden.comparison import Moved
 from reobserve.plain_data.files import read_table, write_table
 
-_COMPARED = ("verdict", "holds")
 _KEY = ("paper", "claim")
-_HEADER = (*_KEY, *_COMPARED)
+_COMPARED = ("verdict", "holds")
 _KINDS = {name: KINDS[name] for name in (*_KEY, "verdict")}
-_NONE = "none"
 
-Verdicts = dict[str, dict[str, dict[str, str]]]  # by paper and claim: verdict, and holds
+Verdicts = dict[str, dict[str, dict[str, str]]]  # verdict and holds, by paper and claim
 
 
 def golden_file(project: Path) -> Path:
-    """Where the golden verdicts are."""
+    """The file of the golden verdicts."""
     return project / "tests" / "golden" / "claims.csv"
 
 
 def read_golden(project: Path) -> Verdicts:
-    """What was accepted; `InputError` if the file is missing or damaged."""
-    return _by_paper(read_table(golden_file(project), _HEADER, _KINDS, _KEY))
+    """The accepted verdicts; `InputError` if the file is missing or damaged."""
+    return _read(golden_file(project), (*_KEY, *_COMPARED))
 
 
 def read_built(results: Path) -> Verdicts:
-    """What a build left; `InputError` if it left none, or the file is damaged."""
-    return _by_paper(read_table(results / "claims.csv", HEADER, KINDS, _KEY))
+    """The verdicts of a build; `InputError` if there are none, or the file is damaged."""
+    return _read(results / "claims.csv", HEADER)
+
+
+def _read(path: Path, header: Sequence[str]) -> Verdicts:
+    verdicts: Verdicts = {}
+    for row in read_table(path, header, _KINDS, _KEY):
+        kept = {column: row[column] for column in _COMPARED}
+        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
+    return verdicts
 
 
 def compare(
     golden: Verdicts, found: Verdicts, paper: str, columns: Sequence[str] = _COMPARED
-) -> Iterator[OtherCell]:
+) -> Iterator[Moved]:
     """The claims of a paper that differ in one of these columns, that are new, or that are gone."""
     before, now = golden.get(paper, {}), found.get(paper, {})
     for claim in dict.fromkeys([*before, *now]):
         for column in columns:
-            old, new = (side.get(claim, {}).get(column, _NONE) for side in (before, now))
+            old, new = (side.get(claim, {}).get(column, "none") for side in (before, now))
             if old != new:
-                yield OtherCell(f"{paper} claims", f"{column} of {claim}", old, new)
+                yield Moved(f"{paper} {claim}, {column}", old, new)
 
 
 def renew(project: Path, results: Path, papers: Sequence[str] = ()) -> list[str]:
-    """Accept what a build left, of all or of some papers; what moved, a line each.
-
-    Raises
-    ------
-    InputError
-        If the build left no verdicts.
-    """
+    """Accept the verdicts of a build, of all or of some papers; what moved, a line each."""
     found = read_built(results)
-    try:
-        golden = read_golden(project)
-    except InputError as error:
-        golden, moved = {}, [f"claims: written anew ({error})"]
-    else:
-        chosen = dict.fromkeys(papers or [*golden, *found])
-        moved = [str(cell) for paper in chosen for cell in compare(golden, found, paper)]
-    others = {paper: claims for paper, claims in golden.items() if papers and paper not in papers}
-    kept = found | others
-    order = filter(kept.__contains__, dict.fromkeys([*golden, *found]))
+    golden = read_golden(project) if golden_file(project).exists() else {}
+    chosen = papers or list(dict.fromkeys([*golden, *found]))
+    moved = [str(one) for paper in chosen for one in compare(golden, found, paper)]
+    kept = golden | {paper: found.get(paper, {}) for paper in chosen}
     rows = (
         {"paper": paper, "claim": claim, **row}
-        for paper in order
-        for claim, row in kept[paper].items()
+        for paper, claims in kept.items()
+        for claim, row in claims.items()
     )
-    write_table(golden_file(project), rows, _HEADER)
+    write_table(golden_file(project), rows, (*_KEY, *_COMPARED))
     return moved
-
-
-def _by_paper(rows: list[dict[str, str]]) -> Verdicts:
-    verdicts: Verdicts = {}
-    for row in rows:
-        kept = {column: row[column] for column in _COMPARED}
-        verdicts.setdefault(row["paper"], {})[row["claim"]] = kept
-    return verdicts

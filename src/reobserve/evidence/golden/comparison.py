@@ -1,118 +1,87 @@
-"""Numbers against the golden ones: how far each is off, in units of what it may be."""
+"""What moved: numbers of a build that are not within tolerance of the golden ones."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from reobserve.evidence.golden import tables
-from reobserve.evidence.golden.deviation import Deviation, OtherCell
-from reobserve.evidence.golden.files import (
-    Golden,
-    check_names,
-    read_metrics,
-    read_series,
-    read_undetermined,
-)
-from reobserve.evidence.golden.kept import Array, Kept
-from reobserve.timeseries.series import Channel
-
-
-def compare(kept: Kept, paper: str, part: str, golden: Path) -> Iterator[Deviation | OtherCell]:
-    """The numbers of a record, a figure, a table or a theory that leave their tolerances.
-
-    Raises
-    ------
-    InputError
-        If a golden file is missing, damaged or holds other columns or metrics than the figure.
-    """
-    return (one for one in differences(kept, paper, part, golden) if one.exceeds)
-
-
-def differences(kept: Kept, paper: str, part: str, golden: Path) -> Iterator[Deviation | OtherCell]:
-    """Every number with its golden one, of a column that which is furthest off; as `compare`."""
-    if kept.cells is not None:
-        yield from tables.differences(kept.cells, paper, part, golden)
-        return
-    if kept.series:
-        yield from series_differences(kept, paper, part, golden)
-    if kept.metrics or not kept.series:
-        yield from metric_differences(kept.metrics, paper, part, golden)
-
-
-def series_differences(record: Kept, paper: str, part: str, golden: Path) -> Iterator[Deviation]:
-    """Of each series of a record, as `kept_records` gives them, its worst row; as `compare`."""
-    found = record.series
-    if found.keys() <= read_undetermined(golden).get(part, {}).keys():
-        return  # nothing of it is kept, not even a file
-    path = golden / f"{part}.series.csv"
-    columns = read_series(golden, part)
-    for name, column in _paired(path, columns, found, golden, part):
-        values, kept = found[name].values, column.values
-        if len(values) != len(kept):
-            where = f"rows of {name}"
-            yield Deviation(f"{paper} {part}", where, len(kept), len(values), 0.0, name)
-            continue
-        worst = int(np.argmax(off_by(values, kept)))
-        yield Deviation(
-            f"{paper} {part}",
-            f"{name} at {worst * record.period:g} s",
-            float(kept[worst]),
-            float(values[worst]),
-            column.tolerance.allowed,
-            name,
-        )
-
-
-def metric_differences(
-    found: Mapping[str, Channel], paper: str, part: str, golden: Path
-) -> Iterator[Deviation]:
-    """Each metric of a figure or of the theory; as `compare`."""
-    path = golden / f"{part}.metrics.csv"
-    metrics = read_metrics(golden, part)
-    for name, metric in _paired(path, metrics, found, golden, part):
-        yield Deviation(
-            f"{paper} {part}", name,
-            float(metric.values[0]), float(found[name].values[0]), metric.tolerance.allowed,
-        )  # fmt: skip
-
-
-def off_by(values: Array, golden: Array) -> Array:
-    """How far numbers are off; none where both are the same or both nan, inf where one is nan."""
-    same = (values == golden) | (np.isnan(values) & np.isnan(golden))
-    with np.errstate(invalid="ignore"):  # inf - inf
-        off = np.abs(values - golden)
-    return np.where(same, 0.0, np.where(np.isnan(off), math.inf, off))
+from reobserve.evidence.golden.files import Key, Numbers, columns, golden_file, read_numbers
+from reobserve.evidence.golden.values import built_numbers
 
 
 @dataclass(frozen=True)
-class Worst:
-    """What is furthest off among some numbers, in tolerances, and how many there are."""
+class Moved:
+    """A number, a word or a whole column that is not the golden one."""
 
-    ratio: float = 0.0
-    what: str = "nothing"
-    count: int = 0
-    exceeded: int = 0
+    place: str
+    golden: str
+    value: str
+    tolerance: str = ""
 
-    @classmethod
-    def of(cls, found: Iterable[Deviation | OtherCell]) -> Worst:
-        """The worst of these."""
-        every = list(found)
-        if not every:
-            return cls()
-        worst = max(every, key=lambda one: one.ratio)
-        exceeded = sum(one.exceeds for one in every)
-        return cls(worst.ratio, f"{worst.figure}, {worst.what}", len(every), exceeded)
+    def __str__(self) -> str:
+        """One line: what it was, what it is, and for a number what is allowed."""
+        said = f"{self.place}: golden {self.golden}, found {self.value}"
+        if not self.tolerance:
+            return said
+        off = abs(float(self.value) - float(self.golden))
+        return f"{said}, off by {off:.2g}, allowed {self.tolerance}"
 
 
-def _paired(
-    path: Path, columns: Mapping[str, Golden], found: Mapping[str, Channel], golden: Path, part: str
-) -> Iterator[tuple[str, Golden]]:
-    """The golden columns by name, after a look whether those that are found are all of them."""
-    left_out = [name for name in read_undetermined(golden).get(part, {}) if name in found]
-    check_names(path, [*columns, *left_out], list(found))
-    return ((name, columns[name]) for name in found if name in columns)
+def compare_built(
+    project: Path, folder: Path, tree: Mapping[str, Any], paper: str, part: str
+) -> list[Moved]:
+    """What moved of a part that was built; `InputError` if a file is missing or damaged."""
+    golden = read_numbers(golden_file(project, paper, part))
+    return list(compare(golden, built_numbers(folder, tree, part), f"{paper} {part}"))
+
+
+def compare(golden: Numbers, found: Numbers, name: str) -> Iterator[Moved]:
+    """Of each column that moved the number that is furthest off, in tolerances."""
+    for (source, quantity, _), keys in columns(golden, found).items():
+        place = f"{name}, {source} {quantity}"
+        old, new = ([key for key in keys if key in side] for side in (golden, found))
+        units = {golden[key].unit for key in old}, {found[key].unit for key in new}
+        if old != new:
+            yield Moved(place, _extent(old), _extent(new))
+        elif units[0] != units[1]:
+            yield Moved(place, *(f"in {', '.join(sorted(side)) or 'no unit'}" for side in units))
+        else:
+            worst = max(keys, key=lambda key: excess(golden, found, key))
+            if excess(golden, found, worst) > 1:
+                before, after = golden[worst], found[worst]
+                at = f"{place} at {worst[2]} s" if worst[2] else place
+                allowed = "" if after.is_word else before.tolerance
+                yield Moved(at, before.value or "nothing", after.value or "nothing", allowed)
+
+
+def excess(golden: Numbers, found: Numbers, key: Key) -> float:
+    """How far a number is off, in tolerances; 0 for one that is not compared."""
+    before, after = golden[key], found[key]
+    if before.value == after.value:
+        return 0.0
+    if before.is_word or after.is_word:
+        return math.inf
+    if not before.tolerance:
+        return 0.0
+    off = distance(float(before.value), float(after.value))
+    allowed = float(before.tolerance)
+    return off / allowed if allowed else (math.inf if off else 0.0)
+
+
+def distance(one: float, other: float) -> float:
+    """How far apart two numbers are; infinitely far if only one of them is nan."""
+    if one == other or (math.isnan(one) and math.isnan(other)):
+        return 0.0
+    off = abs(one - other)
+    return math.inf if math.isnan(off) else off
+
+
+def _extent(keys: list[Key]) -> str:
+    if not keys:
+        return "none"
+    if not keys[0][2]:
+        return "a number"
+    return f"{len(keys)} numbers up to {max(float(time) for _, _, time in keys):g} s"

@@ -1,4 +1,4 @@
-"""Who may renew golden numbers: a person, with a reason, on a tree that shows what changed."""
+"""Who may accept figures and numbers: a person, with a reason, on a tree without other changes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 from reobserve.errors import ReobserveError
 
 
-def check_may_renew(project: Path, reason: str) -> None:
+def check_may_accept(project: Path, reason: str) -> None:
     """Raise `ReobserveError` in CI, without a reason, or if the tree has uncommitted changes."""
     if os.environ.get("CI", "").lower() not in ("", "0", "false"):
-        raise ReobserveError("golden numbers are not renewed in CI: the variable CI is set")
+        raise ReobserveError("nothing is accepted in CI: the variable CI is set")
     if len(reason.split()) < 3:
         raise ReobserveError(
             f"the reason {reason!r} must say in three words or more why the numbers move"
@@ -33,7 +33,7 @@ def _changed(project: Path) -> list[str]:
     )
     if status.returncode:
         raise ReobserveError(
-            f"golden numbers are renewed in a git checkout: {status.stderr.strip()}"
+            f"figures and numbers are accepted in a git checkout: {status.stderr.strip()}"
         )
     return status.stdout.splitlines()
 
@@ -41,7 +41,7 @@ def _changed(project: Path) -> list[str]:
 def keep_reason(project: Path, reason: str, moved: str) -> None:
     """Add the reason to the log beside the golden numbers, with the commit that it belongs to.
 
-    ``moved`` says in a few words how much did. Where no byte was written there is nothing to tell.
+    ``moved`` says in a few words how much did. Without a changed file nothing is added.
     """
     if not _changed(project):
         return
