@@ -459,6 +459,7 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
     report.unlink()
 
 
+@pytest.mark.nightly
 def test_golden_numbers_hold_the_table(toy: Project) -> None:
     """Kept, found again, noticed when they move, and renewed with old, new and the reason."""
     update = ("env", "CI=", "reobserve", "golden", "update", "toy")
