@@ -425,6 +425,7 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
     report.unlink()
 
 
+@pytest.mark.nightly
 def test_golden_numbers_hold_the_table(toy: Project) -> None:
     """Accepted, found again, noticed when they move, and accepted with old, new and the reason."""
     accept = ("env", "CI=", "reobserve", "accept", "toy")

@@ -135,6 +135,7 @@ def test_bad_input_is_one_sentence(arguments: tuple[object, ...], said: str) -> 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.nightly
 def test_an_installed_package_has_its_parameter_files(tmp_path: Path) -> None:
     """As the wheel lays them out; `tests/package` compares that with the checkout."""
     site = tmp_path / "site"

@@ -120,6 +120,7 @@ def test_the_triangle_is_right_in_the_other_reading() -> None:
     assert isnan(changed(lie_derivative="of p along U")["triangle", "first_wrong_degree"])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("order", "gain"), [(2, "series"), (4, "composed"), (6, "jacobian")])
 def test_the_comparison_is_that_of_the_ensemble(order: int, gain: str) -> None:
     """On the same grid, in the same steps, by the study."""
