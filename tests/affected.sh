@@ -14,7 +14,7 @@ while read -r file; do
             [ "$folder" = tests ] || echo "$folder"
         fi
         ;;
-    config/papers/* | workflow/schemas/*) echo tests/ledger ;;
+    config/papers/*) echo tests/ledger ;;
     config/claims/* | config/errata/*) echo tests/evidence/claims ;;
     docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py ;;
     esac
