@@ -85,6 +85,7 @@ draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/dr
 	reobserve draws $(PAPER) --most $(or $(MOST),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
+	python -m pip install --quiet --require-hashes -r requirements-mutation.lock
 	rm -rf build/mutations && mkdir -p build/mutations && git archive HEAD | tar -x -C build/mutations
 	cd build/mutations && export PYTHONPATH="$$PWD/src" && \
 		tests=$$(echo $(MODULE) | sh tests/affected.sh | tr '\n' ' ') && \
@@ -137,6 +138,7 @@ lock:  ## renew the locks from pyproject.toml
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:build -c requirements.lock -o requirements-build.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:package -c requirements.lock -o requirements-package.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:cluster --no-deps -o requirements-cluster.lock
+	.venv-lock/bin/$(LOCK) --group pyproject.toml:mutation -c requirements.lock -o requirements-mutation.lock
 	.venv-lock/bin/$(LOCK) --group pyproject.toml:docs -c requirements.lock -o requirements-docs.lock
 	rm -rf .venv-lock
 

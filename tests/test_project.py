@@ -129,7 +129,7 @@ def test_files_can_be_held_in_the_head() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [f"requirements{kind}.lock" for kind in ("", "-build", "-docs", "-package")],
+    [f"requirements{kind}.lock" for kind in ("", "-build", "-docs", "-mutation", "-package")],
 )
 def test_the_locks_pin_by_hash_and_name_no_host(name: str) -> None:
     text = (ROOT / name).read_text()
