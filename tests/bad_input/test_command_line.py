@@ -32,7 +32,7 @@ OPTIONS = [
 ]  # fmt: skip
 # What builds for minutes or changes the project is parsed and not run.
 SLOW = {
-    "figdiff", "accept", "golden", "draws", "check", "readme", "report", "robustness",
+    "figdiff", "accept", "draws", "check", "readme", "report", "robustness",
     "sensitivity", "draw", "search", "theory", "study", "archive",
 }  # fmt: skip
 FILES = {"file": b"x\n", "folder/inner": b"", "table.csv": b"name,value\nlag,0.123456\n"}
@@ -62,8 +62,7 @@ def lines() -> list[list[str]]:
         ["draws", "eso", "--most", "20", "--check", *root],
         ["readme", *root],
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
-        ["golden", "elsewhere", "--papers", "eso", "--part", "gate", "--cores", "1", *root],
-        ["figdiff", "--reference", "folder", "--results", "folder", "--build", *root],
+        ["figdiff", "--reference", "folder", "--results", "folder", *root],
         ["accept", "eso", "--reason", "a reason of four", "--cores", "2", *root],
         ["stage", "study", imm, plant, "closeness", *out],
         ["stage", "search", imm, plant, "calibrated", *out],

@@ -251,14 +251,14 @@ BAD_CONFIG: list[Any] = [
         "observers.order2.sampling_period: 0.0015 s must",
     ),
     (changed("order2", rho=0), "observers.order2.rho: 0 must be greater than zero"),
-    (changed("order2", order=0), "observers.order2.order: 0 must be from 1 to 2"),
+    (changed("order2", order=0), "observers.order2.order: 0 must be 1 or more"),
     (
         changed("order2", order=3),
-        "observers.order2.order: 3 must be from 1 to 2",
+        "observers.order2.order: 3 must be 2 or less",
     ),
     (
         changed("order2_noise", order=3),
-        "observers.order2_noise.order: 3 must be from 1 to 2",
+        "observers.order2_noise.order: 3 must be 2 or less",
     ),
     (
         changed("order2", derivatives="exat"),

@@ -39,7 +39,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "misspelt section": ({"observrs": {}}, "ilo.observrs:", "did you mean 'observers'"),
     "misspelt observer": (
         {"observers": {"smpled": {"K2": 1}}},
-        "ilo.observers.smpled:",
+        "ilo.observers.smpled.algorithm: is missing",
         "'algorithm' is a required property",
     ),
     "misspelt gain": (

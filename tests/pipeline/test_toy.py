@@ -388,7 +388,7 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
         (None, "cannot be read (No such file or directory)"),
         ('{"design": {}, "prov', "is not JSON: Unterminated string starting at: line 1 column 16"),
         ('{"paper": "toy", "ledger": {}}', "paper: unknown key; there are: design, provenance"),
-        ('{"design": 1, "provenance": {}}', "1 must be a mapping of keys to values"),
+        ('{"design": 1, "provenance": {}}', "provenance.paper: is missing; the provenance"),
         ('{"design": {}, "provenance": []}', "[] must be a mapping of keys to values"),
         ('{"design": {}, "provenance": {"paper": "a", "job": "b"}}', "stage: is missing; the"),
         ("[]", "must be a mapping of keys to values"),

@@ -26,10 +26,17 @@ from reobserve.timeseries.series import Channel, Series
 from tests.pipeline.conftest import ROOT
 
 TREE = {
-    **{name: {} for name in ("about", "plant", "metrics", "theory")},
-    "scenarios": {"slow": {}}, "observers": {"watch": {}},
-    "figures": {"fig1": {"scenario": "slow", "observers": ["watch"]}},
-    "designs": {"gains": {}}, "tables": {"table1": {"design": "gains"}},
+    "about": {"title": "Made", "authors": []},
+    **{name: {} for name in ("plant", "metrics", "theory")},
+    "scenarios": {"slow": {"title": ""}},
+    "observers": {"watch": {"algorithm": "watch", "label": ""}},
+    "figures": {
+        "fig1": {
+            "title": "", "source": "", "layout": "", "scenario": "slow", "observers": ["watch"],
+        }
+    },
+    "designs": {"gains": {"title": ""}},
+    "tables": {"table1": {"title": "", "source": "", "design": "gains"}},
 }  # fmt: skip
 LEDGER = Ledger("made", TREE, 0)
 BUILD = commands._build

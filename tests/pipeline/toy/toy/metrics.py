@@ -6,6 +6,7 @@ from reobserve.scoring.responses import root_mean_square
 MEANINGS = {
     "late_rms_error": "root mean square error of d in the last second",
     "late_rms_error factor=<factor>": "the same with the gains of the design times a factor",
+    "discriminant": "of the characteristic polynomial; zero of a double pole",
 }
 
 
