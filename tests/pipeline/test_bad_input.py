@@ -40,7 +40,7 @@ BAD_CONFIG: dict[str, tuple[dict[str, object], str, str]] = {
     "misspelt observer": (
         {"observers": {"smpled": {"K2": 1}}},
         "ilo.observers.smpled.algorithm: is missing",
-        "'algorithm' is a required property",
+        "algorithm: is missing; the observer needs it",
     ),
     "misspelt gain": (
         {"observers": {"sampled": {"K22": 1}}},
