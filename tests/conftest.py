@@ -21,6 +21,7 @@ hypothesis.settings.register_profile(
     "few", max_examples=12, derandomize=True, deadline=None, database=None
 )
 hypothesis.settings.register_profile("nightly", max_examples=100, deadline=60_000)
+hypothesis.settings.register_profile("thorough", max_examples=1000, deadline=60_000)
 hypothesis.settings.load_profile("few")
 
 
