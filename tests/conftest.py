@@ -16,11 +16,14 @@ from reobserve.numerics.code_paths import pin_code_paths
 
 pin_code_paths()
 
-# The same few examples each time; at night, `--hypothesis-profile=nightly`, many new ones.
+# The same examples each time: few, or more with `--hypothesis-profile=nightly`. New ones each time
+# with `--hypothesis-profile=thorough`.
 hypothesis.settings.register_profile(
     "few", max_examples=12, derandomize=True, deadline=None, database=None
 )
-hypothesis.settings.register_profile("nightly", max_examples=100, deadline=60_000)
+hypothesis.settings.register_profile(
+    "nightly", max_examples=100, derandomize=True, deadline=60_000, database=None
+)
 hypothesis.settings.register_profile("thorough", max_examples=1000, deadline=60_000)
 hypothesis.settings.load_profile("few")
 
