@@ -37,7 +37,6 @@ _NAMING = {
     "tables": ("design",),
     "figures": ("scenario", "observers", "study"),
 }
-NAMED_SECTIONS = (*_NAMED.values(), "searches", "tables", "figures")
 
 
 @dataclass(frozen=True)
