@@ -311,7 +311,7 @@ BAD_CALLS = {
     ),
 }
 MORE_BAD_CALLS = {
-    "formats=[gif]": "config.formats.0: 'gif' is not one of ['pdf', 'svg', 'png', 'eps', 'pgf']",
+    "formats=[gif]": "config.formats.0: 'gif' must be one of pdf, svg, png, eps, pgf",
     "style=ieee-colum": (
         "config.style: there is no 'ieee-colum', only default, elsevier-column, elsevier-page, "
         "ieee-column, ieee-page, slides"

@@ -192,11 +192,26 @@ def test_a_target_that_another_paper_has_is_one_sentence(
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("claims", ["claims: [a, b]", "claims: {a: words}", "[]", "a: b"])
-def test_claims_that_are_no_claims_do_not_stop_the_figures(fresh: Project, claims: str) -> None:
+@pytest.mark.parametrize(
+    ("claims", "said"),
+    [
+        (
+            "obstacles: x\nclaims: [a, b]",
+            "claims.ilo.claims: ['a', 'b'] must be a mapping of keys to values",
+        ),
+        ("claims: {a: words}", "claims.ilo.obstacles: is missing; the claims file needs it"),
+        ("[]", "must be a mapping of keys to values"),
+        ("a: b", "claims.ilo.a: unknown key; there are: obstacles, choices, claims"),
+    ],
+)
+def test_claims_that_are_no_claims_stop_the_first_job(
+    fresh: Project, claims: str, said: str
+) -> None:
     (fresh.folder / "config/claims/ilo.yaml").write_text(claims)
-    assert fresh.stale("figures") != {}
-    assert fresh.stale() != {}
+    done = fresh.snakemake("--dry-run", "figures", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith(said)
+    assert "Traceback" not in done.stderr
 
 
 def test_files_of_editors_are_left_alone(fresh: Project) -> None:

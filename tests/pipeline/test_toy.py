@@ -135,68 +135,68 @@ def test_a_build_is_packed_with_its_provenance(toy: Project) -> None:
     (toy.folder / ARCHIVE).unlink()
 
 
-BROKEN = """
-  no_metric:
+CLAIM = """
+  {name}:
     place: Nowhere
-    says: A number that nobody has.
-    checks: [{value: fig1 slow late_error, below: 1}]
+    says: {says}
+    checks: [{{value: {value}, below: 1}}]
     threshold: after
     why: To see.
-    depends_on: [gains]
-  no_figure:
-    place: Nowhere
-    says: A figure that nobody has.
-    checks: [{value: fig3 slow late_rms_error, below: 1}]
-    threshold: after
-    why: To see.
-  no_key:
-    place: Nowhere
-    says: A key that nobody has.
-    checks: [{value: fig1 slow late_rms_error, below: 1}]
-    threshold: after
-    why: To see.
-    depends_on: [observers.slow.gain]
-  same_again:
-    place: Nowhere
-    says: Both poles are in one place.
-    checks: [{value: fig1 slow late_rms_error, below: 1}]
-    threshold: after
-    why: To see.
+    depends_on: [{key}]
 """
+SAYS, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error", "gains"
+
+
+@pytest.mark.parametrize(
+    ("says", "value", "key", "said"),
+    [
+        (
+            SAYS, "fig1 slow late_error", KEY,
+            "checks.0.metric: there is no 'late_error'; did you mean 'late_rms_error'?",
+        ),
+        (
+            SAYS, "fig3 slow late_rms_error", KEY,
+            "checks.0.figure: there is no 'fig3'; did you mean 'fig1'?",
+        ),
+        (
+            SAYS, VALUE, "observers.slow.gain",
+            "depends_on: there is no 'observers.slow.gain'; did you mean 'observers.slow.gains'?",
+        ),
+        (
+            "Both poles are in one place.", VALUE, KEY,
+            "says: what double_pole says, must be another claim",
+        ),
+    ],
+)  # fmt: skip
+def test_a_wrong_claim_is_refused_before_the_first_job(
+    toy: Project, says: str, value: str, key: str, said: str
+) -> None:
+    path = toy.folder / "config/claims/toy.yaml"
+    more = CLAIM.format(name="wrong", says=says, value=value, key=key)
+    with edited(path, path.read_text(), path.read_text() + more):
+        done = toy.snakemake("--dry-run", check=False)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().splitlines()[-1] == f"reobserve: claims.toy.wrong.{said}"
 
 
 @pytest.mark.nightly
 def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> None:
+    """Whose observers are in a table is known once it is there."""
     path = toy.folder / "config/claims/toy.yaml"
-    with edited(path, path.read_text(), path.read_text() + BROKEN):
+    more = CLAIM.format(name="nobody", says=SAYS, value="fig1 slower late_rms_error", key=KEY)
+    with edited(path, path.read_text(), path.read_text() + more):
         done = toy.snakemake(check=False)
         assert done.returncode != 0
         assert "Traceback" not in done.stderr
         # What fails stands before a pipe: it is the job that fails, not its missing output.
         assert "latency" not in done.stderr
-        assert "no_figure" in (toy.folder / "logs/verdicts.log").read_text()
-        page = unescape((toy.folder / "results/report.html").read_text())
+        sentence = "claims.toy.nobody: observer: fig1 has no 'slower'; did you mean 'slow'?"
+        assert sentence in (toy.folder / "logs/verdicts.log").read_text()
+        assert sentence in done.stderr
+        assert sentence in unescape((toy.folder / "results/report.html").read_text())
         found = claims(toy)
-        for name, said in (
-            (
-                "no_metric",
-                "metric: fig1 has no 'late_error' of slow; did you mean 'late_rms_error'?",
-            ),
-            ("no_figure", "figure: there is no 'fig3'; did you mean 'fig1'?"),
-            (
-                "no_key",
-                "depends_on: there is no 'observers.slow.gain'; "
-                "did you mean 'observers.slow.gains'?",
-            ),
-        ):
-            sentence = f"claims.toy.{name}: {said}"
-            assert sentence in done.stderr
-            assert sentence in page
-            assert found[name]["verdict"] == "broken"
+        assert found["nobody"]["verdict"] == "broken"
         assert found["double_pole"]["verdict"] == "reproduced"
-        twice = "claims.toy.same_again.says: what double_pole says, must be another claim"
-        assert twice in done.stderr
-        assert twice in page
         assert not (toy.folder / "results/verdicts.md").exists()
     toy.snakemake()
 
