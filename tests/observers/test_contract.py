@@ -69,14 +69,15 @@ def detailed(case: Case) -> dict[str, Any]:
     if case.observer.reads_between:
         rng = np.random.default_rng(3)
 
-        def near(values: Array | None, rows: slice) -> Array | None:
+        def near(values: Array | None, rows: list[int]) -> Array | None:
             if values is None:
                 return None
             moved = values.copy()
             moved[rows] += 0.01 * rng.normal(size=moved[rows].shape)
             return moved
 
-        for name, rows in (("before", slice(3, None, 6)), ("middle", slice(None))):
+        jumps = list(range(3, SHORT))
+        for name, rows in (("before", jumps), ("middle", list(range(SHORT)))):
             record[name] = tuple(near(record[each], rows) for each in ("y", "u"))
     return record
 
