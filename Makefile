@@ -6,7 +6,7 @@ STAMP   := $(VENV)/.installed
 DOCS    := $(VENV)/.docs
 TOOLS   := $(VENV)/.package
 CORES   ?= 2
-MODULE  ?= src/reobserve/numerics/chandrupatla.py
+MODULE  ?= src/reobserve/core/chandrupatla.py
 LOCKS   := requirements-build.lock requirements.lock
 
 # The first Python on the PATH for which the lock has wheels; `make PYTHON=...` overrides it.

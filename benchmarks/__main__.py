@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from reobserve.numerics.code_paths import THREADS
+from reobserve.core.code_paths import THREADS
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
 NAMES = ("kernels", "delays", "filters", "designs", "normal_forms", "pinned", "streams", "build")

@@ -17,7 +17,7 @@ from typing import Any
 from unittest.mock import patch
 
 from benchmarks.design_problem import plant
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import design as designs
 from reobserve.synthesis.extended_state import pd_pi, structured
 from reobserve.synthesis.extended_state.design import Design

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import LinearModel
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 Found = tuple[Array, Array]  # estimates (k, n) and probabilities (k, r)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

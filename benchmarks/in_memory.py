@@ -11,14 +11,14 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from reobserve.numerics.code_paths import pin_code_paths
+from reobserve.core.code_paths import pin_code_paths
 
 pin_code_paths()  # as the command line does it
 
-from reobserve.ledger.config import known_papers  # noqa: E402
-from reobserve.ledger.ledger import Ledger  # noqa: E402
-from reobserve.plain_data.documents import read_yaml  # noqa: E402
+from reobserve.core.documents import read_yaml  # noqa: E402
 from reobserve.replication.evaluation import Evaluator, draw  # noqa: E402
+from reobserve.replication.parameters.config import known_papers  # noqa: E402
+from reobserve.replication.parameters.ledger import Ledger  # noqa: E402
 
 PROJECT = Path(__file__).parents[1]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_sylvester
 
-from reobserve.power_series.monomials import Monomials
+from reobserve.polynomials.monomials import Monomials
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 Array = NDArray[np.float64]

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import place_poles
 
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.lie_transform import lie_transform
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sympy import QQ, linsolve, ring, solve, symbols
 
-from reobserve.power_series.arithmetic import Coefficients
-from reobserve.power_series.monomials import Monomials
+from reobserve.polynomials.arithmetic import Coefficients
+from reobserve.polynomials.monomials import Monomials
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 Map = list[Any]  # of sympy's polynomials

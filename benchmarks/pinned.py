@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 from benchmarks.report import Row, Section
-from reobserve.errors import ReobserveError
-from reobserve.evidence.golden.conditions import FREE, evaluate
-from reobserve.numerics.code_paths import ENABLED, KERNEL
+from reobserve.core.code_paths import ENABLED, KERNEL
+from reobserve.core.errors import ReobserveError
+from reobserve.replication.golden.conditions import FREE, evaluate
 
 _PAPERS = ("ilo", "lie", "eso")
 _SETTINGS = {"pinned": {KERNEL: "Nehalem", ENABLED: " "}, "as the processor would have it": FREE}

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import Record, Rows, State
+from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 Observer = ILO | SampledILO | AdaptiveObserver

@@ -16,11 +16,11 @@ import numpy as np
 import yaml
 
 from benchmarks.report import Row, Section
+from reobserve.estimation import row_by_row
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.row_by_row import RowByRow
+from reobserve.estimation.specification import read_specification
 from reobserve.observers.unchecked import unchecked_step
-from reobserve.own_data import row_by_row
-from reobserve.own_data.estimation import Estimation
-from reobserve.own_data.row_by_row import RowByRow
-from reobserve.own_data.specification import read_specification
 
 _PERIOD = 0.001
 _HEADER = "t,position,rate,torque"

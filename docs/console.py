@@ -52,7 +52,7 @@ class Console:
         return f'```{language} title="{name}"\n' + "\n".join([*text[:lines], *rest]) + "\n```\n"
 
     def _typed(self, command: str) -> tuple[int, str]:
-        from reobserve.cli import main
+        from reobserve.cli.main import main
 
         words = shlex.split(command)
         if words[0] != "reobserve" or {"|", "<", ">"} & set(words):

@@ -14,8 +14,8 @@ while read -r file; do
             [ "$folder" = tests ] || echo "$folder"
         fi
         ;;
-    config/papers/*) echo tests/ledger ;;
-    config/claims/* | config/errata/*) echo tests/evidence/claims ;;
+    config/papers/*) echo tests/replication/parameters ;;
+    config/claims/* | config/errata/*) echo tests/replication/claims ;;
     docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py ;;
     esac
 done | sort -u

@@ -12,7 +12,7 @@ from typing import Any
 import hypothesis
 import pytest
 
-from reobserve.numerics.code_paths import pin_code_paths
+from reobserve.core.code_paths import pin_code_paths
 
 pin_code_paths()
 

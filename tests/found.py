@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from reobserve.evidence.golden.files import golden_file, read_metrics, read_numbers
-from reobserve.ledger.ledger import Ledger
+from reobserve.replication.golden.files import golden_file, read_metrics, read_numbers
+from reobserve.replication.parameters.ledger import Ledger
 
 ROOT = Path(__file__).parents[1]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.cli import main
+from reobserve.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -48,5 +48,5 @@ def test_a_command_is_there(words: list[str], capsys: pytest.CaptureFixture[str]
 def test_places_are_there() -> None:
     named = {word for code in (*INLINE, *BLOCKS) for word in re.findall(r"[\w.]+/[\w./]+", code)}
     named -= {".venv/bin/activate"}
-    assert "src/reobserve/ledger/settings.py" in named
+    assert "src/reobserve/replication/parameters/settings.py" in named
     assert {name for name in named if not (ROOT / name).exists()} == set()

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reobserve.errors import InputError
-from reobserve.evidence.golden.values import part_names
-from reobserve.evidence.meanings import LISTS, meanings, write_lists
-from reobserve.ledger.config import known_papers
-from reobserve.ledger.ledger import Ledger
+from reobserve.core.errors import InputError
+from reobserve.replication.golden.values import part_names
+from reobserve.replication.meanings import LISTS, meanings, write_lists
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.provenance import import_closure
 
 from . import FIVE
@@ -45,50 +45,44 @@ def inside(modules: set[str], *packages: str) -> set[str]:
     return {m for m in modules for p in packages if m == p or m.startswith(f"{p}.")}
 
 
-# The floor plan, from the ground up: a room may import those that stand before it. What a paper is
-# made of, and each of the evidence's own rooms, has its own order inside.
-ROOMS = (
-    "errors", "extras", "numerics", "power_series", "plain_data", "timeseries", "models",
-    "synthesis", "plants", "observers", "designs", "export", "own_data", "scoring", "ledger",
-    "drawing", "papers", "replication", "evidence", "stages", "command_line", "cli", "__main__",
+# The packages in order of dependency: each imports only those before it.
+PACKAGES = (
+    "core", "signals", "polynomials", "systems", "synthesis", "plants", "observers", "codegen",
+    "estimation", "plotting", "replication", "papers", "cli", "__main__",
 )  # fmt: skip
 
 
-def room_of(path: Path) -> str:
+def package_of(path: Path) -> str:
     return path.relative_to(SOURCE).with_suffix("").parts[0]
 
 
-def test_every_module_has_a_room() -> None:
-    assert {room_of(path) for path in files(".")} == {"__init__", *ROOMS}
+def test_every_module_is_in_a_package() -> None:
+    assert {package_of(path) for path in files(".")} == {"__init__", *PACKAGES}
 
 
-def test_imports_run_downhill() -> None:
+def test_packages_import_only_those_before_them() -> None:
     for path in files("."):
-        if (room := room_of(path)) == "__init__":
+        if (package := package_of(path)) == "__init__":
             continue
-        above = [f"reobserve.{name}" for name in ROOMS[ROOMS.index(room) + 1 :]]
+        above = [f"reobserve.{name}" for name in PACKAGES[PACKAGES.index(package) + 1 :]]
         assert not inside(imports(path), *above), path
     for path in files("observers"):
         closure = set(import_closure([".".join(("reobserve.observers", path.stem))]))
-        never = ("reobserve.plants", "reobserve.plain_data.files", "reobserve.timeseries.series")
+        never = ("reobserve.plants", "reobserve.core.files", "reobserve.signals.series")
         assert not inside(closure, *never), path
 
 
-# Rooms without a folder of tests of their own, and where they are tested instead.
+# Packages without a folder of tests of their own, and where they are tested instead.
 TESTED_ELSEWHERE = {
-    "errors": "tests/bad_input",  # every package raises them
-    "extras": "tests/package",  # only an installed package lacks one
-    "stages": "tests/pipeline",  # a stage runs as a job of a build
-    "command_line": "tests/pipeline",  # what is typed is run in copies of the project
-    "cli": "tests/pipeline",
+    "cli": "tests/pipeline",  # what is typed is run in copies of the project
     "__main__": "tests/pipeline",
 }
 
 
-def test_tests_mirror_the_rooms() -> None:
-    mirrored = {room for room in ROOMS if any((ROOT / "tests" / room).rglob("test_*.py"))}
+def test_tests_mirror_the_packages() -> None:
+    mirrored = {name for name in PACKAGES if any((ROOT / "tests" / name).rglob("test_*.py"))}
     assert mirrored.isdisjoint(TESTED_ELSEWHERE)
-    assert mirrored | set(TESTED_ELSEWHERE) == set(ROOMS)
+    assert mirrored | set(TESTED_ELSEWHERE) == set(PACKAGES)
     assert all(any((ROOT / folder).rglob("test_*.py")) for folder in TESTED_ELSEWHERE.values())
 
 
@@ -100,9 +94,9 @@ def test_heavy_packages_stay_where_they_belong() -> None:
     for path in files("."):
         names = imports(path)
         assert not inside(names, "snakemake"), path
-        drawing = path.parent.parent.name in ("papers", "evidence")
+        drawing = path.parent.parent.name in ("papers", "replication")
         drawing = drawing and path.stem.partition("_")[0] == "plot"
-        drawing |= path.parent == SOURCE / "drawing" and path.stem in DRAWING
+        drawing |= path.parent == SOURCE / "plotting" and path.stem in DRAWING
         if not drawing:
             assert not inside(names, "matplotlib"), path
         if "synthesis" not in path.parts:
@@ -112,7 +106,7 @@ def test_heavy_packages_stay_where_they_belong() -> None:
 def test_a_short_job_imports_little() -> None:
     """Looking around needs neither numpy's friends nor a plot."""
     command = (
-        "import sys; from reobserve.cli import main; main(['list']); "
+        "import sys; from reobserve.cli.main import main; main(['list']); "
         "print([m for m in ('numba', 'scipy', 'matplotlib', 'pandas', 'cvxpy', 'pyarrow') "
         "if m in sys.modules])"
     )

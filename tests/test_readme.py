@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.evidence.claims.verdicts import VERDICTS
-from reobserve.ledger.ledger import Ledger
+from reobserve.replication.claims.verdicts import VERDICTS
+from reobserve.replication.parameters.ledger import Ledger
 
 from . import FIVE
 from .found import numbers_left, squeezed

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from docs.generate.sources import write
-from reobserve.errors import ReobserveError
+from reobserve.core.errors import ReobserveError
 
 ROOT = Path(__file__).parents[2]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from docs.generate.markdown import block, code, plain, table
-from reobserve.cli import command_parser
+from reobserve.cli.main import command_parser
 
 _WIDTH = "80"  # of a help, in letters
 

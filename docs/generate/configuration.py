@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from docs.generate.markdown import block, code, plain, table
-from reobserve.designs.file import KINDS, kind_of
-from reobserve.evidence.schemas import KINDS as KINDS_OF_FILES
-from reobserve.ledger.parameter_file import Configuration
-from reobserve.own_data.examples import NAMES, specification_text
-from reobserve.plain_data.documents import read_yaml
-from reobserve.plain_data.validation import schema
+from reobserve.core.documents import read_yaml
+from reobserve.core.validation import schema
+from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.examples import NAMES, specification_text
+from reobserve.replication.parameters.parameter_file import Configuration
+from reobserve.replication.schemas import KINDS as KINDS_OF_FILES
 
 
 def keys_of_a_build(root: Path) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from docs.generate.api import is_shown
 from docs.generate.evidence import Paper
 from docs.generate.markdown import code, plain, prose, table
-from reobserve.evidence.equations.table import Equation, equations_file, read_equations
+from reobserve.replication.equations.table import Equation, equations_file, read_equations
 
 
 def equations(papers: Sequence[Paper]) -> str:

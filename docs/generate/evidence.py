@@ -12,26 +12,26 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from reobserve.drawing.captions import render
-from reobserve.errors import InputError
-from reobserve.evidence.claims.checks import THEORY
-from reobserve.evidence.claims.kept_draws import KeptDraws, read_kept
-from reobserve.evidence.claims.outcomes import outcome
-from reobserve.evidence.claims.registry import Claim as Registered
-from reobserve.evidence.claims.registry import Registry, read_registry
-from reobserve.evidence.claims.robustness import Robustness
-from reobserve.evidence.claims.table import HEADER, row
-from reobserve.evidence.errata import Erratum, read_errata
-from reobserve.evidence.golden.files import read_metrics
-from reobserve.evidence.report.assumptions import Entry, entries
-from reobserve.evidence.report.claims import Claim, claim_of_row
-from reobserve.evidence.report.markup import to_html, without_title
-from reobserve.ledger.config import known_papers
-from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.names import caption_template, samples_path
-from reobserve.plain_data.documents import read_yaml
-from reobserve.plain_data.files import read_table
-from reobserve.scoring.metrics import Metric, lookup
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
+from reobserve.core.files import read_table
+from reobserve.replication.captions import render
+from reobserve.replication.claims.checks import THEORY
+from reobserve.replication.claims.kept_draws import KeptDraws, read_kept
+from reobserve.replication.claims.outcomes import outcome
+from reobserve.replication.claims.registry import Claim as Registered
+from reobserve.replication.claims.registry import Registry, read_registry
+from reobserve.replication.claims.robustness import Robustness
+from reobserve.replication.claims.table import HEADER, row
+from reobserve.replication.errata import Erratum, read_errata
+from reobserve.replication.golden.files import read_metrics
+from reobserve.replication.metrics.metrics import Metric, lookup
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import caption_template, samples_path
+from reobserve.replication.report.assumptions import Entry, entries
+from reobserve.replication.report.claims import Claim, claim_of_row
+from reobserve.replication.report.markup import to_html, without_title
 
 GOLDEN = "tests/golden"
 REFERENCES = "tests/reference"

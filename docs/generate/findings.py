@@ -10,12 +10,12 @@ from typing import Any
 from docs.generate.evidence import Paper
 from docs.generate.gallery import grid
 from docs.generate.markdown import Page, code, plain, table, ticks
-from reobserve.evidence.claims.verdict_table import table as verdict_table
-from reobserve.evidence.claims.verdicts import VERDICTS, replicated, title_margin
-from reobserve.evidence.errata import Erratum
-from reobserve.evidence.report.claims import Claim
-from reobserve.evidence.report.gather import cited
-from reobserve.plain_data.documents import read_yaml
+from reobserve.core.documents import read_yaml
+from reobserve.replication.claims.verdict_table import table as verdict_table
+from reobserve.replication.claims.verdicts import VERDICTS, replicated, title_margin
+from reobserve.replication.errata import Erratum
+from reobserve.replication.report.claims import Claim
+from reobserve.replication.report.gather import cited
 
 _THRESHOLDS = {
     "stated": "The bound is the paper's.",

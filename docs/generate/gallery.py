@@ -9,7 +9,7 @@ from PIL import Image
 
 from docs.generate.evidence import Figure, Paper
 from docs.generate.markdown import Page, block, code, plain
-from reobserve.evidence.report.markup import first_sentence
+from reobserve.replication.report.markup import first_sentence
 
 _DENSITY = 1.6  # pixels of a picture to one of the page, as in the report
 

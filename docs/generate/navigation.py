@@ -8,8 +8,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from docs.generate.markdown import Page
-from reobserve.errors import InputError
-from reobserve.plain_data.documents import parse_yaml
+from reobserve.core.documents import parse_yaml
+from reobserve.core.errors import InputError
 
 # The tabs, by folder; a folder that has no page is left out.
 FOLDERS = {

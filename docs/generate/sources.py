@@ -18,8 +18,8 @@ from docs.generate.equations import equations
 from docs.generate.house import rooms_and_modules
 from docs.generate.markdown import Page
 from docs.generate.navigation import FOLDERS, hand_written, navigation
-from reobserve.errors import InputError, nearest
-from reobserve.evidence.meanings import list_metrics
+from reobserve.core.errors import InputError, nearest
+from reobserve.replication.meanings import list_metrics
 
 _PART = re.compile(r"<!-- generated: ([\w ]+) -->")
 

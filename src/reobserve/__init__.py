@@ -9,12 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from reobserve.designs.loading import load_design
-    from reobserve.errors import DivergenceError, InputError
-    from reobserve.models.linear import LinearModel
-    from reobserve.models.polynomial import PolynomialSystem
-    from reobserve.models.rigid_body import RigidBody
-    from reobserve.models.triangular import TriangularModel
+    from reobserve.core.errors import DivergenceError, InputError
+    from reobserve.estimation.designs.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
     from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
@@ -35,6 +31,10 @@ if TYPE_CHECKING:
     from reobserve.observers.run import Estimate, Run
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
     from reobserve.replication.replicate import replicate
+    from reobserve.systems.linear import LinearModel
+    from reobserve.systems.polynomial import PolynomialSystem
+    from reobserve.systems.rigid_body import RigidBody
+    from reobserve.systems.triangular import TriangularModel
 
 __all__ = [
     "ILO",
@@ -70,12 +70,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "designs.loading": ("load_design",),
-    "errors": ("DivergenceError", "InputError"),
-    "models.linear": ("LinearModel",),
-    "models.polynomial": ("PolynomialSystem",),
-    "models.rigid_body": ("RigidBody",),
-    "models.triangular": ("TriangularModel",),
+    "estimation.designs.loading": ("load_design",),
+    "core.errors": ("DivergenceError", "InputError"),
+    "systems.linear": ("LinearModel",),
+    "systems.polynomial": ("PolynomialSystem",),
+    "systems.rigid_body": ("RigidBody",),
+    "systems.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
     "observers.augmented_kalman": ("AugmentedKalmanFilter",),
     "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
@@ -104,7 +104,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
         return found
-    from reobserve.errors import nearest
+    from reobserve.core.errors import nearest
 
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{nearest(name, __all__)}")
 

@@ -12,7 +12,7 @@ def run() -> NoReturn:
 
     To take apart an interpreter that holds compiled loops takes longer than most jobs compute.
     """
-    from reobserve.cli import main
+    from reobserve.cli.main import main
 
     code = main()
     for stream in (sys.stdout, sys.stderr):

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 
-from reobserve.cli import command_parser, main
-from reobserve.errors import ReobserveError
+from reobserve.cli.main import command_parser, main
+from reobserve.core.errors import ReobserveError
 
 ROOT = Path(__file__).parents[2]
 LONGEST = 1000  # characters of a message

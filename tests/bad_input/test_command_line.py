@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reobserve.errors import InputError
-from reobserve.ledger.ledger import Ledger
+from reobserve.core.errors import InputError
+from reobserve.replication.parameters.ledger import Ledger
 
 from . import valid
 from .odd import NUMBERS, as_yaml, changed, values, words
@@ -113,7 +113,7 @@ def test_an_override_says_something() -> None:
         Ledger.load(ROOT, "eso", {"plant": {"inertia": {}}})
 
 
-RUN = [sys.executable, "-c", "import sys; from reobserve.cli import main; sys.exit(main())"]
+RUN = [sys.executable, "-c", "import sys; from reobserve.cli.main import main; sys.exit(main())"]
 
 
 def reobserve(

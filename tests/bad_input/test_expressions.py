@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 
 from .odd import values, words

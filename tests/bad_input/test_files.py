@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reobserve.designs.file import KINDS, kind_of
-from reobserve.plain_data.documents import parse_yaml, read_yaml
+from reobserve.core.documents import parse_yaml, read_yaml
+from reobserve.estimation.designs.file import KINDS, kind_of
 from reobserve.replication.prepare import load_parameters
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.inputs import Signal
 
 from . import valid
 from .odd import as_json, as_yaml, changed, damaged

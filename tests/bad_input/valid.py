@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from reobserve.designs.file import kind_of, save_design
-from reobserve.evidence.golden.files import read_metrics
-from reobserve.own_data.examples import simulated, specification_text
-from reobserve.plain_data.documents import parse_yaml, read_yaml
-from reobserve.scoring.metrics import write_metrics
+from reobserve.core.documents import parse_yaml, read_yaml
+from reobserve.estimation.designs.file import kind_of, save_design
+from reobserve.estimation.examples import simulated, specification_text
+from reobserve.replication.golden.files import read_metrics
+from reobserve.replication.metrics.metrics import write_metrics
 
 from .outcome import ROOT, command
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reobserve.cli import command_parser
+from reobserve.cli.main import command_parser
 
 from .hand_written import GENERATED, PAGES, blocks, everything, hand_written, name, prose
 

@@ -10,7 +10,7 @@ import pytest
 from docs.generate.markdown import Page
 from docs.generate.navigation import hand_written, navigation
 from docs.generate.sources import write
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from tests import FIVE, found
 from tests.test_project import ROOMS
 

@@ -17,10 +17,10 @@ import reobserve
 from docs.generate.api import is_shown
 from docs.generate.equations import anchor
 from docs.generate.evidence import papers
-from reobserve.cli import command_parser
-from reobserve.errors import InputError
-from reobserve.evidence.equations.table import read_equations
-from reobserve.ledger.ledger import Ledger
+from reobserve.cli.main import command_parser
+from reobserve.core.errors import InputError
+from reobserve.replication.equations.table import read_equations
+from reobserve.replication.parameters.ledger import Ledger
 from tests import FIVE
 
 from .conftest import ROOT, Site

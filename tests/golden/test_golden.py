@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from reobserve.evidence.golden.comparison import compare_built
-from reobserve.evidence.golden.files import golden_files
-from reobserve.evidence.golden.values import part_names
+from reobserve.replication.golden.comparison import compare_built
+from reobserve.replication.golden.files import golden_files
+from reobserve.replication.golden.values import part_names
 from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, as_built, built
 
 __all__ = ["as_built", "built"]

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.evidence.golden.comparison import compare
-from reobserve.evidence.golden.files import golden_file, read_numbers
-from reobserve.evidence.golden.values import evaluated_numbers
-from reobserve.ledger.ledger import Ledger, leaves, matches
+from reobserve.core.errors import InputError
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.golden.comparison import compare
+from reobserve.replication.golden.files import golden_file, read_numbers
+from reobserve.replication.golden.values import evaluated_numbers
+from reobserve.replication.parameters.ledger import Ledger, leaves, matches
 from tests.pipeline.conftest import EVALUATORS, LEDGERS, PAPERS, ROOT
 
 Place = tuple[str | int, ...]  # in a value: empty for the value itself

@@ -8,11 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reobserve.errors import InputError, shown
-from reobserve.models.linear import LinearModel
-from reobserve.models.rigid_body import RigidBody
-from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.matrices import (
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import (
     as_floats,
     as_matrix,
     as_numbers,
@@ -21,13 +19,15 @@ from reobserve.numerics.matrices import (
     as_rows,
     as_samples,
 )
-from reobserve.numerics.vector_field import vector_field
+from reobserve.core.vector_field import vector_field
 from reobserve.observers import linear_filter_loop
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.timeseries.signals import Signal
+from reobserve.systems.linear import LinearModel
+from reobserve.systems.rigid_body import RigidBody
 
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 READ_ONLY = ROWS.copy()

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import place_poles
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.linear import LinearModel
-from reobserve.models.rigid_body import RigidBody
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers import halving
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.contract import Rows
@@ -33,6 +31,8 @@ from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.unchecked import unchecked_step
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.systems.linear import LinearModel
+from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 

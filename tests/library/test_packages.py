@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 
 import reobserve
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
+from reobserve.core.errors import InputError
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 from reobserve.synthesis.extended_state import pd_pi, pi, structured
 from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve.synthesis.normal_form.homological_exact import RationalSolver
+from reobserve.systems.polynomial import PolynomialSystem
 
 MOTOR = AugmentedSystem(
     A=np.array([[-10.0, 1.0], [-0.02, -2.0]]), B=np.array([[0.0], [2.0]]), C=np.eye(2),
@@ -139,7 +139,7 @@ def test_modules_that_know_a_package_for_its_types_import_it_late() -> None:
         if "if TYPE_CHECKING:" in path.read_text(encoding="utf-8"):
             parts = path.relative_to(package.parent).with_suffix("").parts
             modules.append(".".join(parts).removesuffix(".__init__"))
-    assert "reobserve.timeseries.series" in modules
+    assert "reobserve.signals.series" in modules
     words = [sys.executable, "-c", IMPORTED, " ".join(LATE), *modules]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from reobserve import ILO, IMM, KalmanFilter, LinearModel
-from reobserve.designs.poles import parse_poles
-from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody
+from reobserve.core.errors import InputError
+from reobserve.estimation.designs.poles import parse_poles
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.imm.keys import bounds
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_theorem import certify
+from reobserve.systems.rigid_body import RigidBody
 
 KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], 1.0, 1.0, sampling_period=0.1))
 BANK = IMM([KALMAN, KALMAN], [[0.9, 0.1], [0.1, 0.9]])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from tests.library.calls import Call, calls
 
 
@@ -19,7 +19,7 @@ class Nothing:
 
 # Words of the user's own, which only stand in sentences.
 LABELS = {
-    "timeseries.signals.Signal.check_grid": "name",
+    "signals.signals.Signal.check_grid": "name",
     "plants.delayed_input.check_delay": "name",
 }
 

@@ -10,10 +10,10 @@ import mpmath
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.models.linear import LinearModel, ModelArrays
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
 from reobserve.observers.contract import Observer
 from reobserve.observers.run import Run
+from reobserve.systems.linear import LinearModel, ModelArrays
 
 Array = NDArray[np.float64]
 Law = Callable[..., Any]

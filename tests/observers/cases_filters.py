@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
@@ -19,6 +18,7 @@ from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.linear import place
+from reobserve.systems.linear import LinearModel
 from tests.observers.case import Case
 
 Array = NDArray[np.float64]

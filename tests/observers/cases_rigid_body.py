@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
+from reobserve.systems.rigid_body import RigidBody
 from tests.observers.case import Array, Case
 
 _INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])

@@ -9,11 +9,11 @@ import pytest
 from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ripple
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.contract import Observer
 from reobserve.observers.run import Run
 from tests.observers.case import Case, observe

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator

@@ -12,11 +12,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.models.triangular_text import triangular_model
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.inputs import Signal
+from reobserve.systems.triangular_text import triangular_model
 from tests.plants.test_delayed_plants import PENDULUM, PIECES, PROFILE, RAMP, SINE, START
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.cli import main
-from reobserve.errors import DivergenceError, InputError
+from reobserve.cli.main import main
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.extended_high_gain import (
     ExtendedHighGainObserver,
     State,

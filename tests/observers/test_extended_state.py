@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are, solve_discrete_lyapunov
 
-from reobserve.errors import InputError
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run

@@ -11,13 +11,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter, State
 from reobserve.observers.linear_filter_loop import gain_law
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
     ACTUATOR,
     Reference,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
     motion_model,
     ripple,

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from reobserve.errors import InputError
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.vector_field import vector_field
+from reobserve.core.errors import InputError
+from reobserve.core.vector_field import vector_field
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver, State
 from reobserve.plants.pendulum import pendulum
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time, lyapunov_matrix
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from filterpy.kalman import IMMEstimator
 from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import DivergenceError
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
     ACTUATOR,
     STICKY,

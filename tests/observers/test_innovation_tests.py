@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
 from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

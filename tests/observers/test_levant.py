@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import DivergenceError, InputError
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.levant import LevantDifferentiator, State
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form import FORMS, normal_form_observer
 from reobserve.observers.normal_form_observer import NormalFormObserver

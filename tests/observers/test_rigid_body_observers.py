@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.rigid_body import RigidBody
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
@@ -18,6 +17,7 @@ from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State, whole_steps
 from reobserve.observers.run import Run
 from reobserve.plants.satellite import Satellite
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
@@ -26,8 +26,8 @@ from reobserve.synthesis.ilo_accuracy import (
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain
-from reobserve.timeseries.signals import Signal
-from tests.models.test_rigid_body import SHAPE
+from reobserve.systems.rigid_body import RigidBody
+from tests.systems.test_rigid_body import SHAPE
 
 Array = NDArray[np.float64]
 

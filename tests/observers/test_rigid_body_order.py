@@ -20,10 +20,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import read_ledger
-from reobserve.ledger.ledger import Ledger
-from reobserve.models.rigid_body import RigidBody
+from reobserve.core.errors import InputError
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
@@ -32,7 +29,10 @@ from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.ilo.setup import stride
 from reobserve.plants.satellite import Satellite
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.parameters.job import read_ledger
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.signals.inputs import Signal
+from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], ...]

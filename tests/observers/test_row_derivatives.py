@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.observers.row_derivatives import Array, as_signal_rows, completed, latest
 
 

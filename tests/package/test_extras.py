@@ -9,7 +9,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from reobserve.extras import EXTRAS
+from reobserve.core.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -30,7 +30,7 @@ sys.meta_path.insert(0, Lacking)
 
 import numpy as np
 import reobserve
-from reobserve.cli import main
+from reobserve.cli.main import main
 
 for name in reobserve.__all__:
     getattr(reobserve, name)

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from reobserve.ledger.ledger import Ledger
-from reobserve.plain_data.documents import read_yaml
+from reobserve.core.documents import read_yaml
+from reobserve.replication.parameters.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 

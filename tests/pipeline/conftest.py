@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from reobserve.ledger.config import known_papers
-from reobserve.ledger.ledger import Ledger
-from reobserve.plain_data.documents import read_yaml
+from reobserve.core.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.ledger import Ledger
 from tests import project_copy
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.cli import main
+from reobserve.cli.main import main
 from tests.papers import fixed
 
 from .conftest import LEDGERS, ROOT, Project

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.evidence.claims.table import HEADER
-from reobserve.evidence.claims.verdict_table import table as verdict_table
-from reobserve.evidence.golden import claims as golden_claims
-from reobserve.ledger.config import known_papers
-from reobserve.ledger.names import paper_part
-from reobserve.plain_data.files import read_table
-from reobserve.scoring.metrics import read_metrics
-from reobserve.timeseries.series import Series
+from reobserve.core.files import read_table
+from reobserve.replication.claims.table import HEADER
+from reobserve.replication.claims.verdict_table import table as verdict_table
+from reobserve.replication.golden import claims as golden_claims
+from reobserve.replication.metrics.metrics import read_metrics
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.names import paper_part
+from reobserve.signals.series import Series
 from tests import FIVE
 
 from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project

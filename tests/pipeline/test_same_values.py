@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.plain_data.files import write_table
+from reobserve.core.files import write_table
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.metrics.metrics import read_metrics
 from reobserve.replication.steps import paper_module
-from reobserve.scoring.metrics import read_metrics
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 
 from .conftest import (
     EVALUATORS,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.plain_data.documents import read_yaml
+from reobserve.core.documents import read_yaml
 
 from .conftest import ROOT, Project, copy_toy
 from .slurm_node import ask, missing, slurm_node

@@ -161,10 +161,10 @@ ALL_DECIDED = DECIDED | {"robustness": len(PAPERS), "sensitivity": len(PAPERS)}
         ("config/claims/ilo.yaml", "    says: ", "    says: In short, ", {"claims": 1, **TOLD}),
         ("config/claims/ilo.yaml", "below: ", "below: 1", DECIDED),
         ("config/errata/ilo.yaml", "    why: ", "    why: In short, ", TOLD),
-        ("src/reobserve/evidence/report/render.py", "", "# edited\n", TOLD),
-        ("src/reobserve/evidence/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
+        ("src/reobserve/replication/report/render.py", "", "# edited\n", TOLD),
+        ("src/reobserve/replication/claims/verdicts.py", "", "# edited\n", {"claims": 1, **TOLD}),
         (
-            "src/reobserve/stages/robustness.py",
+            "src/reobserve/cli/stages/robustness.py",
             "",
             "# edited\n",
             ALL_DECIDED,
@@ -222,13 +222,13 @@ def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(target)
     before = fresh.results()["ilo/constant/plant.parquet"]
-    source = fresh.folder / "src/reobserve/models/rigid_body_arithmetic.py"
+    source = fresh.folder / "src/reobserve/systems/rigid_body_arithmetic.py"
     with edited(source, "torque[0] - (y * hz - z * hy)", "torque[0] + (y * hz - z * hy)"):
         fresh.snakemake(target)
         series = json.loads(
             fresh.run(
                 "python", "-c",
-                "import json; from reobserve.timeseries.series import Series; "
+                "import json; from reobserve.signals.series import Series; "
                 f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
             ).stdout
         )  # fmt: skip
@@ -236,7 +236,7 @@ def test_an_edited_kernel_is_not_run_from_an_old_cache(fresh: Project) -> None:
     assert fresh.results()["ilo/constant/plant.parquet"] == before
     again = fresh.run(
         "python", "-c",
-        "import json; from reobserve.timeseries.series import Series; "
+        "import json; from reobserve.signals.series import Series; "
         f"print(json.dumps(Series.read('{target}')['rate'][-1].tolist()))",
     ).stdout  # fmt: skip
     assert abs(series[0] - json.loads(again)[0]) > 1e-6
@@ -249,7 +249,7 @@ import jinja2, matplotlib.figure, numba, pandas, pyarrow.parquet, scipy.optimize
 for line in sys.stdin:
     child = os.fork()
     if not child:
-        from reobserve.cli import main
+        from reobserve.cli.main import main
         done = main(["stage", *json.loads(line)])
         found = sorted(name for name in sys.modules if name.split(".")[0] == "reobserve")
         print(json.dumps([done, found]), flush=True)
@@ -260,9 +260,9 @@ for line in sys.stdin:
 
 LATE = {
     "reobserve.__main__",  # of `python -m reobserve`, which this test does not go through
-    "reobserve.plain_data.yaml_loader",
-    "reobserve.plain_data.documents",  # imported where a YAML is read, which few stages do
-    "reobserve.drawing.apart",  # where a figure is drawn in the process of somebody else
+    "reobserve.core.yaml_loader",
+    "reobserve.core.documents",  # imported where a YAML is read, which few stages do
+    "reobserve.plotting.apart",  # where a figure is drawn in the process of somebody else
     "reobserve.observers.halving",  # and where something diverges, which nothing does as built
     "reobserve.observers.run_plot",  # and where somebody asks a run for its picture
 }

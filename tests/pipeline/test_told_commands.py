@@ -98,7 +98,7 @@ def as_run(command: Command, built: str = "") -> str:
     elsewhere = (
         words[:2] == ["source", ".venv/bin/activate"]
         or first == "git"  # a copy has no history
-        or command.text.startswith("cd motor; cc ")  # tests/export compiles what is exported
+        or command.text.startswith("cd motor; cc ")  # tests/codegen compiles what is exported
     )
     assert elsewhere, f"no way to run {command.text}"
     return ""

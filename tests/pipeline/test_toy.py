@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from rocrate.rocrate import ROCrate
 
-from reobserve.errors import InputError
-from reobserve.evidence.claims.table import HEADER
-from reobserve.plain_data.files import read_table
+from reobserve.core.errors import InputError
+from reobserve.core.files import read_table
+from reobserve.replication.claims.table import HEADER
 from reobserve.replication.steps import read_design
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 
 from .conftest import Project, copy_toy
 from .test_staleness import TOLD, edited
@@ -204,7 +204,7 @@ def test_broken_claims_fail_the_build_and_show_in_the_report(toy: Project) -> No
 @pytest.mark.nightly
 def test_a_figure_that_fails_is_a_gap_in_the_report(toy: Project) -> None:
     """The build stops with the sentence of its stage, and the page shows what there is."""
-    refusing = """from reobserve.errors import InputError
+    refusing = """from reobserve.core.errors import InputError
 
 
 def lines(data):
@@ -243,9 +243,9 @@ def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
 IN_PROCESS = """
 from pathlib import Path
 from reobserve.replication.evaluation import Evaluator
-from reobserve.ledger.ledger import Ledger
-from reobserve.scoring.metrics import write_metrics
-from reobserve.plain_data.files import write_table
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.metrics.metrics import write_metrics
+from reobserve.core.files import write_table
 
 evaluator = Evaluator(Ledger.load(Path(), "toy", seed=1))
 figure = evaluator.figure("fig1")

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.numerics.discretisation import interpolating_hold, polynomial_hold, zero_order_hold
+from reobserve.core.discretisation import interpolating_hold, polynomial_hold, zero_order_hold
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, MotorRun, SpeedControl, poles_for
-from reobserve.timeseries.signal_shapes import Constant
-from reobserve.timeseries.signals import Signal, Term
+from reobserve.signals.inputs import Signal, Term
+from reobserve.signals.signal_shapes import Constant
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.vector_field import vector_field
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.vector_field import vector_field
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.inputs import Signal
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.errors import InputError
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from tests.observers.actuator_models import ACTUATOR, rounded
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
+from reobserve.core.errors import InputError
 from reobserve.plants.delayed_input import check_delay
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
-from reobserve.timeseries.signal_shapes import Constant
-from reobserve.timeseries.signals import Signal, Term
+from reobserve.signals.inputs import Signal, Term
+from reobserve.signals.signal_shapes import Constant
+from reobserve.systems.polynomial import PolynomialSystem
 
 WHEELS = Satellite(np.diag([1.0, 2.0, 3.0]))
 PLANE = PolynomialPlant(PolynomialSystem.from_expressions(["b", "-a"], ["a"], ["a", "b"], 3))

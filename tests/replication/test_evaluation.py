@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.plain_data.files import write_table
+from reobserve.core.errors import InputError
+from reobserve.core.files import write_table
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.steps import paper_module
 from tests.pipeline.conftest import EVALUATORS, LEDGERS

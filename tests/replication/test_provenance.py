@@ -36,7 +36,10 @@ def test_the_names_of_an_import(statement: str, path: Path, names: list[str]) ->
 
 
 def test_the_closure_holds_what_is_imported_and_what_that_imports() -> None:
-    assert provenance.import_closure(["reobserve.errors"]) == ["reobserve", "reobserve.errors"]
-    closure = provenance.import_closure(["reobserve.ledger.config"])
-    assert {"reobserve.plain_data.files", "reobserve.errors"} <= set(closure)
+    assert provenance.import_closure(["reobserve.core.errors"]) == [
+        "reobserve",
+        "reobserve.core.errors",
+    ]
+    closure = provenance.import_closure(["reobserve.replication.parameters.config"])
+    assert {"reobserve.core.files", "reobserve.core.errors"} <= set(closure)
     assert closure == sorted(closure)

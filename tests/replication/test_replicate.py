@@ -13,11 +13,11 @@ import pytest
 
 import reobserve
 from reobserve import InputError, replicate
-from reobserve.evidence.golden.comparison import compare
-from reobserve.evidence.golden.files import golden_file, read_numbers
-from reobserve.evidence.golden.values import evaluated_numbers
-from reobserve.ledger.ledger import default_ledger
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.golden.comparison import compare
+from reobserve.replication.golden.files import golden_file, read_numbers
+from reobserve.replication.golden.values import evaluated_numbers
+from reobserve.replication.parameters.ledger import default_ledger
 
 ROOT = Path(__file__).parents[2]
 

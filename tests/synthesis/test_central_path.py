@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.code_paths import unpinned
+from reobserve.core.code_paths import unpinned
+from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi, structured
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Term, minimiser
 from reobserve.synthesis.extended_state.design import Design

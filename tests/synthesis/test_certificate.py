@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, structured
 from reobserve.synthesis.extended_state.certificate import Certificate, certify, error_system
 from reobserve.synthesis.extended_state.design import accepted

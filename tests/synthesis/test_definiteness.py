@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat, fmpq
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.definiteness import Proof, ball_matrix, prove_negative_definite
 
 Rows = list[list[Fraction]]

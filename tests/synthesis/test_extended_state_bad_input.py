@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi, start, structured
 from tests.papers.eso.plants import dc_motor, random_plant
 

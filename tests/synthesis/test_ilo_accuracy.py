@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 from scipy.optimize import root
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import (
     sampled_limit_gain,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.synthesis.linear import ackermann, hidden_modes, place, steady_kalman_gain
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.synthesis import floquet
 from reobserve.synthesis.extended_state import central_path
@@ -29,6 +28,7 @@ from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sample
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.synthesis.ilo_theorem import bound18, certify, theorem1
 from reobserve.synthesis.linear import steady_kalman_gain
+from reobserve.systems.linear import LinearModel
 from tests.papers.eso.plants import dc_motor
 from tests.synthesis.test_floquet import system
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from reobserve.errors import InputError
+from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from tests.papers.eso.plants import dc_motor, random_plant
 

@@ -5,16 +5,16 @@ import shlex
 import sys
 from pathlib import Path
 
-from reobserve.errors import ReobserveError
-from reobserve.evidence.check import check_evidence
-from reobserve.evidence.claims.registry import claims_text, decisive
-from reobserve.ledger.config import check_config_files
-from reobserve.ledger.ledger import digest
-from reobserve.ledger.names import caption_template, claims_path, samples_path, style_sheet
+from reobserve.core.errors import ReobserveError
+from reobserve.replication.check import check_evidence
+from reobserve.replication.claims.registry import claims_text, decisive
+from reobserve.replication.parameters.config import check_config_files
+from reobserve.replication.parameters.ledger import digest
+from reobserve.replication.parameters.names import caption_template, claims_path, samples_path, style_sheet
 from reobserve.replication.prepare import check_metadata, load_parameters
 from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
 from reobserve.replication.provenance import closure_digest, code_digest, files_digest, versions
-from reobserve.timeseries.signals import sample_files
+from reobserve.signals.inputs import sample_files
 
 # Jobs use the environment that runs Snakemake, activated or not; with conda, that of their rule.
 if not workflow.deployment_settings.deployment_method:

@@ -58,7 +58,7 @@ rule sensitivity:
     conda: "../envs/reobserve.yaml"
     params:
         checks=checks,
-        code=code_of("reobserve.stages.sensitivity"), packages=PACKAGES
+        code=code_of("reobserve.cli.stages.sensitivity"), packages=PACKAGES
     message: "{wildcards.paper}: draw which choices decide the claims"
     shell:
         "(set -x; reobserve stage sensitivity results/{wildcards.paper}/parameters.json {input}"
@@ -75,7 +75,7 @@ rule claims:
     benchmark: "logs/claims.tsv"
     conda: "../envs/reobserve.yaml"
     params:
-        papers=CLAIMED, code=code_of("reobserve.stages.claims"),
+        papers=CLAIMED, code=code_of("reobserve.cli.stages.claims"),
         claims=digest([[claims_text(Path(), paper), dict(PARAMETERS[paper].entries())] for paper in CLAIMED])
     message: "decide all claims"
     shell: "(set -x; reobserve stage claims {params.papers} --output {output}) &> {log}"
@@ -91,7 +91,7 @@ rule report:
     conda: "../envs/reobserve.yaml"
     params:
         built=BUILT, texts=files_digest("config", "workflow/report"),
-        code=code_of("reobserve.evidence.report"), packages=PACKAGES
+        code=code_of("reobserve.replication.report"), packages=PACKAGES
     message: "write the replication report"
     shell: "(set -x; reobserve report {params.built} --output {output}) &> {log}"
 
@@ -101,7 +101,7 @@ rule verdicts:
     output: "results/verdicts.md"
     log: "logs/verdicts.log"
     conda: "../envs/reobserve.yaml"
-    params: code=code_of("reobserve.stages.verdicts")
+    params: code=code_of("reobserve.cli.stages.verdicts")
     message: "count the verdicts"
     shell: "(set -x; reobserve stage verdicts {input.claims} --output {output}) 2>&1 | tee {log} >&2"
 
@@ -113,6 +113,6 @@ rule archive:
     conda: "../envs/reobserve.yaml"
     params:
         texts=files_digest("config", "workflow", "CITATION.cff", "README.md", "CHANGELOG.md"),
-        code=code_of("reobserve.stages.archive"), packages=PACKAGES
+        code=code_of("reobserve.cli.stages.archive"), packages=PACKAGES
     message: "pack the build"
     shell: "(set -x; reobserve stage archive {input} --output {output}) 2>&1 | tee {log} >&2"

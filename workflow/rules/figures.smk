@@ -62,6 +62,6 @@ rule latex:
     output: "results/{of}.tex"
     log: "logs/{of}.latex.log"
     conda: "../envs/reobserve.yaml"
-    params: code=code_of("reobserve.stages.latex")
+    params: code=code_of("reobserve.cli.stages.latex")
     message: "write {output}"
     shell: "(set -x; reobserve latex {input} --output {output}) &> {log}"

@@ -18,8 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.models.rigid_body import RigidBody
-from reobserve.models.rigid_body_arithmetic import (
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
+from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
+from reobserve.systems.rigid_body import RigidBody
+from reobserve.systems.rigid_body_arithmetic import (
     Triple,
     acceleration,
     ahead,
@@ -27,9 +30,6 @@ from reobserve.models.rigid_body_arithmetic import (
     rk4_sum,
     row,
 )
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import Matrix, as_matrix, as_positive_definite
-from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
 
 
 class Constants(NamedTuple):

@@ -19,14 +19,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel, as_covariance
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_floats, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_vector
 from reobserve.observers.contract import Observer, Record, Rows
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import State
 from reobserve.synthesis.linear import undetectable_modes
+from reobserve.systems.linear import LinearModel, as_covariance
 
 Array = NDArray[np.float64]
 

@@ -24,9 +24,9 @@ from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVa
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.numerics.arguments import as_word
-from reobserve.numerics.matrices import all_finite, as_numbers, as_samples
+from reobserve.core.arguments import as_word
+from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.matrices import all_finite, as_numbers, as_samples
 from reobserve.observers.run import Estimate, Run
 from reobserve.observers.value import Value
 

@@ -35,11 +35,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.matrices import as_positive
+from reobserve.core.matrices import as_positive
 from reobserve.observers.delay_estimator import DelayEstimator, check_rate
 from reobserve.observers.delay_estimator_loop import law, run_law
 from reobserve.observers.fixed_step import Samples
-from reobserve.timeseries.input_history import InputHistory
+from reobserve.signals.input_history import InputHistory
 
 Array = NDArray[np.float64]
 

@@ -18,14 +18,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_positive, as_scalar, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive, as_scalar, as_vector
 from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps, steps_between
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest, rows_before
 from reobserve.observers.value import Value
-from reobserve.timeseries.input_history import InputHistory
+from reobserve.signals.input_history import InputHistory
 
 Array = NDArray[np.float64]
 

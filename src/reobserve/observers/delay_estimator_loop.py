@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import Law, kernel
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import Law, kernel
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.fixed_step import Samples
-from reobserve.timeseries.input_history import InputHistory, past_input
+from reobserve.signals.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

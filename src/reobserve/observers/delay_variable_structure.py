@@ -42,13 +42,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_word
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_positive
+from reobserve.core.arguments import as_word
+from reobserve.core.errors import InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_positive
 from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.fixed_step import Samples
-from reobserve.timeseries.input_history import InputHistory, past_input
+from reobserve.signals.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

@@ -25,16 +25,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.arguments import as_kind, as_word
-from reobserve.numerics.matrices import as_positive, as_positive_definite, as_scalar, as_vector
+from reobserve.core.arguments import as_kind, as_word
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_positive, as_positive_definite, as_scalar, as_vector
 from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
 from reobserve.observers.value import Value
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

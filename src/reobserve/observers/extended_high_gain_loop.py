@@ -10,7 +10,7 @@ inside), and three of a part of it. Points stand in rows of a table, too.
 
 What makes the loop fast: G is asked for once a row and not at each stage. ``size`` is a tuple of n
 zeros, whose length the compiler knows, so that it can write short loops out. Nothing on the usual
-way can raise, see `reobserve.numerics.direct_call`. Tables are passed with the number of a row, not
+way can raise, see `reobserve.core.direct_call`. Tables are passed with the number of a row, not
 by views of rows.
 """
 
@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.chandrupatla import next_trial
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.core.chandrupatla import next_trial
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import inlined_kernel, kernel
 
 Array = NDArray[np.float64]
 

@@ -26,10 +26,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.discretisation import interpolating_hold
-from reobserve.numerics.matrices import as_floats, as_positive, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.discretisation import interpolating_hold
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.extended_state_loop import run_observer
 from reobserve.observers.fixed_step import FixedStepObserver, Steps

@@ -7,7 +7,7 @@ from collections.abc import Sized
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.fixed_step import Samples
 
 Array = NDArray[np.float64]

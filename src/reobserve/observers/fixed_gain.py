@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.kernel import Law
-from reobserve.numerics.matrices import as_floats, spectral_radius
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.kernel import Law
+from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.observers.linear_filter import LinearFilter, State
 from reobserve.observers.linear_filter_loop import gain_law
 from reobserve.synthesis.linear import place, steady_kalman_gain
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import as_numbers
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_numbers
 from reobserve.observers.contract import (
     Observer,
     OnDivergence,

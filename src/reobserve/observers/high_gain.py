@@ -17,15 +17,15 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_positive, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
 from reobserve.observers.value import Value
 from reobserve.synthesis.high_gain import high_gain
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -16,19 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody
-from reobserve.models.rigid_body_arithmetic import (
-    Triple,
-    acceleration,
-    ahead,
-    product,
-    rk4_sum,
-    row,
-)
-from reobserve.numerics.arguments import as_flag
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.core.arguments import as_flag
+from reobserve.core.errors import InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
 from reobserve.observers.rigid_body_observer import (
     Array,
     Record,
@@ -39,6 +30,15 @@ from reobserve.observers.rigid_body_observer import (
 )
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_stability import continuous_stability
+from reobserve.systems.rigid_body import RigidBody
+from reobserve.systems.rigid_body_arithmetic import (
+    Triple,
+    acceleration,
+    ahead,
+    product,
+    rk4_sum,
+    row,
+)
 
 
 class Constants(NamedTuple):

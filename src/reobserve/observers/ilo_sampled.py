@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody
-from reobserve.models.rigid_body_arithmetic import ahead, product, rk4_sum, row
-from reobserve.numerics.kernel import kernel
+from reobserve.core.errors import InputError
+from reobserve.core.kernel import kernel
 from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
 from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
+from reobserve.systems.rigid_body import RigidBody
+from reobserve.systems.rigid_body_arithmetic import ahead, product, rk4_sum, row
 
 
 @dataclass(frozen=True, eq=False, repr=False)

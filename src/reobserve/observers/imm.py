@@ -23,10 +23,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.models.linear import ModelArrays, as_covariance
-from reobserve.numerics.arguments import as_flag
-from reobserve.numerics.matrices import as_floats, as_numbers, as_vector
+from reobserve.core.arguments import as_flag
+from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.matrices import as_floats, as_numbers, as_vector
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.imm_loop import (
     Bank,
@@ -48,6 +47,7 @@ from reobserve.observers.linear_filter import (
     sample_before,
 )
 from reobserve.observers.value import Value
+from reobserve.systems.linear import ModelArrays, as_covariance
 
 Array = NDArray[np.float64]
 

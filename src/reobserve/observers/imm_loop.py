@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import ModelArrays
-from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.linear_filter_loop import (
     Size,
     assign,
@@ -25,6 +24,7 @@ from reobserve.observers.linear_filter_loop import (
     new_work,
     predict,
 )
+from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.arguments import as_whole
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_numbers, as_scalar
+from reobserve.core.arguments import as_whole
+from reobserve.core.errors import InputError, shown
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_numbers, as_scalar
 
 Array = NDArray[np.float64]
 

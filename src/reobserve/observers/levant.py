@@ -22,10 +22,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.arguments import as_flag, as_whole
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_positive, as_vector
+from reobserve.core.arguments import as_flag, as_whole
+from reobserve.core.errors import InputError, shown
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_positive, as_vector
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.value import Value
 

@@ -20,11 +20,10 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError, shown
-from reobserve.models.linear import LinearModel, as_covariance
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.kernel import Law
-from reobserve.numerics.matrices import as_numbers, as_row, as_samples, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import DivergenceError, InputError, shown
+from reobserve.core.kernel import Law
+from reobserve.core.matrices import as_numbers, as_row, as_samples, as_vector
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.linear_filter_loop import (
     correct,
@@ -34,6 +33,7 @@ from reobserve.observers.linear_filter_loop import (
     run_filter,
 )
 from reobserve.observers.value import Value
+from reobserve.systems.linear import LinearModel, as_covariance
 
 Array = NDArray[np.float64]
 

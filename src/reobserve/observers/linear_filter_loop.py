@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import ModelArrays
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import Law, inlined_kernel, kernel
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import Law, inlined_kernel, kernel
+from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 Size = tuple[int, ...]

@@ -7,17 +7,17 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError, shown
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_whole, as_word
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.arguments import as_whole, as_word
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve.power_series.expressions import from_expressions
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.expressions import from_expressions
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
 from reobserve.synthesis.normal_form.known_inputs import split
+from reobserve.systems.polynomial import PolynomialSystem
 
 FORMS = ("identity", "transformed")
 

@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.arguments import as_word
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.small_systems import solve_in_place
+from reobserve.core.arguments import as_word
+from reobserve.core.kernel import kernel
+from reobserve.core.small_systems import solve_in_place
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
-from reobserve.power_series.maps import stacked
+from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.polynomials.maps import stacked
 from reobserve.synthesis.normal_form.gain import GAINS
 
 Array = NDArray[np.float64]

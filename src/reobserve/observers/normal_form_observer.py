@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_positive, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_positive, as_vector
 from reobserve.observers.contract import Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps
 from reobserve.observers.run import Run

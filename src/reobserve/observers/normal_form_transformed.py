@@ -18,11 +18,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.kernel import kernel
+from reobserve.core.kernel import kernel
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.polynomials.maps import PolynomialMap
 
 Array = NDArray[np.float64]
 

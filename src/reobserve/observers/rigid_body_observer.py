@@ -10,14 +10,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.rigid_body import RigidBody
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import Matrix, as_positive, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_positive, as_vector
 from reobserve.observers import contract
 from reobserve.observers.contract import check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Steps
 from reobserve.observers.value import Value
+from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 

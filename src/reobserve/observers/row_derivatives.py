@@ -17,8 +17,8 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import as_numbers
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_numbers
 from reobserve.observers.contract import as_sample_rows
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, nearest, shown
-from reobserve.extras import package
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.extras import package
 
 Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.extras import package
+from reobserve.core.extras import package
 from reobserve.observers.run import Run
 
 _MOST_LINES = 12  # in one panel: more cannot be told apart

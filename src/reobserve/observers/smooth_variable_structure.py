@@ -26,12 +26,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.kernel import Law, inlined_kernel
-from reobserve.numerics.matrices import as_floats, as_scalar, as_vector
+from reobserve.core.errors import InputError, shown
+from reobserve.core.kernel import Law, inlined_kernel
+from reobserve.core.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from reobserve.errors import shown
+from reobserve.core.errors import shown
 
 _FIELD = 60  # letters
 

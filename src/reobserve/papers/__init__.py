@@ -12,20 +12,23 @@ the others up to date:
     study_rows.HEADER: the columns of their table, which figures read, too
     table.HEADER, table.rows(job, design) -> list of rows    (only with tables)
     study_rows.KINDS, table.KINDS: what the cells of a column must be
-                                                      (see `reobserve.plain_data.files.Kind`)
+                                                      (see `reobserve.core.files.Kind`)
     theory.measure(job, designs) -> list of Metric           (only with a section `theory`)
-    metrics.measure(data) -> Metrics                  (see `reobserve.ledger.figure_data`)
-    metrics.MEANINGS: what each metric is, in words   (see `reobserve.evidence.meanings`)
+    metrics.measure(data) -> Metrics
+                                     (see `reobserve.replication.parameters.figure_data`)
+    metrics.MEANINGS: what each metric is, in words   (see `reobserve.replication.meanings`)
     plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(job, plant, progress) -> dict     (only papers that have searches)
     keys.Ledger                                       (the keys of the ledger, as dataclasses)
-    ledger.CHECKS: how what the ledger states is built, once     (see `reobserve.ledger.check`)
+    ledger.CHECKS: how what the ledger states is built, once
+                                           (see `reobserve.replication.parameters.check`)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
 name one in the ledger get it as a third argument.
 
 What studies, figures and records have in common, the keys of papers take from
-`reobserve.ledger.job`. ``job`` is a `reobserve.ledger.job.Job`: the parameter values that the
-step reads, see `reobserve.ledger.settings`, with the types that the paper declares. A paper that is
-called by hand with plain values makes one of them: ``job = read_job(keys.Ledger, settings)``.
+`reobserve.replication.parameters.job`. ``job`` is a `reobserve.replication.parameters.job.Job`: the
+parameter values that the step reads, see `reobserve.replication.parameters.settings`, with the
+types that the paper declares. A paper that is called by hand with plain values makes one of them:
+``job = read_job(keys.Ledger, settings)``.
 """

@@ -17,16 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.numerics.arguments import as_flag, as_function, as_kind, as_poles
-from reobserve.numerics.discretisation import interpolating_hold
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
+from reobserve.core.arguments import as_flag, as_function, as_kind, as_poles
+from reobserve.core.discretisation import interpolating_hold
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_floats, as_positive, as_rows, as_scalar, as_vector
 from reobserve.synthesis.linear import ackermann
 
 Array = NDArray[np.float64]
 
-# Called like a `reobserve.timeseries.signals.Signal`: with increasing times [s], and ``before`` for
+# Called like a `reobserve.signals.inputs.Signal`: with increasing times [s], and ``before`` for
 # limits.
 VectorSignal = Callable[..., Array]
 

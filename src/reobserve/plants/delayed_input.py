@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_floats, as_positive, as_scalar, as_vector
-from reobserve.timeseries.signals import SAME_INSTANT, Array, Signal
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.direct_call import call
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.signals.inputs import SAME_INSTANT, Array, Signal
+from reobserve.systems.triangular import TriangularModel
 
 _MOST_STEPS = 100_000_000
 

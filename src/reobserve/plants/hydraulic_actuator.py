@@ -24,11 +24,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError, shown
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.matrices import as_positive, as_scalar
-from reobserve.numerics.vector_field import vector_field
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive, as_scalar
+from reobserve.core.vector_field import vector_field
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import as_floats, as_positive, as_vector
-from reobserve.power_series.evaluation import Polynomials, evaluate, polynomials
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import as_floats, as_positive, as_vector
+from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 

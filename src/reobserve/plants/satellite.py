@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import DivergenceError, InputError
-from reobserve.models.rigid_body import RigidBody
-from reobserve.models.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.matrices import Matrix, as_positive, as_vector
-from reobserve.timeseries.signals import Array, Signal
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import Matrix, as_positive, as_vector
+from reobserve.signals.inputs import Array, Signal
+from reobserve.systems.rigid_body import RigidBody
+from reobserve.systems.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.ledger.ledger import Ledger
+from reobserve.replication.parameters.ledger import Ledger
 
 Step = tuple[str, ...]
 

@@ -12,9 +12,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from reobserve.errors import InputError, located, shown
-from reobserve.ledger.ledger import Ledger, digest
+from reobserve.core.errors import InputError, located, shown
 from reobserve.replication.chain import Step, reads
+from reobserve.replication.metrics.metrics import Metric, lookup
+from reobserve.replication.metrics.parts import only
+from reobserve.replication.parameters.ledger import Ledger, digest
 from reobserve.replication.steps import (
     compute,
     compute_design,
@@ -24,14 +26,12 @@ from reobserve.replication.steps import (
     read_study,
     rows_from,
 )
-from reobserve.scoring.metrics import Metric, lookup
-from reobserve.scoring.parts import only
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from reobserve.drawing.figures import PaperFigure
+    from reobserve.plotting.figures import PaperFigure
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,7 +86,7 @@ class Replication:
         InputError
             If matplotlib is not installed.
         """
-        from reobserve.drawing.apart import own_style
+        from reobserve.plotting.apart import own_style
 
         with own_style():
             return draw(self, notes=notes)
@@ -94,7 +94,7 @@ class Replication:
 
 def draw(figure: Replication, *, notes: bool) -> PaperFigure:
     """Draw a figure in the style that is in use, and fix its layout."""
-    from reobserve.drawing.fitting import fix_layout
+    from reobserve.plotting.fitting import fix_layout
 
     paper = figure.ledger.paper
     settings = figure.ledger.settings("plot", figure.figure)
@@ -109,7 +109,7 @@ def draw(figure: Replication, *, notes: bool) -> PaperFigure:
 
 
 def _frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    from reobserve.extras import package
+    from reobserve.core.extras import package
 
     pandas = package("pandas", "show metrics as a table")
     table: pd.DataFrame = pandas.DataFrame(list(rows))

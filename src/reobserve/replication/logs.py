@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from reobserve.errors import InputError
-from reobserve.plain_data.files import read_text
+from reobserve.core.errors import InputError
+from reobserve.core.files import read_text
 
 _PROMPT = "+ "  # as ``set -x`` of a shell prints commands
 _WRITTEN = ("--output", "--outputs", "--caption")

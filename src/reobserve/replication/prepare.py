@@ -12,13 +12,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError, ReobserveError, shown
-from reobserve.ledger.config import check_config, known_papers, take_truths
-from reobserve.ledger.job import read_ledger
-from reobserve.ledger.ledger import Ledger
-from reobserve.ledger.names import DEFAULT_STYLE, stored_parameters, style_sheet
-from reobserve.plain_data.files import write_text
-from reobserve.timeseries.signals import sample_files
+from reobserve.core.errors import InputError, ReobserveError, shown
+from reobserve.core.files import write_text
+from reobserve.replication.parameters.config import check_config, known_papers, take_truths
+from reobserve.replication.parameters.job import read_ledger
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import DEFAULT_STYLE, stored_parameters, style_sheet
+from reobserve.signals.inputs import sample_files
 
 _PATIENCE = 5.0  # [s] for interpreted loops, after which compiling them is faster
 _DEFAULTS = {"style": DEFAULT_STYLE, "notes": True, "latex": False}
@@ -69,7 +69,7 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
     for key, default in {**_DEFAULTS, "papers": papers}.items():
         config.setdefault(key, default)
     if config["style"] != DEFAULT_STYLE:  # else this would import matplotlib in vain
-        from reobserve.drawing.look import read_sheet
+        from reobserve.plotting.look import read_sheet
 
         read_sheet(project / style_sheet(config["style"]))
     found = {}

@@ -13,7 +13,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from reobserve.ledger.names import paper_part
+from reobserve.replication.parameters.names import paper_part
 
 _PACKAGE = "reobserve"
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from reobserve.errors import InputError, nearest, shown
-from reobserve.extras import package
-from reobserve.timeseries.signals import sample_files
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.extras import package
+from reobserve.signals.inputs import sample_files
 
 if TYPE_CHECKING:
-    from reobserve.ledger.ledger import Ledger
     from reobserve.replication.evaluation import Replication
+    from reobserve.replication.parameters.ledger import Ledger
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -69,8 +69,8 @@ def replicate(
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
     package("pydantic", "read parameters", extra="pipeline")
-    from reobserve.ledger.ledger import Ledger, default_seed
     from reobserve.replication.evaluation import evaluate
+    from reobserve.replication.parameters.ledger import Ledger, default_seed
 
     ledger = Ledger.load(folder, paper, dict(overrides or {}), default_seed(folder))
     if figure not in (figures := ledger.tree["figures"]):
@@ -87,7 +87,7 @@ def _own_project() -> Path:
 
 def _name_files_from_here(ledger: Ledger, folder: Path) -> None:
     """Make paths whole that parameter files state relative to the project."""
-    from reobserve.ledger.overrides import OVERRIDDEN
+    from reobserve.replication.parameters.overrides import OVERRIDDEN
 
     for _, entry in ledger.entries():
         if entry["source"] == OVERRIDDEN:

@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from reobserve.errors import InputError, ReobserveError, located, shown
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import Settings, declared_keys, read_job
-from reobserve.ledger.ledger import Ledger, digest
-from reobserve.ledger.names import paper_part
-from reobserve.plain_data.documents import read_json
-from reobserve.plain_data.files import read_table
-from reobserve.plain_data.validation import parse
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError, ReobserveError, located, shown
+from reobserve.core.files import read_table
+from reobserve.core.validation import parse
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import Settings, declared_keys, read_job
+from reobserve.replication.parameters.ledger import Ledger, digest
+from reobserve.replication.parameters.names import paper_part
 from reobserve.replication.provenance import code_digest, versions
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.study_table import StudyTable
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 
 Rows = Iterable[Mapping[str, Any]]  # of a study
 

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.extras import package
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.matrices import as_floats
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat

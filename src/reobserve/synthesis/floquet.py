@@ -10,10 +10,10 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_floats, as_positive, as_vector
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_positive, as_vector
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 

@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.extras import package
-from reobserve.numerics.matrices import Matrix, as_matrix, as_positive, as_rows
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_rows
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
 
 if TYPE_CHECKING:

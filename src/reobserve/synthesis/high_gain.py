@@ -35,8 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.matrices import as_floats, as_positive, as_positive_definite
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats, as_positive, as_positive_definite
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.numerics.matrices import Matrix, as_floats, as_matrix, as_positive
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import (
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import (
     Matrix,
     as_floats,
     as_matrix,

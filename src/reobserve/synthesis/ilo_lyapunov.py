@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import (
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import (
     Matrix,
     as_floats,
     as_matrix,

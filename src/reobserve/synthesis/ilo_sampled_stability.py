@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import Matrix, as_positive, as_scalar, spectral_radius
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_positive, as_scalar, spectral_radius
 from reobserve.synthesis.ilo_error_system import LearningLaw, Verdict
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.numerics.matrices import Matrix, as_positive, spectral_radius
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_positive, spectral_radius
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, Verdict
 
 _UNIT = 1e-9  # a spectral radius this close to one is taken to be one

@@ -11,10 +11,10 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.arguments import as_kind, as_poles
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.arguments import as_kind, as_poles
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from itertools import pairwise, zip_longest
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError, shown
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.models.linear import LinearModel
-from reobserve.models.polynomial import PolynomialSystem
 from reobserve.plants.hydraulic_actuator import ActuatorModel
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.timeseries.signals import Signal
+from reobserve.systems.linear import LinearModel
+from reobserve.systems.polynomial import PolynomialSystem
 
 INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
 TRANSITION = np.array([[1.0, 0.01], [-0.01, 0.99]])

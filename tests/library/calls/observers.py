@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.models.rigid_body import RigidBody
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import Belief
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.polynomial import PolynomialSystem
+from reobserve.systems.rigid_body import RigidBody
 
 from .call import COMPLEX, MISSING, Call, called, method
 from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, van_der_pol

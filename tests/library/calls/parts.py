@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.designs.file import kind_of, load_design, save_design
-from reobserve.numerics.random_streams import held_normal, random_stream
-from reobserve.plain_data.documents import parse_yaml
+from reobserve.core.documents import parse_yaml
+from reobserve.core.random_streams import held_normal, random_stream
+from reobserve.estimation.designs.file import kind_of, load_design, save_design
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.plants.delayed_input import DelayedInputPlant
 from reobserve.plants.first_order_lag import first_order_lag
@@ -19,12 +19,12 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
+from reobserve.signals.input_history import InputHistory
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Channel
 from reobserve.synthesis.floquet import limit_cycle
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_theorem import certify, theorem1
-from reobserve.timeseries.input_history import InputHistory
-from reobserve.timeseries.series import Channel
-from reobserve.timeseries.signals import Signal
 
 from . import models
 from .call import COMPLEX, Call, called, method
@@ -41,13 +41,13 @@ def _basics() -> Iterator[Call]:
     def held(samples: Any, hold: Any, columns: Any) -> object:
         return held_normal(random_stream(1), samples, hold, columns)
 
-    yield Call("numerics.random_streams.held_normal", held, (20, 2, 3))
+    yield Call("core.random_streams.held_normal", held, (20, 2, 3))
     hold = (TRANSITION, [[0.0], [1.0]], 0.1)
     yield from called({
-        "numerics.random_streams.random_stream": (3, "noise"),
-        "numerics.discretisation.zero_order_hold": hold,
-        "numerics.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
-        "numerics.discretisation.polynomial_hold": (*hold, 1),
+        "core.random_streams.random_stream": (3, "noise"),
+        "core.discretisation.zero_order_hold": hold,
+        "core.discretisation.interpolating_hold": (*hold, [0.0, 1.0]),
+        "core.discretisation.polynomial_hold": (*hold, 1),
     })  # fmt: skip
 
 
@@ -56,17 +56,17 @@ def _models() -> Iterator[Call]:
     samples = np.column_stack([np.sin(time), np.cos(time)])
     history = InputHistory(0.02, samples, samples)
     yield from called({
-        "timeseries.input_history.InputHistory": (0.02, samples, samples),
-        "timeseries.signals.Signal.parse": ("fault", TERMS, 1),
-        "timeseries.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
-        "models.linear.LinearModel": (
+        "signals.input_history.InputHistory": (0.02, samples, samples),
+        "signals.signals.Signal.parse": ("fault", TERMS, 1),
+        "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
+        "systems.linear.LinearModel": (
             TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2, [[0.0]], False,
         ),
-        "models.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
-        "models.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
-        "models.triangular_text.triangular_model": (["a", "b"], ["0", "-a"], "1"),
-        "models.polynomial.PolynomialSystem": (system.dynamics, system.output),
-        "models.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
+        "systems.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
+        "systems.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
+        "systems.triangular_text.triangular_model": (["a", "b"], ["0", "-a"], "1"),
+        "systems.polynomial.PolynomialSystem": (system.dynamics, system.output),
+        "systems.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
     })  # fmt: skip
     yield method(history, "at", [0.0, 0.05])
     yield method(history, "latest", 3)
@@ -79,7 +79,7 @@ def _models() -> Iterator[Call]:
             found = Signal.parse("fault", [dict(zip(keys, values, strict=True))], 1)
             assert np.isfinite(found(np.linspace(0.0, 3.0, 30))).all()
 
-        yield Call(f"timeseries.signals.Signal.parse, {term['kind']}", parse, (*term.values(),))
+        yield Call(f"signals.signals.Signal.parse, {term['kind']}", parse, (*term.values(),))
 
 
 def _plants() -> Iterator[Call]:
@@ -187,8 +187,8 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.pd_pi.design": (system, 1.05),
         "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
         "synthesis.extended_state.structured.design": (system, 1.05),
-        "designs.file.load_design": (path,),
-        "designs.file.save_design": (Path("again.json"), load_design(path)),
-        "designs.file.kind_of": ("luenberger",),
-        "designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+        "estimation.designs.file.load_design": (path,),
+        "estimation.designs.file.save_design": (Path("again.json"), load_design(path)),
+        "estimation.designs.file.kind_of": ("luenberger",),
+        "estimation.designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
     })  # fmt: skip

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from reobserve.ledger.job import Job, read_job
 from reobserve.papers.delay import keys, notes
 from reobserve.papers.delay.styles import style_of
+from reobserve.replication.parameters.job import Job, read_job
 from tests.papers import fixed_ledger
 
 ROOT = Path(__file__).parents[3]

@@ -11,16 +11,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.vector_field import vector_field
+from reobserve.core.vector_field import vector_field
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, SwitchedOffWarning
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.plants.delayed_input import DelayedInputPlant
 from reobserve.plants.first_order_lag import first_order_lag
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from reobserve.timeseries.signals import Signal
+from reobserve.systems.triangular import TriangularModel
 from tests.observers.test_extended_high_gain import (
     FIRST_DELAY,
     G_OVER_L,

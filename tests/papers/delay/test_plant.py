@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.delay import keys, noise, plant
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Job, read_job
+from reobserve.signals.series import Series
 from tests.papers import fixed_ledger
 from tests.plants.test_delayed_plants import SINE
 

@@ -8,7 +8,7 @@ import pytest
 import sympy
 from numpy.typing import NDArray
 
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.inputs import Signal
 from tests.plants.test_delayed_plants import PROFILE, RAMP, SINE
 
 Array = NDArray[np.float64]

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from reobserve.ledger.job import read_job
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys, theory_gains, theory_state_gain
 from reobserve.papers.delay.setup import input_and_derivatives
 from reobserve.papers.delay.theory_derivatives import taylor_delay
 from reobserve.papers.delay.theory_gains import error_matrix, least_proved_rho, noise_gain
 from reobserve.replication.evaluation import Evaluator
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.replication.metrics.metrics import Numbers, lookup
+from reobserve.replication.parameters.job import read_job
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import (
     G_OVER_L,

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.ledger.ledger import Ledger
+from reobserve.core.errors import InputError
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from reobserve.timeseries.signals import Signal
 from tests.papers.eso.plants import dc_motor
 
 ROOT = Path(__file__).parents[3]

@@ -11,25 +11,25 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import check_ledger
-from reobserve.ledger.ledger import Ledger
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import random_stream
+from reobserve.core.validation import parse
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
-from reobserve.plain_data.documents import read_yaml
-from reobserve.plain_data.validation import parse
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.metrics.metrics import lookup
+from reobserve.replication.metrics.responses import window
+from reobserve.replication.parameters.check import check_ledger
+from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.steps import compute_design, figure_data
-from reobserve.scoring.metrics import lookup
-from reobserve.scoring.responses import window
+from reobserve.signals.series import Channel, Series
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import Certificate, certify, error_system
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import Gains
-from reobserve.timeseries.series import Channel, Series
 from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import read_job
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys, theory
 from reobserve.papers.eso import plant as plant_stage
@@ -24,15 +24,15 @@ from reobserve.papers.eso.theory_observers import (
     missed,
     records_of_two_controllers,
 )
-from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.metrics.metrics import Numbers, lookup
+from reobserve.replication.parameters.job import read_job
 from reobserve.replication.steps import compute_design
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
-from reobserve.timeseries.signals import Signal
 from tests.found import golden_metrics
 from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor

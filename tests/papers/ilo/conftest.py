@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from reobserve.papers.ilo import theory
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.replication.metrics.metrics import Numbers, lookup
 from tests.papers import fixed_ledger
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import check_ledger
+from reobserve.core.errors import InputError
 from reobserve.papers.ilo import study, study_rows
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.check import check_ledger
 from tests.papers import fixed_ledger
 
 ROOT = Path(__file__).parents[3]

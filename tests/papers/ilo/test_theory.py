@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.ledger.job import read_job
-from reobserve.ledger.ledger import Ledger
 from reobserve.papers.ilo import (
     keys,
     theory,
@@ -21,7 +19,9 @@ from reobserve.papers.ilo import (
 from reobserve.papers.ilo.reading import LEARNING, READINGS
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.theory_bench import Bench
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.replication.metrics.metrics import Numbers, lookup
+from reobserve.replication.parameters.job import read_job
+from reobserve.replication.parameters.ledger import Ledger
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit

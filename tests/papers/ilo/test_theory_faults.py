@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.ilo import keys, theory_faults
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.theory_bench import Bench
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.replication.metrics.metrics import Numbers, lookup
+from reobserve.replication.parameters.job import read_job
 
 
 def faults(settings: dict[str, Any]) -> Numbers:

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.discretisation import zero_order_hold
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import continuous, motion_model, velocity_model
 
 NAN, INF = float("nan"), float("inf")

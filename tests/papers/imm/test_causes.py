@@ -11,10 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import read_job
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
 from reobserve.observers.imm import IMM
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -32,7 +29,10 @@ from reobserve.papers.imm.study_rows import (
     SCANNED,
     STATED,
 )
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import read_job
+from reobserve.systems.linear import LinearModel
 from tests.papers.imm.test_paper import Tree, ledger, measured, record
 
 Array = NDArray[np.float64]

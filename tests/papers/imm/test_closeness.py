@@ -12,9 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import read_job
-from reobserve.models.linear import LinearModel
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm import keys, study, study_closeness, study_rows
 from reobserve.papers.imm.detection import Share, curve, enough_gap, judge, measure
@@ -29,9 +28,10 @@ from reobserve.papers.imm.detectors import (
 from reobserve.papers.imm.setup import bank, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.papers.imm.study_closeness import Grid, alarm_time, driven
-from reobserve.plain_data.validation import parse
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.job import read_job
 from reobserve.synthesis.nu_gap import nu_gap
+from reobserve.systems.linear import LinearModel
 from tests.papers.imm.test_paper import Tree, ledger, record
 
 Array = NDArray[np.float64]

@@ -12,15 +12,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from reobserve.models.linear import LinearModel
+from reobserve.core.documents import read_yaml
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import Belief
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
-from reobserve.plain_data.documents import read_yaml
 from reobserve.replication.evaluation import evaluate
-from reobserve.scoring.metrics import lookup
+from reobserve.replication.metrics.metrics import lookup
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
     motion_model,
     ripple,

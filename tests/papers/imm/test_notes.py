@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.imm import keys, notes
+from reobserve.replication.parameters.job import read_job
 from tests.papers.imm.test_paper import ledger
 
 

@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import check_ledger
-from reobserve.ledger.ledger import Ledger
-from reobserve.models.linear import LinearModel
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.run import Run
@@ -23,11 +21,13 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys, observe, plant
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.scoring import probabilities, quoted_distance
-from reobserve.plain_data.documents import read_yaml
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.replication.evaluation import Evaluator
-from reobserve.scoring.responses import window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import window
+from reobserve.replication.parameters.check import check_ledger
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.signals.series import Series
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR
 from tests.papers import fixed_ledger
 

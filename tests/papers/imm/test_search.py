@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import read_job
-from reobserve.ledger.ledger import Ledger
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
 from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial, switches
-from reobserve.plain_data.validation import parse
+from reobserve.replication.parameters.job import read_job
+from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.steps import signed
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 from tests.papers.imm.test_paper import SEED, Tree, ledger, record
 from tests.papers.imm.test_studies import KEPT
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job, read_job
+from reobserve.core.errors import InputError
 from reobserve.papers.imm import keys, study, study_changes, study_neighbourhood, study_rows
 from reobserve.papers.imm.metrics import reach
 from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial, within
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.job import Job, read_job
 from tests.papers.imm.test_paper import ROOT, Tree, ledger, measured, record
 
 Row = dict[str, Any]

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.linear import LinearModel
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
 from reobserve.papers.imm.theory import (
     corrected_radius,
 )
-from reobserve.plain_data.documents import read_yaml
 from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
 from reobserve.replication.evaluation import Evaluator
-from reobserve.scoring.metrics import lookup
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.metrics.metrics import lookup
+from reobserve.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 from tests.papers import fixed_ledger
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.cli import main
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
+from reobserve.cli.main import main
+from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_observer import NormalFormObserver
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.polynomial import PolynomialSystem
 from tests.observers.test_normal_form_observers import form
 from tests.papers import fixed
 

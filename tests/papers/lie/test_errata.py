@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from sympy import QQ
 
-from reobserve.errors import InputError
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.core.errors import InputError
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.lie_transform import lie_transform

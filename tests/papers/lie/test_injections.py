@@ -14,7 +14,7 @@ from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie.scoring import ratios, share_better
 from reobserve.papers.lie.styles import FORMS, OBSERVERS
 from reobserve.papers.lie.words import pair, vector
-from reobserve.timeseries.series import Series
+from reobserve.signals.series import Series
 from tests.papers.lie.test_paper import evaluator
 
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import check_ledger
+from reobserve.core.errors import InputError
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie import table as table_stage
 from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settling_time
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.replication.evaluation import Evaluator
-from reobserve.scoring.metrics import Numbers, lookup
+from reobserve.replication.metrics.metrics import Numbers, lookup
+from reobserve.replication.parameters.check import check_ledger
+from reobserve.signals.series import Series
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
-from reobserve.timeseries.series import Series
 from tests.observers.test_normal_form_observers import (
     START,
     A,

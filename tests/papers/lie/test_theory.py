@@ -13,11 +13,8 @@ import pytest
 import sympy
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import Job, read_job
-from reobserve.ledger.overrides import OVERRIDDEN
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import keys, theory_cases, theory_conditions
 from reobserve.papers.lie import metrics as metrics_stage
@@ -38,10 +35,13 @@ from reobserve.papers.lie.theory_series import (
     sums_of_eigenvalues,
     transformation_by_triangle,
 )
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.scoring.metrics import lookup
-from reobserve.scoring.study_table import StudyTable
-from reobserve.timeseries.series import Series
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.metrics.metrics import lookup
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import Job, read_job
+from reobserve.replication.parameters.overrides import OVERRIDDEN
+from reobserve.signals.series import Series
 from tests.observers.test_normal_form_observers import form
 from tests.papers.lie.test_errata_series import GENERIC, matrix_of_ad, triangle
 from tests.papers.lie.test_paper import evaluator, measured

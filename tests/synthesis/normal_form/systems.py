@@ -17,9 +17,9 @@ from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 from sympy.polys.rings import PolyElement, ring
 
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.systems.polynomial import PolynomialSystem
 
 Polynomials = list[PolyElement]
 

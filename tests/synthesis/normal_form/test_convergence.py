@@ -7,17 +7,17 @@ import warnings
 import numpy as np
 import pytest
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
+from reobserve.core.errors import InputError
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import ConvergenceWarning, State
 from reobserve.observers.run import Run
-from reobserve.power_series.expressions import from_expressions
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.expressions import from_expressions
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.convergence import convergence, part_norms, warning
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 from tests.synthesis.normal_form.systems import van_der_pol
 
 NAMES = ("x1", "x2", "x3")

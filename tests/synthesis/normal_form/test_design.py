@@ -13,19 +13,19 @@ import sympy
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
+from reobserve.core.errors import InputError
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
+from reobserve.systems.polynomial import PolynomialSystem
 from tests.synthesis.normal_form.systems import (
     to_map,
     van_der_pol,

@@ -13,8 +13,8 @@ from sympy import QQ
 from sympy.polys.rings import PolyElement, ring
 from sympy.polys.solvers import solve_lin_sys
 
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form import homological
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t

@@ -8,11 +8,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from reobserve.errors import InputError, shown
-from reobserve.ledger import job
-from reobserve.ledger.job import signal
-from reobserve.numerics.matrices import as_floats
-from reobserve.plain_data.validation import (
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats
+from reobserve.core.validation import (
     Count,
     Levels,
     NotNegative,
@@ -25,6 +23,8 @@ from reobserve.plain_data.validation import (
     vector,
     within,
 )
+from reobserve.replication.parameters import job
+from reobserve.replication.parameters.job import signal
 
 MOST_DERIVATIVES = 2  # of u, in a plant's record and by the differentiator (37)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import Checks
-from reobserve.ledger.job import Job, named
+from reobserve.core.errors import InputError
 from reobserve.papers.delay import keys, observe, plant
 from reobserve.papers.delay.study_tuning import SWEEPS
 from reobserve.papers.delay.theory_runs import NEEDED
-from reobserve.timeseries.grid import stride
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.grid import stride
 
 _TUNED = {name: kind for name, (kind, _, _) in SWEEPS.items()}
 

@@ -16,7 +16,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.scoring import (
     constant_segments,
@@ -25,8 +24,9 @@ from reobserve.papers.delay.scoring import (
     ripple,
     turned_over_at,
 )
-from reobserve.scoring.metrics import Metric, Score, scores_of
-from reobserve.scoring.responses import root_mean_square, window
+from reobserve.replication.metrics.metrics import Metric, Score, scores_of
+from reobserve.replication.metrics.responses import root_mean_square, window
+from reobserve.replication.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.matrices import as_positive
-from reobserve.numerics.random_streams import held_normal
+from reobserve.core.matrices import as_positive
+from reobserve.core.random_streams import held_normal
 from reobserve.papers.delay import keys
-from reobserve.timeseries.grid import noise_hold
-from reobserve.timeseries.signal_shapes import Linear
-from reobserve.timeseries.signals import Signal, Term
+from reobserve.signals.grid import noise_hold
+from reobserve.signals.inputs import Signal, Term
+from reobserve.signals.signal_shapes import Linear
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from reobserve.ledger.job import Job
 from reobserve.papers.delay import keys
+from reobserve.replication.parameters.job import Job
 
 _AMPLITUDES = {
     "wrapped": "half a turn for the angle",

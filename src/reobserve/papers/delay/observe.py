@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job, Settings, read_job
-from reobserve.numerics.matrices import as_vector
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_vector
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
 from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
@@ -20,8 +19,9 @@ from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
 from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.setup import build_model, delay_bounds
-from reobserve.timeseries.grid import stride
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Job, Settings, read_job
+from reobserve.signals.grid import stride
+from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import located
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.matrices import as_vector
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import located
+from reobserve.core.matrices import as_vector
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.delay import keys, noise
 from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.setup import (
@@ -20,8 +19,9 @@ from reobserve.papers.delay.setup import (
     input_and_derivatives,
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
-from reobserve.timeseries.series import Channel, Series
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import (
+from reobserve.papers.delay.plot_states import BIN, upright
+from reobserve.papers.delay.styles import style_of
+from reobserve.plotting.figures import (
     TRUTH,
     add_note,
     decades,
@@ -15,10 +17,8 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
-from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.delay.plot_states import BIN, upright
-from reobserve.papers.delay.styles import style_of
-from reobserve.scoring.responses import error_of
+from reobserve.replication.metrics.responses import error_of
+from reobserve.replication.parameters.figure_data import FigureData
 
 
 def draw(data: FigureData) -> Figure:

@@ -8,7 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import (
+from reobserve.papers.delay.notes import note
+from reobserve.papers.delay.scoring import errors, singular_instants, turned_over_at
+from reobserve.papers.delay.styles import style_of
+from reobserve.plotting.figures import (
     TRUTH,
     add_note,
     decades,
@@ -18,12 +21,9 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
-from reobserve.drawing.look import points, thick
-from reobserve.ledger.figure_data import FigureData
-from reobserve.papers.delay.notes import note
-from reobserve.papers.delay.scoring import errors, singular_instants, turned_over_at
-from reobserve.papers.delay.styles import style_of
-from reobserve.timeseries.series import Series
+from reobserve.plotting.look import points, thick
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.signals.series import Series
 
 BIN = 0.2  # [s], of which the largest error is drawn
 BELOW = 0.76  # of a panel's height, that its legend leaves to the lines

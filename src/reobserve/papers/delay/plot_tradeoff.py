@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
-from reobserve.drawing.look import points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.notes import noise
 from reobserve.papers.delay.styles import style_of
+from reobserve.plotting.figures import add_note, few_ticks, headroom, new_figure
+from reobserve.plotting.look import points, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _PANELS = (
     ("rms_delay_error", "RMS error [s]", "(a) delay"),

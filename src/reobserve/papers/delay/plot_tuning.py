@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, blank, decades, few_ticks
-from reobserve.drawing.look import thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.delay.styles import style_of
+from reobserve.plotting.figures import add_note, blank, decades, few_ticks
+from reobserve.plotting.look import thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _SWEPT = {
     "extended_lag": ("rho", "ρ [1/s]"),

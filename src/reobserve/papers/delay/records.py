@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job
+from reobserve.core.errors import InputError
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import delay_bounds
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import multiple
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.scoring.responses import error_of
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import error_of
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

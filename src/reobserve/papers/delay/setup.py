@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
-from reobserve.models.triangular import TriangularModel
+from reobserve.core.errors import InputError, located
 from reobserve.papers.delay import keys
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
-from reobserve.timeseries.grid import multiple, plant_grid
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.grid import multiple, plant_grid
+from reobserve.signals.inputs import Signal
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.delay import keys, study_tradeoff, study_tuning
 from reobserve.papers.delay.study_rows import HEADER
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Series
 
 METHODS = {"tradeoff": study_tradeoff.run, "tuning": study_tuning.run}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
+from reobserve.core.files import NAME, NUMBER, SCORE, UNIT, WHOLE
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
 KINDS = {

@@ -15,17 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import located
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import noise
 from reobserve.papers.delay.observe import build_extended
 from reobserve.papers.delay.plant import simulate
-from reobserve.scoring.responses import root_mean_square
-from reobserve.timeseries.grid import stride
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import root_mean_square
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import stride
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]

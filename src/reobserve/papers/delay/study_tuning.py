@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job, named
+from reobserve.core.errors import located
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.observe import estimate
 from reobserve.papers.delay.scoring import constant_segments, errors
-from reobserve.scoring.responses import root_mean_square, window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import root_mean_square, window
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.figures import STYLES, Style
 from reobserve.papers.delay import keys
+from reobserve.plotting.figures import STYLES, Style
 
 _BLACK, _ORANGE, _BLUE, _PURPLE, _GREEN = STYLES
 _RED = Style("#b3265e", (0, (3, 1, 1, 1, 1, 1)), 1.2, "p")

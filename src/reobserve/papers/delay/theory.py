@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.delay import (
     keys,
     theory_conditions,
@@ -14,7 +13,8 @@ from reobserve.papers.delay import (
     theory_state_gain,
 )
 from reobserve.papers.delay.scoring import near_and_away
-from reobserve.scoring.metrics import Metric
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.parameters.job import Settings, read_job
 
 
 def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:

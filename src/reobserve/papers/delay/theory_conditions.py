@@ -8,15 +8,15 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job
-from reobserve.models.triangular import TriangularModel
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.delay.setup import build_model, delay_bounds, input_and_derivatives
 from reobserve.plants.delayed_input import DelayedInputPlant
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.timeseries.series import Series
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Series
+from reobserve.systems.triangular import TriangularModel
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, named
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay import keys, noise
 from reobserve.papers.delay.setup import input_and_derivatives
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import root_mean_square
-from reobserve.timeseries.series import Series
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import root_mean_square
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from reobserve.ledger.job import Job
 from reobserve.papers.delay.setup import build_model
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import window
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import window
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, named
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay import keys, noise
@@ -19,11 +18,12 @@ from reobserve.papers.delay.plant import simulate
 from reobserve.papers.delay.scoring import constant_segments, errors, near_and_away
 from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.papers.delay.theory_gains import FIGURES, error_matrix, noise_gain
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import root_mean_square, window
-from reobserve.timeseries.grid import stride
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import root_mean_square, window
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.grid import stride
+from reobserve.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 

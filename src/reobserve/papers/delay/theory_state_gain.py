@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, named
-from reobserve.numerics.kernel import kernel
+from reobserve.core.kernel import kernel
 from reobserve.papers.delay import keys
 from reobserve.papers.delay.setup import build_model, input_and_derivatives
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Series
 from reobserve.synthesis.high_gain import high_gain
-from reobserve.timeseries.series import Series
-from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

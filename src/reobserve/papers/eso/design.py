@@ -16,9 +16,9 @@ from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
+from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.system import AugmentedSystem

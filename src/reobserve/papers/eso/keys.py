@@ -9,11 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from reobserve.errors import InputError
-from reobserve.ledger import job
-from reobserve.ledger.job import signal
-from reobserve.numerics.matrices import as_floats
-from reobserve.plain_data.validation import (
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats
+from reobserve.core.validation import (
     Count,
     Levels,
     NotNegative,
@@ -25,6 +23,8 @@ from reobserve.plain_data.validation import (
     items,
     vector,
 )
+from reobserve.replication.parameters import job
+from reobserve.replication.parameters.job import signal
 
 Fault = Annotated[Terms, signal(1)]
 Pair = Annotated[list[float], vector(2)]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from reobserve.errors import InputError, nearest
-from reobserve.ledger.check import Checks
-from reobserve.ledger.job import Job
+from reobserve.core.errors import InputError, nearest
 from reobserve.papers.eso import plant
 from reobserve.papers.eso.scoring import check_rules
 from reobserve.papers.eso.setup import augmented
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.job import Job
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.eso.scoring import check_rules, corrected_speed, differences, scores, sizes
-from reobserve.scoring.metrics import Metric, scores_of
+from reobserve.replication.metrics.metrics import Metric, scores_of
+from reobserve.replication.parameters.figure_data import FigureData
 
 _CHOSEN = ("filter_rate", "choice", "level")  # of a design, by its kind
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.stored_design import stored_design
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserver:

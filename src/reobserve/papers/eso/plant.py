@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import Experiment, experiment
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 

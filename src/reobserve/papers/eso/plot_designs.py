@@ -8,11 +8,11 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, blank, few_ticks
-from reobserve.drawing.look import mark, points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.styles import KINDS
+from reobserve.plotting.figures import add_note, blank, few_ticks
+from reobserve.plotting.look import mark, points, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _FAULTS = {"actuator": "V", "sensor": "rad/s"}
 _OPEN = ("pi_least_norm", "pi_least_gamma")  # around what they fall together with

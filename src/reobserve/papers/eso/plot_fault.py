@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import Job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.styles import style_of
-from reobserve.scoring.responses import error_of
-from reobserve.timeseries.series import Series
+from reobserve.plotting.figures import TRUTH, add_note, headroom, new_figure, thin, time_axis
+from reobserve.replication.metrics.responses import error_of
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

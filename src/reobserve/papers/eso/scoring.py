@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
+from reobserve.core.errors import InputError, located
 from reobserve.papers.eso import keys
-from reobserve.scoring.metrics import Score
-from reobserve.scoring.responses import error_of, root_mean_square, window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.metrics import Score
+from reobserve.replication.metrics.responses import error_of, root_mean_square, window
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_floats
 from reobserve.papers.eso import keys
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
+from reobserve.signals.grid import multiple, plant_grid
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-from reobserve.timeseries.grid import multiple, plant_grid
-from reobserve.timeseries.signals import Signal
 
 Array = NDArray[np.float64]
 

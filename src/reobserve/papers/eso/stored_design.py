@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import as_positive
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.synthesis.extended_state.design import Design

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT
+from reobserve.core.files import NAME, NUMBER, SCORE, UNIT
 
 HEADER = ("kind", "filter_rate", "choice", "level", "quantity", "value", "unit")
 KINDS = {

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.figures import STYLES, Style
 from reobserve.papers.eso import keys
+from reobserve.plotting.figures import STYLES, Style
 
 _BLACK, _ORANGE, _BLUE, _, _GREEN = STYLES
 _PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the noise

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.stored_design import stored_design
@@ -25,12 +24,13 @@ from reobserve.papers.eso.theory_observers import (
     margins,
     missed,
 )
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import settling_time
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import settling_time
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.system import AugmentedSystem
-from reobserve.timeseries.signals import Signal
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step: what counts as settled

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.numerics.random_streams import random_stream
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import random_stream
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job
-from reobserve.numerics.matrices import as_floats
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import controlled_motor
 from reobserve.papers.eso.theory_inequality import margin_above_norm
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from reobserve.errors import located
-from reobserve.models.rigid_body import RigidBody
+from reobserve.core.errors import located
 from reobserve.papers.ilo import keys
+from reobserve.systems.rigid_body import RigidBody
 
 
 def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:

@@ -8,9 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from reobserve.ledger import job
-from reobserve.ledger.job import signal
-from reobserve.plain_data.validation import (
+from reobserve.core.validation import (
     Count,
     Levels,
     NotNegative,
@@ -24,6 +22,8 @@ from reobserve.plain_data.validation import (
     vector,
     within,
 )
+from reobserve.replication.parameters import job
+from reobserve.replication.parameters.job import signal
 
 Torque = Annotated[Terms, signal(3)]
 Vector = Annotated[list[float], vector(3)]

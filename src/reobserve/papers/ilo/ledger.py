@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import Checks
-from reobserve.ledger.job import Job
+from reobserve.core.errors import InputError
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
 from reobserve.papers.ilo.theory_bench import NEEDED
-from reobserve.timeseries.grid import noise_hold
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import noise_hold
 
 
 def _study(job: Job) -> None:

@@ -14,12 +14,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.ilo.prediction import predicted_error
 from reobserve.papers.ilo.reading import READINGS, of_reading
 from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.scoring.metrics import Metric, Score, scores_of
-from reobserve.scoring.responses import first_crossing, peak, settling_time
+from reobserve.replication.metrics.metrics import Metric, Score, scores_of
+from reobserve.replication.metrics.responses import first_crossing, peak, settling_time
+from reobserve.replication.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.job import Job, Settings, read_job
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import build_observer, stride
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Job, Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series) -> Series:

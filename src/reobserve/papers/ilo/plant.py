@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import located
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.setup import grid, held_noise
 from reobserve.plants.satellite import Satellite
-from reobserve.timeseries.series import Channel, Series
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:

@@ -9,7 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import (
+from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.scoring import Errors
+from reobserve.plotting.figures import (
     STYLES,
     TRUTH,
     Style,
@@ -21,12 +23,10 @@ from reobserve.drawing.figures import (
     thin,
     time_axis,
 )
-from reobserve.drawing.look import points, thick
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import Job, named
-from reobserve.papers.ilo import keys
-from reobserve.papers.ilo.scoring import Errors
-from reobserve.scoring.study_table import StudyTable
+from reobserve.plotting.look import points, thick
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import Job, named
 
 # One observer, one line in all figures; observers of the user's own take these in turn.
 _LINES = dict(

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.ledger.job import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
+from reobserve.replication.parameters.job import Job
 from reobserve.synthesis.ilo_accuracy import pi_error_transfer, predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
 

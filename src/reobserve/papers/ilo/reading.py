@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from reobserve.papers.ilo import keys
-from reobserve.scoring.metrics import Metric
+from reobserve.replication.metrics.metrics import Metric
 
 LEARNING = "learning"
 READINGS = {  # observers, by name and form

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.job import Job
-from reobserve.timeseries.series import Shape
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Shape
 
 EVENTS = ("onsets",)
 

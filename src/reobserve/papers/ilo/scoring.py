@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.scoring.responses import root_mean_square_of_steps, window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import root_mean_square_of_steps, window
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.numerics.random_streams import held_normal
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
-from reobserve.timeseries.grid import noise_hold, plant_grid
+from reobserve.signals.grid import noise_hold, plant_grid
 
 MOST_STEPS = 20_000_000  # of a plant record: some ten gigabytes
 

@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job, Settings, named, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import located
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
@@ -30,7 +29,8 @@ from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored
 from reobserve.papers.ilo.setup import build_observer, held_noise
 from reobserve.papers.ilo.study_rows import HEADER
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Job, Settings, named, read_job
+from reobserve.signals.series import Channel, Series
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, WHOLE
+from reobserve.core.files import NAME, NUMBER, SCORE, WHOLE
 
 HEADER = ("sweep", "observer", "level", "run", "relative_rms_error")
 KINDS = {

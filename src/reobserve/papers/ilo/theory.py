@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, Settings, read_job
-from reobserve.models.rigid_body import RigidBody
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_cost, theory_faults, theory_limits, theory_runs
 from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import of_reading
 from reobserve.papers.ilo.theory_bench import Bench
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_stability import continuous_stability
 from reobserve.synthesis.ilo_theorem import certify, lemma1_sides
+from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 

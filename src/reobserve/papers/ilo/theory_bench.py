@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.job import Job, named
+from reobserve.core.validation import Terms
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
@@ -18,9 +18,9 @@ from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.setup import build_observer
-from reobserve.plain_data.validation import Terms
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.series import Series
 from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
-from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

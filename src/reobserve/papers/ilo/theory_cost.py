@@ -18,11 +18,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.job import Job
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.reading import READINGS
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job
 
 _AXES = 3
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from reobserve.ledger.job import named
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
+from reobserve.core.validation import Terms
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.scoring import scored
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
-from reobserve.plain_data.validation import Terms
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import named
+from reobserve.signals.series import Series
 from reobserve.synthesis.ilo_accuracy import matched_integrator
-from reobserve.timeseries.series import Series
 
 
 def measure(bench: Bench) -> Iterator[Metric]:

@@ -9,13 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.ledger.job import Job, named
-from reobserve.models.rigid_body import RigidBody
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job, named
 from reobserve.synthesis.ilo_accuracy import (
     error_transfer,
     matched_integrator,
@@ -30,6 +29,7 @@ from reobserve.synthesis.ilo_sampled_stability import (
     sampled_stability,
 )
 from reobserve.synthesis.ilo_stability import continuous_stability
+from reobserve.systems.rigid_body import RigidBody
 
 _SHORTEST = 1e-6  # [s] from here on the largest accurate interval is sought
 _HIGHEST = 30.0  # times the least frequency of a disturbance; above it the body hardly moves

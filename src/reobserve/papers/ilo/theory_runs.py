@@ -14,9 +14,9 @@ from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.setup import stride
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import peak, root_mean_square_of_steps
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import peak, root_mean_square_of_steps
 from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
 from reobserve.synthesis.ilo_theorem import bound18, certify
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.papers.imm.study_rows import sweep_kind
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.study_table import StudyTable
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.kernel import kernel
+from reobserve.core.errors import InputError
+from reobserve.core.kernel import kernel
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.innovation_tests import cusum, inflation_glr

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.linear import ModelArrays
-from reobserve.numerics.direct_call import call
-from reobserve.numerics.kernel import inlined_kernel, kernel
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.imm_loop import (
     Bank,
@@ -37,6 +36,7 @@ from reobserve.observers.linear_filter_loop import (
     output_error,
     predict,
 )
+from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.check import Checks
-from reobserve.ledger.job import Job
 from reobserve.papers.imm import observe, plant, search, theory
 from reobserve.papers.imm.scoring import check_rules
 from reobserve.papers.imm.setup import start
 from reobserve.papers.imm.study import check_study
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.job import Job
 
 PERIOD = 1e-3  # [s]: any one shows whether a bank can be built
 

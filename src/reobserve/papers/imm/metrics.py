@@ -17,16 +17,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import Job
 from reobserve.papers.imm import detection
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance
 from reobserve.papers.imm.study_rows import MISMATCHED, STATED, TUNED
-from reobserve.scoring.metrics import Metric, Score, scores_of
-from reobserve.scoring.responses import root_mean_square, window
-from reobserve.scoring.study_table import StudyTable
+from reobserve.replication.metrics.metrics import Metric, Score, scores_of
+from reobserve.replication.metrics.responses import root_mean_square, window
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import Job
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.job import Job
 from reobserve.papers.imm import keys
+from reobserve.replication.parameters.job import Job
 
 _REALISATIONS = {
     "velocity": "the velocity as output",

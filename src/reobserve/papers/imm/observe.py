@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import DivergenceError
-from reobserve.ledger.job import Settings, read_job
+from reobserve.core.errors import DivergenceError
 from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
@@ -17,7 +16,8 @@ from reobserve.papers.imm.setup import (
     run,
 )
 from reobserve.plants.hydraulic_actuator import REALISATIONS
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings, period: float) -> IMM:

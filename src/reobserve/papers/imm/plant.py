@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.setup import Experiment, experiment
 from reobserve.plants.hydraulic_actuator import MOTION
 from reobserve.plants.hydraulic_actuator import simulate as move
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings) -> Experiment:

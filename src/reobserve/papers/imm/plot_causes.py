@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import STYLES, Style, add_note, new_figure
-from reobserve.drawing.look import thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.notes import stimulus
 from reobserve.papers.imm.study_rows import HELD, INSIDE, NO_MEMORY, SCANNED
 from reobserve.papers.imm.styles import KALMAN, SVSF
+from reobserve.plotting.figures import STYLES, Style, add_note, new_figure
+from reobserve.plotting.look import thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, blank
-from reobserve.drawing.look import mark, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.styles import style_of
+from reobserve.plotting.figures import add_note, blank
+from reobserve.plotting.look import mark, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _NAMES = {
     "as_stated": "as calibrated",

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, Style, add_note, blank
-from reobserve.drawing.look import mark, points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detection import Judged, curve
 from reobserve.papers.imm.study_rows import CUSUM, DRIVEN, GLR, UNMIXED, sweep_kind, with_units
 from reobserve.papers.imm.styles import style_of
+from reobserve.plotting.figures import STYLES, Style, add_note, blank
+from reobserve.plotting.look import mark, points, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _GREEN = STYLES[4]
 _RED = Style("#b3265e", (0, (3, 1, 1, 1, 1, 1)), 1.1, "p")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, few_ticks, headroom, new_figure
-from reobserve.drawing.look import mark, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.styles import style_of
+from reobserve.plotting.figures import add_note, few_ticks, headroom, new_figure
+from reobserve.plotting.look import mark, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 _NAMES = {
     "process_noise_1": "Q, position",

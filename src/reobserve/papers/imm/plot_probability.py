@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import PaperFigure, add_note, new_figure, thin, time_axis
-from reobserve.drawing.look import points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.notes import note
 from reobserve.papers.imm.styles import INPUT, VELOCITY, style_of
+from reobserve.plotting.figures import PaperFigure, add_note, new_figure, thin, time_axis
+from reobserve.plotting.look import points, thick
+from reobserve.replication.parameters.figure_data import FigureData
 
 Array = NDArray[np.float64]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from reobserve.ledger.job import Job
 from reobserve.papers.imm.keys import MODES
-from reobserve.timeseries.series import Shape
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Shape
 
 EVENTS = ("fault",)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
+from reobserve.core.errors import InputError, located
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
-from reobserve.scoring.metrics import Score
-from reobserve.scoring.responses import window
+from reobserve.replication.metrics.metrics import Score
+from reobserve.replication.metrics.responses import window
 
 Array = NDArray[np.float64]
 

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import InputError
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.study_rows import OUTPUTS, STATES, TUNED
 from reobserve.papers.imm.tuning import Calibration, switches
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

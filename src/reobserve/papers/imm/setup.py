@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.matrices import as_vector
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_vector
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
@@ -22,8 +21,9 @@ from reobserve.observers.smooth_variable_structure import SmoothVariableStructur
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
 from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.signals import Signal
+from reobserve.signals.grid import multiple
+from reobserve.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job, Settings, read_job
+from reobserve.core.errors import located
 from reobserve.papers.imm import (
     keys,
     study_causes,
@@ -22,7 +21,8 @@ from reobserve.papers.imm import (
     study_neighbourhood,
 )
 from reobserve.papers.imm.study_rows import HEADER
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Job, Settings, read_job
+from reobserve.signals.series import Series
 
 METHODS = {
     "neighbourhood": study_neighbourhood.run,

@@ -15,8 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job
+from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter
@@ -38,8 +37,9 @@ from reobserve.papers.imm.study_rows import (
     SCANNED,
     STATED,
 )
-from reobserve.scoring.responses import window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import window
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]

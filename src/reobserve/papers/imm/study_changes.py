@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job
+from reobserve.core.errors import InputError
 from reobserve.papers.imm import keys
 from reobserve.papers.imm import plant as plant_stage
 from reobserve.papers.imm.study_neighbourhood import trial_rows
 from reobserve.papers.imm.tuning import Calibration
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 Change = tuple[str, float, dict[str, Any], dict[str, Any]]

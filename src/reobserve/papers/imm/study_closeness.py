@@ -18,11 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from reobserve.errors import InputError, located
-from reobserve.ledger.job import Job
-from reobserve.models.linear import ModelArrays
-from reobserve.numerics.kernel import kernel
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import InputError, located
+from reobserve.core.kernel import kernel
+from reobserve.core.random_streams import random_stream
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.detectors import (
@@ -36,10 +34,12 @@ from reobserve.papers.imm.detectors import (
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import multiple
+from reobserve.signals.inputs import Signal
+from reobserve.signals.series import Series
 from reobserve.synthesis.nu_gap import nu_gap
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.series import Series
-from reobserve.timeseries.signals import Signal
+from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]

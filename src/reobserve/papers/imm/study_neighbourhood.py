@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError
+from reobserve.core.validation import parse
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.papers.imm.tuning import Calibration, Trial
-from reobserve.plain_data.documents import read_json
-from reobserve.plain_data.validation import parse
-from reobserve.timeseries.series import Series
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 
 Row = tuple[str, str, float, int, str, float, str]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from reobserve.core.files import NAME, NUMBER, SCORE, UNIT, WHOLE
 from reobserve.papers.imm import keys
-from reobserve.plain_data.files import NAME, NUMBER, SCORE, UNIT, WHOLE
 
 HEADER = ("observer", "sweep", "level", "run", "quantity", "value", "unit")
 KINDS = {

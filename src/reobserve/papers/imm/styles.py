@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reobserve.drawing.figures import STYLES, Style
 from reobserve.papers.imm import keys
+from reobserve.plotting.figures import STYLES, Style
 
 KALMAN, SVSF, THIN, UNMIXED = STYLES[:4]
 INPUT, VELOCITY = Style("0.8", "-", 0.6), Style("0.35", "-", 1.0)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import DivergenceError, InputError, located, nearest
-from reobserve.ledger.job import Job, Settings, read_job
+from reobserve.core.errors import DivergenceError, InputError, located, nearest
 from reobserve.observers.imm import IMM
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
@@ -28,11 +27,12 @@ from reobserve.papers.imm.setup import (
     run,
 )
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.scoring.responses import root_mean_square
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.signals import Signal
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.metrics.responses import root_mean_square
+from reobserve.replication.parameters.job import Job, Settings, read_job
+from reobserve.signals.grid import multiple
+from reobserve.signals.inputs import Signal
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError, located
-from reobserve.numerics.matrices import as_vector
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_vector
 from reobserve.observers.imm import State
 from reobserve.observers.run import Run
 from reobserve.papers.imm import keys
@@ -22,8 +22,8 @@ from reobserve.papers.imm.scoring import quoted_distance
 from reobserve.papers.imm.setup import bank, boundary_layer, measured_columns, modes, run
 from reobserve.papers.imm.study_rows import OUTPUTS, STATES
 from reobserve.plants.hydraulic_actuator import ActuatorModel
-from reobserve.scoring.responses import window
-from reobserve.timeseries.series import Series
+from reobserve.replication.metrics.responses import window
+from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import DivergenceError
+from reobserve.core.errors import DivergenceError
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.synthesis.normal_form.design import normal_form
 
 
 def compute(settings: Settings) -> dict[str, Any]:
     """Coefficients of S, T and the gain, one row a component, and the smallest divisor.
 
-    The order of the monomials is that of `reobserve.power_series.monomials`.
+    The order of the monomials is that of `reobserve.polynomials.monomials`.
 
     Raises
     ------

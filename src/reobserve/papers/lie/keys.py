@@ -9,9 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from reobserve.errors import InputError, shown
-from reobserve.ledger import job
-from reobserve.plain_data.validation import (
+from reobserve.core.errors import InputError, shown
+from reobserve.core.validation import (
     Count,
     Names,
     Positive,
@@ -24,6 +23,7 @@ from reobserve.plain_data.validation import (
     vector,
     within,
 )
+from reobserve.replication.parameters import job
 
 MOST_DEGREE = 61  # of a series: two thousand monomials in two variables
 LEAST_DEGREE = 13  # the degree from which on a radius of convergence is estimated

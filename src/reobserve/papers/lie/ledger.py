@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from reobserve.errors import InputError, located
-from reobserve.ledger.check import Checks
-from reobserve.ledger.job import Job
-from reobserve.numerics.matrices import as_vector
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import keys, plant, theory_conditions
 from reobserve.papers.lie.setup import build_observer, build_problem
 from reobserve.papers.lie.study import check_study
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import stride
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
-from reobserve.timeseries.grid import stride
 
 
 def _design(job: Job) -> NormalForm:

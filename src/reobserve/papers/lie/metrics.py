@@ -13,7 +13,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.scoring import (
     decay_rate,
     integral_of_squares,
@@ -21,8 +20,9 @@ from reobserve.papers.lie.scoring import (
     settling_time,
     share_better,
 )
-from reobserve.scoring.metrics import Metric, Score, scores_of
-from reobserve.scoring.responses import error_of
+from reobserve.replication.metrics.metrics import Metric, Score, scores_of
+from reobserve.replication.metrics.responses import error_of
+from reobserve.replication.parameters.figure_data import FigureData
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.ledger.job import Settings, read_job
 from reobserve.observers.contract import OnDivergence
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.normal_form_observer import NormalFormObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_observer, stored_form
-from reobserve.timeseries.grid import stride
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.grid import stride
+from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Settings, read_job
-from reobserve.numerics.matrices import as_vector
+from reobserve.core.errors import located
+from reobserve.core.matrices import as_vector
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_system, grid
 from reobserve.plants.polynomial import PolynomialPlant
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Channel, Series
 
 
 def build(settings: Settings) -> PolynomialPlant:

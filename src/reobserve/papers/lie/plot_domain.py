@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import STYLES, TRUTH, add_note, decades, mosaic
-from reobserve.drawing.look import points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import EDGE
 from reobserve.papers.lie.words import vector
-from reobserve.scoring.study_table import StudyTable
+from reobserve.plotting.figures import STYLES, TRUTH, add_note, decades, mosaic
+from reobserve.plotting.look import points, thick
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
 
 
 def draw(data: FigureData) -> Figure:

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, headroom, mosaic
-from reobserve.drawing.look import mark
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import FORMS, style_of
 from reobserve.papers.lie.words import pair
-from reobserve.scoring.study_table import StudyTable
+from reobserve.plotting.figures import add_note, headroom, mosaic
+from reobserve.plotting.look import mark
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
 
 
 def draw(data: FigureData) -> Figure:

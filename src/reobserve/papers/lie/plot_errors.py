@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.drawing.figures import TRUTH, add_note, decades, headroom, new_figure, thin
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import style_of
 from reobserve.papers.lie.words import starts, vector
-from reobserve.scoring.responses import error_of
+from reobserve.plotting.figures import TRUTH, add_note, decades, headroom, new_figure, thin
+from reobserve.replication.metrics.responses import error_of
+from reobserve.replication.parameters.figure_data import FigureData
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from reobserve.drawing.figures import add_note, mosaic
-from reobserve.drawing.look import mark, points
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.plot_errors import draw_sizes
 from reobserve.papers.lie.styles import style_of
 from reobserve.papers.lie.words import starts, vector
+from reobserve.plotting.figures import add_note, mosaic
+from reobserve.plotting.look import mark, points
+from reobserve.replication.parameters.figure_data import FigureData
 
 
 def draw(data: FigureData) -> Figure:

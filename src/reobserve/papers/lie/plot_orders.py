@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reobserve.drawing.figures import add_note, new_figure
-from reobserve.drawing.look import mark, points, thick
-from reobserve.ledger.figure_data import FigureData
 from reobserve.papers.lie.styles import READINGS
 from reobserve.papers.lie.words import starts
-from reobserve.scoring.study_table import StudyTable
+from reobserve.plotting.figures import add_note, new_figure
+from reobserve.plotting.look import mark, points, thick
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.figure_data import FigureData
 
 
 def draw(data: FigureData) -> Figure:

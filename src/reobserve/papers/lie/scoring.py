@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.scoring import responses
+from reobserve.replication.metrics import responses
 
 Array = NDArray[np.float64]
 

@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError, located
-from reobserve.ledger.job import Job
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.matrices import FloatArray, as_vector
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.validation import parse
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
-from reobserve.plain_data.validation import parse
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import plant_grid
 from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
-from reobserve.timeseries.grid import plant_grid
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = FloatArray
 

@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.errors import located
-from reobserve.ledger.job import Settings, read_job
+from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie import (
     keys,
@@ -24,8 +23,9 @@ from reobserve.papers.lie import (
     study_orders,
 )
 from reobserve.papers.lie.study_rows import Row
+from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.series import Series
 from reobserve.synthesis.normal_form.design import NormalForm
-from reobserve.timeseries.series import Series
 
 METHODS = {
     "orders": study_orders.run,

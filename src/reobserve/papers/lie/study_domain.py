@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job
+from reobserve.core.errors import located
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem, forms
 from reobserve.papers.lie.study_rows import Row, summary
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 from reobserve.synthesis.floquet import LimitCycle, limit_cycle
 from reobserve.synthesis.normal_form.convergence import Convergence, convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
-from reobserve.timeseries.series import Series
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job
+from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
@@ -17,9 +16,10 @@ from reobserve.papers.lie.comparison import axis, records
 from reobserve.papers.lie.setup import build_observer, build_system, forms
 from reobserve.papers.lie.study_rows import Row
 from reobserve.plants.polynomial import PolynomialPlant
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.grid import multiple
+from reobserve.signals.series import Series
 from reobserve.synthesis.normal_form.gain import GAINS
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.series import Series
 
 
 def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:

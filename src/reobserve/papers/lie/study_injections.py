@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job, named
+from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.papers.lie import keys
@@ -23,9 +22,10 @@ from reobserve.papers.lie.scoring import ratios, share_better
 from reobserve.papers.lie.setup import build_observer, build_problem, build_system, forms
 from reobserve.papers.lie.study_rows import Row
 from reobserve.plants.polynomial import PolynomialPlant
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.grid import multiple
+from reobserve.signals.series import Series
 from reobserve.synthesis.normal_form.design import normal_form
-from reobserve.timeseries.grid import multiple
-from reobserve.timeseries.series import Series
 
 
 def run(job: Job, _: Series, design: Mapping[str, Any]) -> list[Row]:

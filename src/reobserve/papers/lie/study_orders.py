@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job
+from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie.observe import observe
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
 from reobserve.papers.lie.setup import build_observer, forms
 from reobserve.papers.lie.study_rows import Row, summary
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
 from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
-from reobserve.timeseries.series import Series
 
 NAN = float("nan")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from reobserve.plain_data.files import GAP, NAME, SCORE, UNIT, WHOLE
+from reobserve.core.files import GAP, NAME, SCORE, UNIT, WHOLE
 
 
 class Row(NamedTuple):

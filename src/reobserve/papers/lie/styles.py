@@ -6,7 +6,7 @@ injection long.
 
 from __future__ import annotations
 
-from reobserve.drawing.figures import Style
+from reobserve.plotting.figures import Style
 
 SOLID, LONG_SHORT, LONG = "-", (0, (7, 1.6, 2.5, 1.6)), (0, (9, 3))
 

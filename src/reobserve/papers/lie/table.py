@@ -7,12 +7,12 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from reobserve.errors import InputError, located
-from reobserve.ledger.job import Settings, read_job
+from reobserve.core.errors import InputError, located
+from reobserve.core.files import GAP, NAME, NUMBER
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem, stored_form
-from reobserve.plain_data.files import GAP, NAME, NUMBER
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.solver import solver_for

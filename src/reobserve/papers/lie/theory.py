@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.ledger.job import Job, Settings, named, read_job
-from reobserve.numerics.matrices import as_vector
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_vector
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.lie import keys, table, theory_comparison, theory_conditions
 from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.papers.lie.theory_cases import random_problem
@@ -31,9 +30,10 @@ from reobserve.papers.lie.theory_series import (
     largest,
     spectrum_difference,
 )
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job, Settings, named, read_job
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver

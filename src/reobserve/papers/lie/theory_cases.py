@@ -6,13 +6,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.power_series.arithmetic import Coefficients
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import Monomials, monomials
+from reobserve.core.errors import InputError
+from reobserve.polynomials.arithmetic import Coefficients
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import check_nonresonant
+from reobserve.systems.polynomial import PolynomialSystem
 
 _HIGHEST = 3  # degree of f and h
 

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import located
-from reobserve.ledger.job import Job, named
+from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 from reobserve.papers.lie import keys
@@ -20,9 +19,10 @@ from reobserve.papers.lie.comparison import axis, records
 from reobserve.papers.lie.scoring import ratios, share_better
 from reobserve.papers.lie.setup import build_system, stored_form
 from reobserve.plants.polynomial import PolynomialPlant
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
-from reobserve.timeseries.grid import multiple
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
+from reobserve.replication.parameters.job import Job, named
+from reobserve.signals.grid import multiple
 
 
 @part

@@ -7,20 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.matrices import as_vector
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.matrices import as_vector
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.theory_series import solvable, sums_of_eigenvalues
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.parts import part
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.parts import part
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain, resonance
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 

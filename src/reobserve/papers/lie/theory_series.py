@@ -10,10 +10,10 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.power_series.arithmetic import Coefficients, add_derivatives_along, zeros
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import monomials
+from reobserve.core.errors import InputError
+from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along, zeros
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series

@@ -32,8 +32,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import Matrix
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix
 
 Vector = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.extras import package
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import Matrix, as_floats, as_positive, as_scalar
-from reobserve.plain_data.validation import parse
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.matrices import Matrix, as_floats, as_positive, as_scalar
+from reobserve.core.validation import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import (

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.extras import package
-from reobserve.plain_data.validation import parse
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.validation import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
 from reobserve.synthesis.extended_state.inequality import Variables

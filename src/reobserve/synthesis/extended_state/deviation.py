@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.matrices import Matrix, as_floats
+from reobserve.core.arguments import as_kind
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_floats
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 

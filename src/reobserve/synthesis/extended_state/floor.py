@@ -23,9 +23,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import Matrix, as_positive
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_positive
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _NULL = 1e-10  # of the largest singular value: a smaller one counts as zero

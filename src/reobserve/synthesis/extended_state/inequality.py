@@ -46,7 +46,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from reobserve.numerics.matrices import Matrix
+from reobserve.core.matrices import Matrix
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Rows = list[list[Any]]

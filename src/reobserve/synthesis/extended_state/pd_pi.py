@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from math import inf
 
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_positive
+from reobserve.core.arguments import as_kind
+from reobserve.core.matrices import as_positive
 from reobserve.synthesis.extended_state.central_path import Problem, Side
 from reobserve.synthesis.extended_state.certificate import as_strip
 from reobserve.synthesis.extended_state.design import Design, optimised

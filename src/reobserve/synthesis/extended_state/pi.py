@@ -8,9 +8,9 @@ gap that makes it a point of the central path: unique, and well conditioned.
 
 from __future__ import annotations
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.numerics.matrices import as_scalar
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.central_path import Problem
 from reobserve.synthesis.extended_state.design import Design, optimised

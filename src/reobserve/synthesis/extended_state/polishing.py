@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.extras import package
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
 from reobserve.synthesis.definiteness import ball_matrix, is_negative_definite
 from reobserve.synthesis.extended_state.central_path import Problem, Vector, newton_step
 

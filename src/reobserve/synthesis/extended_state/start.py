@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.extras import package
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
 
 SOLVERS: dict[str, dict[str, Any]] = {

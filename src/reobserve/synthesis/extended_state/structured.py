@@ -32,8 +32,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import Matrix, as_positive
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_positive
 from reobserve.synthesis.extended_state.design import Design, accepted
 from reobserve.synthesis.extended_state.floor import as_gamma
 from reobserve.synthesis.extended_state.inequality import PiVariables

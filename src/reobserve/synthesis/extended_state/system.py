@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.errors import InputError
-from reobserve.numerics.matrices import Matrix, as_floats, as_matrix
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import Matrix, as_floats, as_matrix
 
 _RANK = 1e-10  # of the largest singular value: a smaller one counts as zero
 _SCALINGS = 20  # each takes the square root of how far the units are apart

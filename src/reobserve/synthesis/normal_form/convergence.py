@@ -20,9 +20,9 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.errors import InputError
-from reobserve.numerics.arguments import as_kind
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.polynomials.maps import PolynomialMap
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_kind
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
@@ -19,6 +18,7 @@ from reobserve.synthesis.normal_form.placement import injection_for
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.resonance import Resonance, check_nonresonant
 from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 
 
 @dataclass(frozen=True, eq=False)

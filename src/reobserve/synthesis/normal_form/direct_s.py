@@ -7,7 +7,7 @@ The equation is linear in S, so the right-hand side of degree d is known at once
 
 from __future__ import annotations
 
-from reobserve.power_series.arithmetic import Coefficients, add_derivatives_along
+from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity
 

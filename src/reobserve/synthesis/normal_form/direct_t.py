@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.power_series.arithmetic import Coefficients, add_derivatives_along, zeros
-from reobserve.power_series.powers import Powers
+from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along, zeros
+from reobserve.polynomials.powers import Powers
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity
 

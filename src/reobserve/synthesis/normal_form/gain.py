@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.power_series.arithmetic import Coefficients, add_applied, zeros
-from reobserve.power_series.maps import PolynomialMap
+from reobserve.core.errors import InputError
+from reobserve.polynomials.arithmetic import Coefficients, add_applied, zeros
+from reobserve.polynomials.maps import PolynomialMap
 
 GAINS = ("series", "jacobian", "composed")
 

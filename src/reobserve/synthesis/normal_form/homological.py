@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.numerics.kernel import kernel
-from reobserve.power_series.monomials import Monomials
+from reobserve.core.kernel import kernel
+from reobserve.polynomials.monomials import Monomials
 
 Complex = NDArray[np.complex128]
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.errors import InputError
-from reobserve.extras import package
-from reobserve.power_series.arithmetic import Coefficients
-from reobserve.power_series.monomials import Monomials
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.polynomials.arithmetic import Coefficients
+from reobserve.polynomials.monomials import Monomials
 
 
 class RationalSolver:

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.power_series.arithmetic import add_applied, zeros
-from reobserve.power_series.maps import PolynomialMap, stacked
-from reobserve.power_series.monomials import monomials
+from reobserve.core.errors import InputError
+from reobserve.polynomials.arithmetic import add_applied, zeros
+from reobserve.polynomials.maps import PolynomialMap, stacked
+from reobserve.polynomials.monomials import monomials
 
 _ZERO = 1e-9  # of the largest coefficient: what counts as none after the series
 

@@ -31,14 +31,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reobserve.power_series.arithmetic import (
+from reobserve.polynomials.arithmetic import (
     Coefficients,
     add_applied,
     add_derivatives_along,
     jacobian_part,
     zeros,
 )
-from reobserve.power_series.powers import Powers
+from reobserve.polynomials.powers import Powers
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import Solver, identity
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_kind, as_poles
+from reobserve.core.arguments import as_kind, as_poles
+from reobserve.core.errors import InputError
 from reobserve.synthesis.normal_form.problem import hidden_modes, refuse_undetectable
+from reobserve.systems.polynomial import PolynomialSystem
 
 _REACHED = 1e-6  # relative distance at which a pole counts as placed
 

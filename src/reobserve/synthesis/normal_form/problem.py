@@ -22,12 +22,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.models.polynomial import PolynomialSystem
-from reobserve.numerics.arguments import as_kind, as_whole
-from reobserve.power_series.arithmetic import Coefficients
-from reobserve.power_series.maps import PolynomialMap
-from reobserve.power_series.monomials import Monomials, monomials
+from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.errors import InputError
+from reobserve.polynomials.arithmetic import Coefficients
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import Monomials, monomials
+from reobserve.systems.polynomial import PolynomialSystem
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.errors import InputError
-from reobserve.power_series.monomials import Monomials
+from reobserve.core.errors import InputError
+from reobserve.polynomials.monomials import Monomials
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 # Relative to the larger of |m.alpha| and |lambda|: half of all digits are lost.

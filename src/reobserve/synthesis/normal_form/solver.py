@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reobserve.power_series.arithmetic import Coefficients, zeros
-from reobserve.power_series.monomials import Monomials
+from reobserve.polynomials.arithmetic import Coefficients, zeros
+from reobserve.polynomials.monomials import Monomials
 from reobserve.synthesis.normal_form.homological import SchurSolver
 from reobserve.synthesis.normal_form.homological_exact import RationalSolver
 from reobserve.synthesis.normal_form.problem import NormalFormProblem

@@ -1,7 +1,7 @@
 """Stage design: s^2 + (a + l1) s + l2 = (s + pole)^2."""
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
+from reobserve.replication.parameters.job import read_job
 
 
 def compute(settings):

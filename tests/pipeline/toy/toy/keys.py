@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from reobserve.ledger import job
-from reobserve.plain_data.validation import Levels, Positive, vector
+from reobserve.core.validation import Levels, Positive, vector
+from reobserve.replication.parameters import job
 
 Pair = Annotated[list[float], vector(2)]
 

@@ -2,9 +2,9 @@
 
 from math import isfinite
 
-from reobserve.errors import InputError
-from reobserve.ledger.check import Checks
+from reobserve.core.errors import InputError
 from reobserve.papers.toy import design
+from reobserve.replication.parameters.check import Checks
 
 
 def gains(job):

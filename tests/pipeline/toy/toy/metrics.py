@@ -1,7 +1,7 @@
 """Stage metrics: what is left of the error at the end."""
 
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.responses import root_mean_square
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.responses import root_mean_square
 
 MEANINGS = {
     "late_rms_error": "root mean square error of d in the last second",

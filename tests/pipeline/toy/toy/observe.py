@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
-from reobserve.timeseries.series import Channel, Series
+from reobserve.replication.parameters.job import read_job
+from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings, plant, design=None):

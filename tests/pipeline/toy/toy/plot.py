@@ -1,6 +1,6 @@
 """Stage plot: the disturbance and its estimates."""
 
-from reobserve.drawing.figures import STYLES, TRUTH, new_figure
+from reobserve.plotting.figures import STYLES, TRUTH, new_figure
 
 
 def lines(data):

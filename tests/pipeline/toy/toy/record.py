@@ -1,6 +1,6 @@
 """What a record of the plant and estimates hold."""
 
-from reobserve.timeseries.series import Shape
+from reobserve.signals.series import Shape
 
 
 def plant(job):

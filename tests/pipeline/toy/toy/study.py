@@ -1,9 +1,9 @@
 """Stage study: the gains of the design, multiplied."""
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
 from reobserve.papers.toy.metrics import late_error
 from reobserve.papers.toy.observe import run as observed
+from reobserve.replication.parameters.job import read_job
 
 
 def run(settings, plant, design):

@@ -1,6 +1,6 @@
 """The columns of the table of a study, and what their cells must be."""
 
-from reobserve.plain_data.files import NUMBER, SCORE
+from reobserve.core.files import NUMBER, SCORE
 
 HEADER = ("factor", "late_rms_error")
 KINDS = {"factor": NUMBER, "late_rms_error": SCORE}

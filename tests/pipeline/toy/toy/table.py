@@ -1,8 +1,8 @@
 """Stage table: the gains as printed and as computed."""
 
-from reobserve.ledger.job import read_job
+from reobserve.core.files import NAME, NUMBER
 from reobserve.papers.toy import keys
-from reobserve.plain_data.files import NAME, NUMBER
+from reobserve.replication.parameters.job import read_job
 
 HEADER = ("gain", "printed", "computed")
 KINDS = {"gain": NAME, "printed": NUMBER, "computed": NUMBER}

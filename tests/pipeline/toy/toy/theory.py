@@ -1,8 +1,8 @@
 """Stage theory: how far the poles of the design are from one place, as a discriminant."""
 
-from reobserve.ledger.job import read_job
 from reobserve.papers.toy import keys
-from reobserve.scoring.metrics import Metric
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.parameters.job import read_job
 
 
 def measure(settings, designs):

@@ -13,20 +13,20 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from reobserve.drawing.figures import STYLES, new_figure, time_axis
-from reobserve.ledger.check import Checks
-from reobserve.ledger.figure_data import FigureData
-from reobserve.ledger.job import AnyFigure, Job, Study
-from reobserve.models.linear import LinearModel
-from reobserve.numerics.discretisation import zero_order_hold
-from reobserve.numerics.matrices import Matrix
-from reobserve.numerics.random_streams import random_stream
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.files import NAME, NUMBER
+from reobserve.core.matrices import Matrix
+from reobserve.core.random_streams import random_stream
+from reobserve.core.validation import Levels, NotNegative, Positive, vector
 from reobserve.observers.fixed_gain import luenberger, steady_kalman
-from reobserve.plain_data.files import NAME, NUMBER
-from reobserve.plain_data.validation import Levels, NotNegative, Positive, vector
-from reobserve.scoring.metrics import Metric
-from reobserve.scoring.responses import root_mean_square
-from reobserve.timeseries.series import Channel, Series, Shape
+from reobserve.plotting.figures import STYLES, new_figure, time_axis
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.metrics.responses import root_mean_square
+from reobserve.replication.parameters.check import Checks
+from reobserve.replication.parameters.figure_data import FigureData
+from reobserve.replication.parameters.job import AnyFigure, Job, Study
+from reobserve.signals.series import Channel, Series, Shape
+from reobserve.systems.linear import LinearModel
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,91 @@
+"""Data of one's own: `estimate`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from reobserve.cli.parts import add_command
+from reobserve.core.errors import shown
+
+_MORE = """\
+examples, each a specification and a record to run it on:
+  ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, pi,
+  normal-form-constant, normal-form-identity, normal-form-transformed,
+  high-gain, extended-high-gain, levant,
+  delay-adaptive, delay-least-squares, delay-variable-structure,
+  kalman, augmented-kalman, svsf, imm-kalman, imm-svsf,
+  fixed-gain, luenberger, steady-kalman, eso
+
+  reobserve estimate --example kalman --out kalman.yaml --data kalman.csv
+  reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png
+  reobserve estimate kalman.yaml --stream < kalman.csv
+
+Time stamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
+(unit: iso8601); the times of results are then seconds after an origin that is printed and
+written into the report.
+"""
+
+
+def add_own_data(commands: Any) -> None:
+    """`estimate`."""
+    estimate = add_command(
+        commands, "estimate", "estimation.commands:run",
+        "run an observer on a record of your own, or on lines as they arrive",
+    )  # fmt: skip
+    estimate.formatter_class = argparse.RawDescriptionHelpFormatter
+    estimate.epilog = _MORE
+    estimate.add_argument(
+        "specification", nargs="?", type=Path, metavar="SPEC",
+        help="YAML: observer, columns with units, sampling, policies, alarms",
+    )  # fmt: skip
+    estimate.add_argument(
+        "data", nargs="?", type=Path, metavar="DATA", help=".csv, .csv.gz or .parquet"
+    )
+    estimate.add_argument(
+        "--out", type=Path, metavar="FILE",
+        help="estimates: .csv, .csv.gz or .parquet; with --example the specification: .yaml. "
+        "Missing folders are created",
+    )  # fmt: skip
+    estimate.add_argument("--plot", type=Path, metavar="FILE", help="a plot: .png, .pdf or .svg")
+    estimate.add_argument(
+        "--report", type=Path, metavar="FILE", help="what was done to the record, as JSON"
+    )
+    estimate.add_argument(
+        "--stream", action="store_true",
+        help="read standard input, write one line per sample to standard output",
+    )  # fmt: skip
+    estimate.add_argument(
+        "--follow", action="store_true", help="the same with DATA, as it grows, until interrupted"
+    )
+    estimate.add_argument(
+        "--idle", type=_seconds, default=math.inf, metavar="S",
+        help="end --follow after this many seconds without a new line",
+    )  # fmt: skip
+    estimate.add_argument(
+        "--state", type=Path, metavar="FILE",
+        help="for a stream: resume from this file if it is there, and write it at the end",
+    )  # fmt: skip
+    estimate.add_argument(
+        "--warm", action="store_true", help="compile first, and say when a stream can begin"
+    )
+    estimate.add_argument("--example", metavar="NAME", help="write a specification, see below")
+    estimate.add_argument(
+        "--data",
+        dest="record",
+        type=Path,
+        metavar="FILE",
+        help="with --example: also write a record",
+    )
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not value >= 0:
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be a number of seconds, 0 or more")
+    return value

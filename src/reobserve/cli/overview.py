@@ -1,0 +1,85 @@
+"""Ways to look around: what there is, a paper's ledger, what its metrics mean, LaTeX."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from reobserve.cli.parts import add_command, add_output, add_project
+from reobserve.cli.types import tree, whole
+
+
+def add_overview(commands: Any) -> None:
+    """`list`, `params`, `equations`, `readme`, `latex`, `check` and `schema`."""
+    listing = add_command(
+        commands,
+        "list",
+        "replication.parameters.overview:show_list",
+        "show what there is, and what is built",
+    )
+    listing.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    add_project(listing)
+
+    params = add_command(
+        commands,
+        "params",
+        "replication.parameters.overview:show_params",
+        "show a paper's ledger: values, sources, ranges",
+    )
+    params.add_argument("paper", help="a paper, as named by `reobserve list`")
+    params.add_argument("match", nargs="?", default="", help="only keys that contain this")
+    params.add_argument("--why", action="store_true", help="say why each assumption was made")
+    params.add_argument(
+        "--built", action="store_true", help="show those of the last build, overrides included"
+    )
+    add_project(params)
+
+    equations = add_command(
+        commands, "equations", "replication.equations.command:show_equations",
+        "show where an equation of a paper is implemented, and which test shows it",
+    )  # fmt: skip
+    equations.add_argument(
+        "paper", nargs="?", default="", help="a paper, as named by `reobserve list`"
+    )
+    equations.add_argument(
+        "number",
+        nargs="*",
+        help="an equation, such as 9, or a place, such as Theorem 1 (default: all)",
+    )
+    add_project(equations)
+
+    readme = add_command(
+        commands, "readme", "replication.meanings:write_lists",
+        "write what metrics mean into results/README.md",
+    )  # fmt: skip
+    add_project(readme)
+
+    latex = add_command(
+        commands,
+        "latex",
+        "cli.stages.latex:run",
+        "write a caption or a table of the results as LaTeX",
+    )
+    latex.add_argument("source", type=Path, help="a caption, .rst, or a table, .csv")
+    latex.add_argument(
+        "--digits", type=whole(1, 17), metavar="N",
+        help="significant digits of numbers (default: 3 for metrics; other tables as they are)",
+    )  # fmt: skip
+    add_output(latex, "a file that LaTeX can input, .tex")
+
+    check = add_command(
+        commands, "check", "cli.stages.check:run",
+        "check everything under config/: parameters, claims, errata, equations",
+    )  # fmt: skip
+    check.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    check.add_argument(
+        "--overrides", type=tree, default={}, metavar="JSON",
+        help='values to replace, by paper; - reads them from standard input',
+    )  # fmt: skip
+    add_project(check)
+
+    schema = add_command(
+        commands, "schema", "replication.schemas:print_schema",
+        "print the JSON schema of a kind of file, for an editor",
+    )  # fmt: skip
+    schema.add_argument("kind", choices=("config", "parameters", "claims", "errata", "equations"))

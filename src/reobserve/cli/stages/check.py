@@ -1,0 +1,47 @@
+"""`reobserve check`: everything under ``config/``, in one process; nothing is written."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import check_plain
+from reobserve.replication.check import check_evidence
+from reobserve.replication.parameters.check import check_ledger, check_units
+from reobserve.replication.parameters.config import known_papers, known_styles
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import DEFAULT_STYLE, style_sheet
+
+
+def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
+    """Check parameters, claims, errata and equations, and construct what the parameters state.
+
+    Parameters
+    ----------
+    project
+        The folder with the folder ``config``.
+    paper
+        The papers to check; all of them if there are none, and then the style sheets, too.
+    overrides
+        Overrides of each paper by its name.
+
+    Raises
+    ------
+    InputError
+        For the first thing that is wrong.
+    """
+    check_plain(overrides, "config")
+    for name in paper or known_papers(project):
+        ledger = Ledger.load(project, name, overrides.get(name))
+        check_units(ledger)
+        check_ledger(ledger)
+        check_evidence(project, ledger)
+        print(f"{name}: parameters, claims, errata and equations are sound", file=sys.stderr)
+    if not paper:
+        from reobserve.plotting.look import read_sheet
+
+        for style in known_styles(project):
+            if style != DEFAULT_STYLE:
+                read_sheet(project / style_sheet(style))

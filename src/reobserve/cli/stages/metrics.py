@@ -1,0 +1,29 @@
+"""Stage metrics: the numbers of one figure, from the records to a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.cli.stages.records import read_estimates, read_record
+from reobserve.replication.metrics.metrics import write_metrics
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.steps import figure_data, measure, read_study, rows_from
+
+
+def run(
+    ledger_file: Path,
+    figure: str,
+    plant_file: Path,
+    estimate_files: list[Path],
+    study_file: Path | None,
+    output: Path,
+) -> None:
+    """Judge and write; the estimates come in the order in which the figure names observers."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("metrics", figure)
+    plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
+    study = read_study(ledger.paper, study_file)
+    with rows_from(study_file):
+        found = measure(ledger.paper, figure_data(ledger.paper, settings, plant, estimates, study))
+    write_metrics(output, found)

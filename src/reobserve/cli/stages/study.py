@@ -1,0 +1,22 @@
+"""Stage study: many runs over one record, from Parquet to a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.cli.stages.records import read_record
+from reobserve.core.files import write_table
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.steps import compute, named_design, paper_module
+
+
+def run(
+    ledger_file: Path, plant_file: Path, study: str, design_file: Path | None, output: Path
+) -> None:
+    """Run and write; nothing is written if one of the runs cannot be made."""
+    ledger = Ledger.read(ledger_file)
+    settings = ledger.settings("study", study)
+    design = named_design(ledger, settings["study"], design_file)
+    plant = read_record(plant_file, ledger, settings["study"]["scenario"])
+    rows = compute(ledger.paper, "study", study, settings, plant, *design)
+    write_table(output, rows, paper_module(ledger.paper, "study_rows").HEADER)

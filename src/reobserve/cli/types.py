@@ -1,0 +1,51 @@
+"""Types of arguments on the command line; what is none is told in a sentence."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from reobserve.core.errors import InputError, shown
+
+
+def tree(text: str) -> dict[str, Any]:
+    """A mapping from JSON, or from standard input for a dash."""
+    from reobserve.core.documents import parse_json
+
+    try:
+        found = parse_json(sys.stdin.read() if text == "-" else text, "")
+    except InputError as error:
+        said = str(error).lstrip(".: ")  # the place is that of the argument, which is told anyway
+        raise argparse.ArgumentTypeError(said) from None
+    if not isinstance(found, dict):
+        raise argparse.ArgumentTypeError("must be a JSON object")
+    return found
+
+
+def whole(least: int, most: int = 2**53) -> Callable[[str], int]:
+    """A parser of whole numbers; left out, ``most`` is what a float can count to."""
+
+    def parse(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or len(text) > 16:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        number = int(text)
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"{shown(text)} must be {allowed}")
+        return number
+
+    allowed = f"a whole number from {least} to {most}"
+    return parse
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        found = float(text) if len(text) < 60 else math.nan
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be a finite number")
+    return found

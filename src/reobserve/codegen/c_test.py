@@ -1,0 +1,99 @@
+"""A program in C that steps exported code through a record and compares it with the library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.codegen.c_code import literal
+from reobserve.codegen.statements import Program
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-12
+COMPILE = "cc -std=c99 -Wall -Wextra -Wpedantic -Werror {name}.c {name}_test.c -lm"
+
+_TEST = """\
+/* Steps {name} through {rows} rows and compares its estimates with those of the library,
+ * to {tolerance} of the largest of each. Returns 0 if they agree.
+ *
+ *     {compile}
+ */
+#include "{name}.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#define ROWS {rows}
+
+{data}
+static double off(const double *found, const double *expected, int32_t size)
+{{
+    double most = 0.0;
+    for (int32_t i = 0; i < size; ++i) {{
+        const double apart = fabs(found[i] - expected[i]);
+        const int32_t both = (isnan(found[i]) != 0) && (isnan(expected[i]) != 0);
+        if (both == 0 && !(apart <= most)) {{
+            most = isnan(apart) ? HUGE_VAL : apart;
+        }}
+    }}
+    return most;
+}}
+
+int main(void)
+{{
+    {name}_memory memory;
+    {name}_estimate estimate;
+    double worst[{count}] = {{0.0}};
+    int32_t wrong = 0;
+
+    {name}_start(&memory);
+    for (int32_t k = 0; k < ROWS; ++k) {{
+        double apart;
+        if ({name}_step(&memory, y[k],{u} &estimate) != 0) {{
+            printf("row %d: out of the range of numbers\\n", (int)k);
+            return 2;
+        }}
+{compared}    }}
+{told}    return (int)wrong;
+}}
+"""
+
+
+def test_source(
+    program: Program, name: str, y: Array, u: Array, expected: Mapping[str, Array]
+) -> str:
+    """The text of the test: a record, shapes (k, p) and (k, m), and the estimates of its rows."""
+    rows = len(y)
+    data = [_array("y", y)]
+    if program.inputs:
+        data.append(_array("u", u))
+    compared, told = [], []
+    for place, each in enumerate(program.estimates):
+        values = np.asarray(expected[each], dtype=np.float64).reshape(rows, -1)
+        data.append(_array(f"expected_{each}", values))
+        shape = program.estimates[each].initial.shape
+        pointer = f"&estimate.{each}" + "[0]" * len(shape)
+        compared.append(
+            f"        apart = off({pointer}, expected_{each}[k], {values.shape[1]});\n"
+            f"        worst[{place}] = (apart > worst[{place}]) ? apart : worst[{place}];\n"
+        )
+        least = program.estimates[each].size
+        size = float(np.nanmax(np.abs(values), initial=least)) or 1.0
+        told.append(
+            f'    printf("{each}: off by %.3g of at most {size:.3g}\\n", worst[{place}]);\n'
+            f"    wrong |= !(worst[{place}] <= {_TOLERANCE} * {size!r});\n"
+        )
+    return _TEST.format(
+        name=name, compile=COMPILE.format(name=name), rows=rows, tolerance=_TOLERANCE,
+        data="\n".join(data), count=len(compared), u=" u[k]," if program.inputs else "",
+        compared="".join(compared), told="".join(told),
+    )  # fmt: skip
+
+
+def _array(name: str, values: Array) -> str:
+    rows = ",\n    ".join(map(literal, values))
+    return f"static const double {name}[ROWS][{values.shape[1]}] = {{\n    {rows}\n}};\n"

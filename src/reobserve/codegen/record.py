@@ -1,0 +1,77 @@
+"""A record for exported code to be tested on, with lost samples where the observer takes them.
+
+Filters get one of their own model, with noise as they expect it: far from that, rounding grows to
+any size in a likelihood. Others get waves of the size of a tenth, and their derivatives in columns
+of their own where these are read.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.contract import Observer
+from reobserve.observers.delay_estimator import DelayEstimator
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+from reobserve.observers.imm import IMM
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.run import Run
+
+Array = NDArray[np.float64]
+
+ROWS = 60
+_LOST, _PARTLY = slice(20, 23), slice(30, 33)
+
+
+def test_run(
+    observer: Observer[Any], state: Any, columns: tuple[int, int]
+) -> tuple[Array, Array, Run[Any]]:
+    """Measurements, inputs and the estimates of the library, one row a sample.
+
+    ``columns`` are as `reobserve.codegen.program_of.program_of` has them.
+
+    Raises
+    ------
+    DivergenceError
+        If the observer diverges on this record.
+    """
+    p, m = columns
+    make = _waves
+    if isinstance(observer, ExtendedHighGainObserver | DelayEstimator):
+        make = partial(_derivatives, period=observer.sampling_period)
+    y, u = make(p, 0.21), make(m, 0.13)
+    if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):
+        y = _simulated(observer, state, u)
+        y[_LOST] = np.nan
+        if observer.measurements > 1:
+            y[_PARTLY, 0] = np.nan
+    return y, u, observer.run(y, u if observer.inputs else None, state=state)
+
+
+def _waves(columns: int, rate: float) -> Array:
+    phase = rate * np.arange(ROWS)[:, None] * (1.0 + 0.3 * np.arange(columns)) + np.arange(columns)
+    return np.round(0.1 * np.sin(phase), 6)
+
+
+def _derivatives(columns: int, rate: float, period: float) -> Array:
+    """A wave and its derivatives."""
+    phase = rate * np.arange(ROWS)[:, None] + 0.5 * np.pi * np.arange(columns)
+    return np.round(0.1 * (rate / period) ** np.arange(columns) * np.sin(phase), 6)
+
+
+def _simulated(observer: LinearFilter | AugmentedKalmanFilter | IMM, state: Any, u: Array) -> Array:
+    """Measurements of the model, of a bank of the first one."""
+    first = observer.filters[0] if isinstance(observer, IMM) else observer
+    A, B, H, D, _, R = first.model.arrays
+    x = (state.beliefs[0] if isinstance(observer, IMM) else state.belief).mean[: len(A)]
+    noise = np.random.default_rng(ROWS).standard_normal((ROWS, len(H))) * np.sqrt(np.diag(R))
+    y, held = np.empty((ROWS, len(H))), u[0]
+    for k in range(ROWS):
+        if k:
+            x, held = A @ x + B @ u[k - 1], u[k - 1]
+        y[k] = H @ x + D @ held + noise[k]
+    return y

@@ -1,0 +1,113 @@
+"""Exact sampling of linear systems whose inputs are polynomials of time between the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.arguments import as_whole
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats, as_positive
+
+Array = NDArray[np.float64]
+
+
+def zero_order_hold(A: ArrayLike, B: ArrayLike, period: float) -> tuple[Array, Array]:
+    """Ad and Bd of ``x' = A x + B u`` with u held: ``x(t + period) = Ad x(t) + Bd u``.
+
+    Parameters
+    ----------
+    A
+        Shape (n, n) [1/s].
+    B
+        Shape (n, p).
+    period
+        Between the samples [s].
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit or the period is not positive.
+    """
+    transition, effects = polynomial_hold(A, B, period, 0)
+    return transition, effects[0]
+
+
+def interpolating_hold(
+    A: ArrayLike, B: ArrayLike, period: float, nodes: Sequence[float]
+) -> tuple[Array, Array]:
+    """Ad and B1 to Bk of ``x' = A x + B u`` with u the polynomial through k of its values.
+
+    ``x(t + period) = Ad x(t) + sum_j Bj u(t + nodes[j] period)``. The nodes (0,) give the
+    zero-order hold, (0, 1) the first-order hold, (0, 1/2, 1) parabolas.
+
+    Parameters
+    ----------
+    A, B, period
+        As in `zero_order_hold`.
+    nodes
+        k different fractions of the period.
+
+    Returns
+    -------
+    tuple
+        Ad, shape (n, n), and B1 to Bk, shape (k, n, p).
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit or the period is not positive.
+    """
+    places = as_floats("nodes", nodes)
+    if places.ndim != 1 or len(np.unique(places)) != len(places) or not len(places):
+        raise InputError("nodes", f"{shown(places.tolist())} must be different numbers")
+    transition, effects = polynomial_hold(A, B, period, len(places) - 1)
+    coefficients = np.linalg.inv(np.vander(places, increasing=True))
+    return transition, np.einsum("ij,inp->jnp", coefficients, effects)
+
+
+def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> tuple[Array, Array]:
+    """Ad and B0 to Bd of ``x' = A x + B u`` with ``u = sum_k ck (s / period)^k``, s since t.
+
+    ``x(t + period) = Ad x(t) + sum_k Bk ck``. All come from one exponential, of the system with
+    a chain of integrators for u before it, so that a singular A does no harm (Van Loan 1978).
+
+    Parameters
+    ----------
+    A, B, period
+        As in `zero_order_hold`.
+    degree
+        d, from 0 on.
+
+    Returns
+    -------
+    tuple
+        Ad, shape (n, n), and B0 to Bd, shape (d + 1, n, p).
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit or the period is not positive.
+    """
+    from scipy.linalg import expm
+
+    state, control, degree = as_floats("A", A), as_floats("B", B), as_whole("degree", degree, 0, 50)
+    if state.ndim != 2 or state.shape[0] != state.shape[1]:
+        raise InputError("A", f"has shape {state.shape}, must be square")
+    if control.ndim != 2 or len(control) != len(state):
+        raise InputError("B", f"has shape {control.shape}, must have {len(state)} rows like A")
+    n, p = control.shape
+    block = np.zeros((n + (degree + 1) * p,) * 2)
+    # In units of the period: the chain holds u and its derivatives, k! ck at the start.
+    block[:n, :n], block[:n, n : n + p] = state, control
+    block *= as_positive("period", period)
+    block[n : n + degree * p, n + p :] = np.eye(degree * p)
+    with np.errstate(over="ignore", invalid="ignore"):  # told below
+        held: Array = expm(block)
+    if not np.isfinite(held).all():
+        raise InputError("period", f"{period:g} s take the states beyond floating-point numbers")
+    factorials = np.cumprod([1.0, *range(1, degree + 1)])
+    effects = held[:n, n:].reshape(n, degree + 1, p).transpose(1, 0, 2)
+    return np.ascontiguousarray(held[:n, :n]), effects * factorials[:, None, None]

@@ -1,0 +1,344 @@
+"""Files written whole or not at all, and small tables."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import errno
+import io
+import math
+import os
+import re
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.extras import package
+from reobserve.core.units import is_unit
+
+MOST_BYTES = 256 * 1024 * 1024  # of a file that is read whole
+
+# Without waiting where a fifo would make one wait; on Windows bytes as they are, not as lines.
+_AS_IT_IS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+
+def read_bytes(path: str | Path, most: int | None = MOST_BYTES) -> bytes:
+    """A file, whole; opened without waiting, as a fifo would make one wait.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, cannot be read, is no regular file, has more than ``most`` bytes or
+        does not fit in memory; or the path is no path.
+    """
+    _check_path(path)
+    try:
+        handle = os.open(path, os.O_RDONLY | _AS_IT_IS)
+        with open(handle, "rb") as stream:
+            about = os.fstat(handle)
+            if not stat.S_ISREG(about.st_mode):
+                raise InputError(str(path), f"is {_kind(about.st_mode)}, must be a regular file")
+            content = stream.read() if most is None else stream.read(most + 1)
+    except (OSError, ValueError) as error:  # ValueError: a path that the system cannot spell
+        if isinstance(error, InputError):
+            raise
+        raise InputError(str(path), f"cannot be read ({reason(error)})") from None
+    except MemoryError:
+        raise InputError(str(path), "does not fit in memory") from None
+    if most is not None and len(content) > most:
+        raise InputError(str(path), f"has more than {most} bytes, which is too large to be read")
+    return content
+
+
+def _check_path(path: object) -> None:
+    if not isinstance(path, str | Path):
+        raise InputError("path", f"{shown(path)} must be the name of a file")
+
+
+def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
+    """The UTF-8 text of a file; `InputError` as `read_bytes`, or if it is not UTF-8."""
+    try:
+        return read_bytes(path, most).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            str(path), f"cannot be read (byte {error.start + 1} is not UTF-8)"
+        ) from None
+
+
+def write_whole(path: str | Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file beside ``path``, then put it in place in one move.
+
+    A process killed half-way leaves no half-written ``path``. The file beside it has a fixed
+    name, so that the next run replaces what a killed one left; those that run at once take turns.
+
+    Raises
+    ------
+    InputError
+        If ``path`` is no path, or something else than a regular file that may be written, or the
+        folder cannot be written.
+    """
+    _check_path(path)
+    path = Path(path)
+    try:
+        check_replaceable(path)
+        partial = path.with_name(f".{path.name}.partial")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _alone_in(path.parent):
+            try:
+                partial.unlink(missing_ok=True)  # whatever it is, a link to elsewhere among them
+                partial.touch(exist_ok=False)  # so that the reason is the system's, whatever writes
+                write(partial)
+                os.replace(partial, path)
+            finally:
+                if not partial.is_dir():
+                    partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(str(path), f"cannot be written ({reason(error)})") from None
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder against others that write in it, where the system knows how; dies with us."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            handle = os.open(folder, os.O_RDONLY)
+            held.callback(os.close, handle)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse to put a file where something else stands: a folder, a device, a link, a fifo.
+
+    Raises
+    ------
+    InputError
+        If there is something that is no regular file, or is read-only, also for root; or if the
+        folder is one in which the kernel shows itself as if in files.
+    """
+    if _of_the_kernel(path):
+        raise InputError(str(path), f"cannot be written ({os.strerror(errno.EACCES)})")
+    try:
+        mode = os.lstat(path).st_mode
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), f"cannot be written ({reason(error)})") from None
+    if not stat.S_ISREG(mode):
+        raise InputError(str(path), f"is {_kind(mode)}, only regular files are replaced")
+    if not mode & 0o222 or not os.access(path, os.W_OK):
+        raise InputError(str(path), "is read-only, and so it is not replaced")
+
+
+def _of_the_kernel(path: Path) -> bool:
+    """Whether the folder, or the nearest one that there is, belongs to one of the kernel's."""
+    kernel = {os.stat(top).st_dev for top in ("/proc", "/sys") if os.path.ismount(top)}
+    for folder in path.parents:
+        with contextlib.suppress(OSError, ValueError):
+            return os.stat(folder).st_dev in kernel
+    return False
+
+
+def _kind(mode: int) -> str:
+    kinds = (
+        (stat.S_ISDIR, "a folder"),
+        (stat.S_ISLNK, "a symbolic link"),
+        (stat.S_ISFIFO, "a fifo"),
+        (stat.S_ISSOCK, "a socket"),
+        (stat.S_ISREG, "a regular file"),
+    )
+    return next((name for is_kind, name in kinds if is_kind(mode)), "a device")
+
+
+def reason(error: Exception) -> str:
+    """What the system says of an error."""
+    return getattr(error, "strerror", None) or str(error)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write UTF-8 text whole or not at all."""
+    write_whole(path, lambda partial: _put(partial, text))
+
+
+def _put(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_table(path: str | Path, rows: Iterable[Mapping[str, Any]], header: Sequence[str]) -> None:
+    """Write rows to CSV, floats in the shortest form that reads back to the same number."""
+
+    def write(partial: Path) -> None:
+        with partial.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, header, lineterminator="\n")
+            writer.writeheader()
+            for row in rows:
+                writer.writerow({key: cell(value) for key, value in row.items()})
+
+    write_whole(path, write)
+
+
+def cell(value: Any) -> str:
+    """A value as it stands in a table; nothing for None."""
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def read_rows(path: str | Path) -> tuple[list[str], list[list[str]]]:
+    """The header of a CSV and its rows, all cells as text.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, or a row has more or fewer cells than the header.
+    """
+    text = read_text(path)
+    try:
+        header, *rows = list(csv.reader(io.StringIO(text, newline=""), strict=True)) or [[]]
+    except csv.Error as error:
+        raise InputError(str(path), f"cannot be read ({error})") from None
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise InputError(str(path), f"line {number} has not {len(header)} cells")
+    return header, rows
+
+
+def read_table(
+    path: str | Path,
+    header: Sequence[str],
+    kinds: Mapping[str, Kind] | None = None,
+    key: Sequence[str] = (),
+) -> list[dict[str, str]]:
+    """Read a CSV with exactly these columns, all cells as text, checked whole.
+
+    Parameters
+    ----------
+    path, header
+        The file, and its columns in order.
+    kinds
+        What the cells of a column must be, where they are not any text.
+    key
+        Columns whose cells together name a row: no two rows have the same.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, its columns are others, or a cell is not of its kind.
+    """
+    found, lines = read_rows(path)
+    if found != list(header):
+        raise InputError(str(path), f"has the columns {shown(found)}, must have {list(header)}")
+    rows, seen = [], set()
+    for number, line in enumerate(lines, start=2):
+        row = dict(zip(header, line, strict=True))
+        for column, kind in (kinds or {}).items():
+            if not kind.allows(row[column]):
+                raise InputError(
+                    str(path),
+                    f"line {number}, {column}: {shown(row[column])} must be {kind.text}",
+                )
+        name = tuple(row[column] for column in key)
+        if key and name in seen:
+            raise InputError(str(path), f"line {number} repeats {shown(', '.join(name))}")
+        seen.add(name)
+        rows.append(row)
+    return rows
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What the cells of a column may be: a test, and its name in a sentence."""
+
+    allows: Callable[[str], bool]
+    text: str
+
+
+def _number(cell: str) -> float:
+    """The number that a cell spells as Python or C would; nan for what is none."""
+    return float(cell) if _NUMBER.fullmatch(cell) else math.nan
+
+
+_NUMBER = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", re.ASCII)
+
+_NO_SCORE = ("nan", "inf", "-inf")  # of what does not exist, or diverged
+
+NUMBER = Kind(lambda cell: math.isfinite(_number(cell)), "a finite number")
+SCORE = Kind(lambda cell: cell in _NO_SCORE or NUMBER.allows(cell), "a number, nan or inf")
+GAP = Kind(lambda cell: not cell or NUMBER.allows(cell), "a finite number or empty")
+WHOLE = Kind(lambda cell: re.fullmatch(r"-?\d{1,15}", cell, re.ASCII) is not None, "a whole number")
+COUNT = Kind(lambda cell: not cell or WHOLE.allows(cell), "a whole number or empty")
+UNIT = Kind(is_unit, "a unit")
+NAME = Kind(lambda cell: bool(cell.strip()) and cell.isprintable(), "a name")
+YES_NO = Kind(lambda cell: cell in ("yes", "no"), "yes or no")
+
+
+def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """The columns of a user's CSV (with a header) or Parquet file, all of them numbers.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, of another kind or damaged, a name stands twice, or a cell is empty
+        or no number: text, complex or nothing at all.
+    """
+    package("pyarrow", "read columns of numbers")
+    import pyarrow as pa
+    import pyarrow.csv as csv_reader
+    import pyarrow.parquet as parquet
+
+    path = Path(path)
+    if path.suffix not in (".csv", ".parquet"):
+        raise InputError(str(path), "must be a .csv or a .parquet file")
+    stream = pa.BufferReader(read_bytes(path))
+    try:
+        if path.suffix == ".csv":
+            # Only what is empty is none: nan is a number, if a bad one, and NA is text.
+            empty = csv_reader.ConvertOptions(null_values=[""])
+            alone = csv_reader.ReadOptions(use_threads=False)
+            table = csv_reader.read_csv(stream, read_options=alone, convert_options=empty)
+        else:
+            checked = parquet.ParquetFile(stream, page_checksum_verification=True)
+            table = checked.read(use_threads=False)
+        names = [str(name) for name in table.column_names]
+    except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException) as error:
+        raise InputError(str(path), f"cannot be read ({_first_line(error)})") from None
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(str(path), f"has the column {shown(name)} twice")
+    return {
+        name: _floats(path, name, column) for name, column in zip(names, table.columns, strict=True)
+    }
+
+
+def _floats(path: Path, name: str, column: Any) -> NDArray[np.float64]:
+    """A column as floats; the first cell that is none is named by its row."""
+    import pyarrow as pa
+
+    place = f"column {shown(name)}"
+    if column.null_count:
+        row = next(row for row, cell in enumerate(column, start=1) if not cell.is_valid)
+        raise InputError(str(path), f"{place}, row {row} is empty, must be a number")
+    kind = column.type
+    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+        for row, cell in enumerate(column.to_pylist(), start=1):
+            if not isinstance(cell, str) or math.isnan(_number(cell.strip())):
+                problem = f"{place}, row {row} is {shown(cell)}, must be a number"
+                raise InputError(str(path), problem)
+        raise InputError(str(path), f"{place} is of the type {kind}, must be numbers")
+    try:
+        values = column.cast(pa.float64()).to_numpy()
+    except (ValueError, MemoryError, pa.ArrowException) as error:
+        raise InputError(str(path), f"{place} cannot be read ({_first_line(error)})") from None
+    return np.asarray(values, dtype=np.float64)
+
+
+def _first_line(error: BaseException) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)

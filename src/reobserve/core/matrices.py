@@ -1,0 +1,231 @@
+"""Checks of matrix parameters that plants, observers and synthesis share."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.errors import InputError, shown
+
+
+class _FromLists:
+    """How pydantic makes an array of floats of a number or of nested lists."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(lambda value: as_floats("", value))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> Any:
+        return {"type": ["number", "array"]}
+
+
+FloatArray = Annotated[NDArray[np.float64], _FromLists()]
+"""An array of finite floats, as a field of what files declare."""
+
+Matrix = FloatArray
+
+# Of arrays with more entries a message tells the shape alone.
+_SHOWN = 9
+
+_FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
+
+
+def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
+    """``value`` as compiled loops take arrays: of 64-bit floats, C-contiguous and writeable.
+
+    Whatever holds real numbers will do: lists, arrays of other types and orders, read-only ones,
+    frames and series of pandas. An array that is as it should be is handed back, not copied; for
+    another kind each kernel would be compiled anew. Entries need not be finite.
+
+    Raises
+    ------
+    InputError
+        If it is no number and no array of numbers: text, booleans, complex numbers, objects, rows
+        of different lengths, masked entries.
+    """
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.carray:
+        return value
+    if _has_other(value):
+        raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        return np.require(array, np.float64, ["C", "A", "W"])
+    except MemoryError:
+        raise InputError(name, f"of shape {np.shape(value)} does not fit into memory") from None
+    except Exception:  # rows of different lengths, too many of them, or an object's own error
+        raise InputError(name, f"{shown(value)} is not a number or an array of numbers") from None
+
+
+def _has_other(value: Any) -> bool:
+    """Whether numpy would take what is no number for one: masked entries, booleans in a list."""
+    if isinstance(value, np.ndarray):
+        return isinstance(value, np.ma.MaskedArray) and bool(np.ma.is_masked(value))
+    if isinstance(value, list | tuple):
+        return any(not isinstance(entry, float) and _has_other(entry) for entry in value)
+    return isinstance(value, bool | np.bool_)
+
+
+def all_finite(array: NDArray[np.float64]) -> bool:
+    """Whether all entries are finite."""
+    if array.size <= _FEW:
+        return all(map(math.isfinite, array.ravel().tolist()))
+    return bool(np.isfinite(array).all())
+
+
+def as_floats(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
+    """``value`` as an array of its own of finite floats; `InputError` names ``name`` otherwise."""
+    array = as_numbers(name, value)
+    if not np.all(np.isfinite(array)):
+        place = shown(array.tolist()) if array.size <= _SHOWN else shown(array)
+        raise InputError(name, f"{place} has an entry that is not finite")
+    return array.copy() if array is value or array.base is not None else array
+
+
+def as_scalar(name: str, value: Any) -> float:
+    """``value`` as one finite float; `InputError` names ``name`` otherwise."""
+    array = as_floats(name, value)
+    if array.ndim != 0:
+        raise InputError(
+            name, f"{shown(value)} must be one number, not an array of shape {array.shape}"
+        )
+    return float(array)
+
+
+def as_positive(name: str, value: Any) -> float:
+    """``value`` as one finite float above zero; `InputError` names ``name`` otherwise."""
+    number = as_scalar(name, value)
+    if number <= 0:
+        raise InputError(name, f"{number:g} must be greater than zero")
+    return number
+
+
+def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
+    """``value`` as a vector of ``size`` finite floats; `InputError` names ``name`` otherwise."""
+    array = as_floats(name, value)
+    if array.shape != (size,):
+        raise InputError(name, f"has shape {array.shape}, must be a list of {size} numbers")
+    return array
+
+
+def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
+    """A square matrix from a number (times identity), a diagonal or the matrix itself.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is none of: a number, ``size`` numbers, ``size`` rows of ``size`` numbers.
+    """
+    array = as_floats(name, value)
+    if array.ndim == 0:
+        return np.eye(size) * float(array)
+    if array.shape == (size,):
+        return np.diag(array)
+    if array.shape == (size, size):
+        return array
+    raise InputError(
+        name,
+        f"has shape {array.shape}, must be one number (times the identity), "
+        f"{size} numbers (a diagonal) or a {size} x {size} matrix",
+    )
+
+
+def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix:
+    """`as_matrix`, and symmetric positive definite; `InputError` gives the eigenvalues if not."""
+    matrix = as_matrix(name, value, size)
+    if not size:
+        raise InputError(name, "is empty, must have one row or more")
+    if not np.array_equal(matrix, matrix.T):
+        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    if eigenvalues[0] <= 0:
+        listed = ", ".join(f"{value:g}" for value in eigenvalues)
+        raise InputError(name, f"must be positive definite, its eigenvalues are {listed}")
+    return matrix
+
+
+def as_rows(name: str, value: ArrayLike, like: Matrix | None = None) -> Matrix:
+    """``value`` of shape (samples, n), the shape of ``like`` if that is given."""
+    array = as_floats(name, value)
+    if array.ndim != 2 or (like is not None and array.shape != like.shape):
+        wanted = "(samples, n)" if like is None else like.shape
+        raise InputError(name, f"has shape {array.shape}, must be {wanted}")
+    return array
+
+
+def as_samples(
+    name: str,
+    samples: ArrayLike,
+    columns: int | None,
+    *,
+    rows: int | None = None,
+    like: str = "",
+    halves: bool = False,
+    missing: bool = False,
+) -> Matrix:
+    """The rows of a record that an observer reads, as `as_numbers` makes them.
+
+    Parameters
+    ----------
+    columns
+        How many numbers a row has; None for a plain list of numbers.
+    rows
+        How many there must be, if that is known, because ``like`` has so many.
+    halves
+        There are two a step and one at the end: an odd number, 3 or more.
+    missing
+        A nan stands for a number that was not measured.
+
+    Raises
+    ------
+    InputError
+        If they are not so, or not finite; it names the first row that is not.
+    """
+    try:
+        array = as_numbers(name, samples)
+    except InputError:
+        masked = ": it has masked entries" if np.ma.is_masked(samples) else ""
+        raise InputError(name, f"is no array of numbers{masked}") from None
+    shape = array.shape
+    wrong = len(shape) != (1 if columns is None else 2) or shape[1:] != (
+        () if columns is None else (columns,)
+    )
+    few = wrong or not len(array) or (halves and (len(array) % 2 == 0 or len(array) < 3))
+    if few:
+        number = "an odd number of rows, 3 or more," if halves else "one row or more"
+        if columns is None:
+            number = "an odd number of samples, 3 or more" if halves else "1 sample or more"
+            raise InputError(name, f"has shape {shape}, must be a list of {number}")
+        ending = "s" if columns != 1 else ""
+        raise InputError(name, f"has shape {shape}, must have {number} of {columns} number{ending}")
+    if rows is not None and len(array) != rows:
+        raise InputError(name, f"has {len(array)} rows, must have {rows} like {like}")
+    # Rows are looked at one by one only if something is wrong: that costs as much as observing.
+    if all_finite(array):
+        return array
+    good = np.isfinite(array)
+    if missing:
+        good |= np.isnan(array)
+    if not good.all():
+        row = int(np.argmin(good.reshape(len(array), -1).all(axis=1)))
+        allowed = "must be finite, or nan if missing" if missing else "must be finite"
+        raise InputError(name, f"sample {row} is {shown(array[row].tolist())}, {allowed}")
+    return array
+
+
+def as_row(name: str, value: ArrayLike) -> Matrix:
+    """One sample as a record of one row, for `as_samples`."""
+    try:
+        return as_numbers(name, value).reshape(1, -1)
+    except InputError:
+        raise InputError(name, "is no array of numbers") from None
+
+
+def spectral_radius(matrix: Matrix) -> float:
+    """The largest absolute eigenvalue of a square matrix."""
+    return float(np.max(np.abs(np.linalg.eigvals(matrix))))

@@ -1,0 +1,154 @@
+"""What became of a record: counted on the way, told as a table and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from reobserve.estimation.dates import SECOND, spelled
+
+MOST_LISTED = 50  # gaps and other events that are told one by one
+
+
+@dataclass
+class Account:
+    """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
+
+    ``intervals`` are those between stamps that follow one another, ``jitter`` the farthest that
+    one was off its place, in sampling periods. ``origin`` [s since 1970] is what times count from
+    if stamps are dates: the whole second at or before the first one.
+    """
+
+    rows: int = 0
+    first: float | None = None
+    last: float | None = None
+    intervals: int = 0
+    single: int = 0  # intervals of one period
+    jitter: float = 0.0
+    lost: int = 0  # rows that the stamps say are missing
+    repeated: int = 0
+    unstamped: int = 0
+    before_start: int = 0
+    after_end: int = 0
+    missing: dict[str, int] = field(default_factory=dict)
+    filled: dict[str, int] = field(default_factory=dict)
+    saturated: dict[str, int] = field(default_factory=dict)
+    gaps: list[list[float | None]] = field(default_factory=list)
+    gap_count: int = 0
+    dropped: int = 0  # rows inside gaps; of those that the record lacks, the first
+    restarts: int = 0
+    statuses: dict[str, int] = field(default_factory=dict)
+    estimates: int = 0
+    alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    origin: int | None = None
+
+    def clock(self, stamp: int | None) -> float:
+        """The time [s] of a stamp [ns since 1970], nan for none; the first one sets the origin."""
+        if stamp is None:
+            return math.nan
+        if self.origin is None:
+            self.origin = stamp // SECOND
+        return (stamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
+
+    def count(self, table: dict[str, int], name: str, more: int) -> None:
+        """Add to one of the tables."""
+        if more:
+            table[name] = table.get(name, 0) + int(more)
+
+    def warn(self, sentence: str) -> None:
+        """Keep a warning, once."""
+        if sentence not in self.warnings:
+            self.warnings.append(sentence)
+
+    def open_gap(self, start: float) -> None:
+        """A gap begins after the sample at ``start``."""
+        self.gap_count += 1
+        if len(self.gaps) < MOST_LISTED:
+            self.gaps.append([start, None])
+
+    def close_gap(self, end: float) -> None:
+        """It ends with the sample at ``end``."""
+        if self.gaps and self.gaps[-1][1] is None:
+            self.gaps[-1][1] = end
+
+    @property
+    def mean_interval(self) -> float | None:
+        """[s], over all intervals."""
+        slots = self.intervals + self.lost
+        if self.first is None or self.last is None or not slots:
+            return None
+        return (self.last - self.first) / slots
+
+
+def as_json(account: Account, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole account, with what else is known ``about`` the run."""
+    told = {name: value for name, value in vars(account).items() if name != "single"}
+    told["origin"] = None if account.origin is None else spelled(account.origin)
+    return {**about, "mean_interval": account.mean_interval, **told}
+
+
+def as_table(account: Account, period: float) -> str:
+    """A few lines for a terminal: only what there is to tell."""
+    lines = [("rows read", f"{account.rows}")]
+    if account.first is not None and account.last is not None:
+        since = "" if account.origin is None else f" after {spelled(account.origin)}"
+        lines.append(("time", f"{_time(account.first)} to {_time(account.last)} s{since}"))
+    if account.mean_interval is not None:
+        told = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
+        lines.append(("sampling period", told))
+        if account.jitter > 1e-9:
+            lines.append(("greatest jitter", f"{100 * account.jitter:.3g} % of a period"))
+    for name, value in (
+        ("samples lost", account.lost),
+        ("stamps repeated, left out", account.repeated),
+        ("rows without stamp, left out", account.unstamped),
+        ("rows before all is measured", account.before_start),
+        ("rows after all was measured", account.after_end),
+    ):
+        if value:
+            lines.append((name, str(value)))
+    for name, table in (
+        ("values missing", account.missing),
+        ("values filled", account.filled),
+        ("values saturated", account.saturated),
+    ):
+        if table:
+            listed = ", ".join(f"{column} {count}" for column, count in table.items())
+            lines.append((name, listed))
+    for start, end in account.gaps[:5]:
+        begun = "the start" if start is None else f"{_time(start)} s"
+        ending = "the end" if end is None else f"{_time(end)} s"
+        lines.append(("gap", f"{begun} to {ending}"))
+    if account.gap_count > 5:
+        lines.append(("gaps in all", str(account.gap_count)))
+    if account.restarts:
+        lines.append(("restarts", str(account.restarts)))
+    listed = ", ".join(f"{count} {word}" for word, count in account.statuses.items())
+    lines.append(("estimates", f"{account.estimates}" + (f": {listed}" if listed else "")))
+    for name, alarm in account.alarms.items():
+        lines.append((f"alarm {name}", _told(alarm)))
+    width = max(len(name) for name, _ in lines)
+    said = [f"  {name:<{width}}  {value}" for name, value in lines]
+    return "\n".join(said + [f"  warning: {warning}" for warning in account.warnings])
+
+
+def _time(seconds: float) -> str:
+    """Six digits, or milliseconds where those of seconds are more: stamps may count since 1970."""
+    return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
+
+
+def _told(alarm: Mapping[str, Any]) -> str:
+    if alarm.get("threshold") is None:
+        if alarm.get("ready"):
+            return f"no threshold: {alarm['learned']} values in the stretch that sets it, 2 needed"
+        return "no threshold yet: the record ends before the stretch that sets it does"
+    unit = alarm["unit"] if alarm["unit"] != "1" else ""
+    origin = f"threshold {alarm['threshold']:.4g} {unit}".rstrip()
+    if alarm.get("mean") is not None:
+        origin += f" off {alarm['mean']:.4g}, from {alarm['learned']} values"
+    if alarm.get("first") is None:
+        return f"none; {origin}"
+    return f"{alarm['rows']} rows, first at {_time(alarm['first'])} s; {origin}"

@@ -1,0 +1,255 @@
+"""What `reobserve estimate` does."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.files import check_replaceable, read_text, write_text
+from reobserve.estimation import state_file
+from reobserve.estimation.account import Account, as_json, as_table
+from reobserve.estimation.dates import spelled
+from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.head import Head
+from reobserve.estimation.misleading import misleading
+from reobserve.estimation.picture import Picture, check_picture
+from reobserve.estimation.reading import BLOCK, File, titles
+from reobserve.estimation.row_by_row import RowByRow
+from reobserve.estimation.specification import Specification, read_specification
+from reobserve.estimation.streaming import Lines, Stop, open_file
+from reobserve.estimation.writing import check_name, header, write_results
+
+
+def run(
+    specification: Path | None,
+    data: Path | None,
+    out: Path | None,
+    plot: Path | None,
+    report: Path | None,
+    stream: bool,
+    follow: bool,
+    idle: float,
+    state: Path | None,
+    warm: bool,
+    example: str | None,
+    record: Path | None,
+) -> None:
+    """The sub-command, with the options as they were typed.
+
+    Raises
+    ------
+    InputError
+        If options do not go together, or as `estimate_file` and `estimate_stream`.
+    """
+    if example is not None:
+        if specification is not None or data is not None:
+            raise InputError("--example", "takes no specification and no data")
+        return write_example(example, out, record)
+    if specification is None:
+        raise InputError("SPEC", "is missing; `reobserve estimate --example kalman` writes one")
+    if record is not None:
+        raise InputError("--data", "belongs to --example, which writes a record there")
+    chosen = read_specification(specification)
+    if stream or follow:
+        if plot is not None or out is not None:
+            given = "--plot" if plot is not None else "--out"
+            raise InputError(given, "is for whole records; a stream goes to standard output")
+        if follow == (data is None):
+            problem = "needs a file to follow" if follow else "reads standard input, and no file"
+            raise InputError("--follow" if follow else "--stream", problem)
+        digest = state_file.digest_of(read_text(specification))
+        return estimate_stream(
+            chosen, data, idle=idle, state=state, digest=digest, report=report, warm=warm
+        )
+    if state is not None:
+        raise InputError("--state", "is for --stream and --follow")
+    if warm and data is None:
+        Estimation(chosen, _expected(chosen), "the record")
+        print("reobserve: ready", file=sys.stderr)
+        return None
+    if data is None or out is None:
+        name = "DATA" if data is None else "--out"
+        raise InputError(name, "is missing: reobserve estimate SPEC.yaml DATA.csv --out RESULT.csv")
+    made = estimate_file(chosen, data, out, plot=plot, report=report)
+    print(as_table(made.account, chosen.sampling.period), file=sys.stderr)
+    return None
+
+
+def estimate_file(
+    specification: Specification,
+    data: Path,
+    out: Path,
+    *,
+    plot: Path | None = None,
+    report: Path | None = None,
+    block: int = BLOCK,
+) -> Estimation:
+    """Estimates of a record in a file, written to another; what became of it is in the account.
+
+    Raises
+    ------
+    InputError
+        If the record, or a policy for it, does not allow it; nothing is written then.
+    DivergenceError
+        If the observer diverges.
+    """
+    check_name(out)
+    if plot is not None:
+        check_picture(plot)
+    written = [path.absolute() for path in (out, plot, report) if path is not None]
+    for path in written:
+        check_replaceable(path)
+        if written.count(path) > 1 or path == data.absolute():
+            raise InputError(str(path), "is named twice; each file needs a name of its own")
+    columns = specification.columns
+    file = File(data, columns.separator, columns.decimal, block)
+    estimation = Estimation(specification, file.header(), str(data))
+    picture = None if plot is None else Picture(estimation)
+
+    def about() -> dict[str, Any]:
+        return as_json(estimation.account, {"record": data.name})
+
+    write_results(out, estimation.titles, _blocks(estimation, file, picture), about)
+    if picture is not None and plot is not None:
+        picture.save(plot)
+    if report is not None:
+        write_text(report, json.dumps(about(), indent=1) + "\n")
+    return estimation
+
+
+def _blocks(estimation: Estimation, file: File, picture: Picture | None) -> Iterator[Estimated]:
+    head = estimation.head = Head()
+    layout = estimation.layout
+    dated = layout.titles[0] if layout.dated else ""
+    for raw in file.blocks(layout.titles, dated, estimation.account):
+        block = estimation.feed(raw)
+        if picture is not None:
+            picture.add(block)
+        yield block
+    block = estimation.finish()
+    if picture is not None:
+        picture.add(block)
+    yield block
+    if not estimation.account.estimates:
+        raise InputError(str(file.path), "has no row from which the observer could start")
+    for sentence in misleading(estimation, head):
+        estimation.account.warn(sentence)
+
+
+def estimate_stream(
+    specification: Specification,
+    data: Path | None,
+    *,
+    idle: float = 0.0,
+    state: Path | None = None,
+    digest: str = "",
+    report: Path | None = None,
+    warm: bool = False,
+) -> None:
+    """Estimates of lines as they come, one flushed line each, on standard output.
+
+    Raises
+    ------
+    InputError
+        If a line, or a policy for it, does not allow it; what was written by then stays.
+    DivergenceError
+        If the observer diverges.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8")  # as in files
+    place = "standard input" if data is None else str(data)
+    resumed = state is not None and state.exists()
+    if warm:
+        Estimation(specification, _expected(specification), place)
+        print("reobserve: ready", file=sys.stderr, flush=True)
+    stop = Stop()
+    with contextlib.ExitStack() as held:
+        stream: Any = sys.stdin.buffer
+        if data is not None:
+            stream = held.enter_context(open_file(data, 0))
+        held.enter_context(stop.listening())
+        lines = Lines(stream, stop, place, idle if data is not None else 0.0)
+        first = next(iter(lines), "")
+        if not first:
+            raise InputError(place, "is empty, must begin with the titles of the columns")
+        columns = titles(first.encode(), specification.columns.separator, place)
+        estimation = Estimation(specification, columns, place)
+        rows = RowByRow(estimation, columns)
+        if resumed and state is not None:
+            offset = state_file.load_state(state, estimation, digest)
+            if data is not None and offset is not None:
+                lines = Lines(held.enter_context(open_file(data, offset)), stop, place, idle)
+                lines.offset = offset
+        else:
+            _put(header(estimation.titles))
+        dated = False
+        for line in filter(str.strip, lines):
+            _put(rows.read(line))
+            dated = dated or _tell_origin(estimation.account)
+        if state is not None:
+            rows.settle()
+            offset = None if data is None else lines.offset
+            state_file.save_state(state, estimation, digest, offset)
+        else:
+            _put(rows.finish())
+    if report is not None:
+        told = as_json(estimation.account, {"record": place})
+        write_text(report, json.dumps(told, indent=1) + "\n")
+    print(as_table(estimation.account, specification.sampling.period), file=sys.stderr)
+
+
+def _tell_origin(account: Account) -> bool:
+    """What time counts from, as soon as it is known: who reads along must be able to date rows."""
+    if account.origin is None:
+        return False
+    print(f"reobserve: time counts from {spelled(account.origin)}", file=sys.stderr, flush=True)
+    return True
+
+
+def _put(lines: str) -> None:
+    if lines:
+        sys.stdout.write(lines)
+        sys.stdout.flush()
+
+
+def _expected(specification: Specification) -> list[str]:
+    """A header as the specification asks for it."""
+    columns = specification.columns
+    every = [one.column for one in (*columns.measurements, *columns.inputs)]
+    return [*([columns.time.column] if columns.time.column else []), *every]
+
+
+def write_example(name: str, out: Path | None, record: Path | None) -> None:
+    """Write a specification, to standard output if no file is named, and a record for it.
+
+    Raises
+    ------
+    InputError
+        If there is no such example, or a file cannot be written.
+    """
+    from reobserve.estimation.examples import simulated, specification_text
+
+    text = specification_text(name)
+    if record is not None:
+        if record.suffix != ".csv":
+            raise InputError(str(record), "must end with .csv")
+        columns = simulated(name).record()
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        cells = zip(*(values.tolist() for values in columns.values()), strict=True)
+        writer.writerows([f"{value:.9g}" for value in row] for row in cells)
+        write_text(record, stream.getvalue())
+    if out is None:
+        sys.stdout.write(text)
+    elif out.suffix != ".yaml":
+        raise InputError(str(out), f"{shown(out.name)} must end with .yaml")
+    else:
+        write_text(out, text)

@@ -1,0 +1,189 @@
+"""A record through an observer, a block of rows or a single one at a time."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import DivergenceError, InputError, located
+from reobserve.estimation.account import Account
+from reobserve.estimation.alarms import alarms
+from reobserve.estimation.gaps import Gaps, Stretch
+from reobserve.estimation.head import Head
+from reobserve.estimation.interpolation import Interpolation, Settled
+from reobserve.estimation.layout import Layout, lay_out
+from reobserve.estimation.outputs import Outputs, outputs
+from reobserve.estimation.specification import Specification
+from reobserve.estimation.stamps import Stamps
+
+Array = NDArray[np.float64]
+
+
+class Estimated(NamedTuple):
+    """Rows of results: times [s], the columns' numbers, the alarms, and a status each."""
+
+    time: Array
+    numbers: Array
+    alarms: Array
+    status: NDArray[np.int8]
+
+
+class Estimation:
+    """All that stands between the rows of a record and the rows of its estimates.
+
+    However rows come in blocks, the estimates are the same to the bit.
+
+    Parameters
+    ----------
+    specification
+        What the user says.
+    header
+        The titles of the record's columns.
+    place
+        What the record is called in messages.
+
+    Raises
+    ------
+    InputError
+        If the observer cannot be made, or it, the columns and the policies do not fit.
+    """
+
+    def __init__(self, specification: Specification, header: list[str], place: str) -> None:
+        self.specification, self.place = specification, place
+        sampling, period = specification.sampling, specification.sampling.period
+        with located("observer"):
+            self.setup = specification.observer.set_up(period)
+        self.observer = self.setup.observer
+        self.layout: Layout = lay_out(specification.columns, self.setup, header, place)
+        self.can_skip = self.observer.reads_missing
+        for key, word, others in (
+            ("missing", "skip", "refuse or interpolate"),
+            ("at_gap", "coast", "refuse or restart"),
+        ):
+            if getattr(sampling, key) == word and not self.can_skip:
+                problem = f"{word} is for observers that predict without measurements, as Kalman "
+                raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
+        self.account = Account()
+        self.stamps = Stamps(sampling, self.account, place)
+        timed, width = self.layout.timed, self.layout.measurements
+        names = self.layout.names[timed:]
+        self.interpolation = _interpolation(
+            specification, width, len(names), self.setup.holds_inputs
+        )
+        self.gaps = Gaps(sampling, self.account, place, names, width, self.can_skip)
+        self.state: Any = None
+        self.head: Head | None = None
+        self.sample = self._sample(width, len(names) - width)
+        self.outputs: Outputs = outputs(
+            self.setup, self.layout, self.sample, specification.estimates
+        )
+        self.alarms = alarms(specification.alarms, self.outputs.columns)
+        self.account.warnings += self.setup.unseen
+
+    def _sample(self, measurements: int, inputs: int) -> Any:
+        """The estimates of a row of zeros: their shapes; it compiles what is to run."""
+        y = np.zeros((1, measurements))
+        state = self.setup.start(y[0])
+        run = self.observer.run(y, np.zeros((1, inputs)), state=state)
+        self.template = run.state
+        return run.estimates
+
+    def feed(self, raw: Array) -> Estimated:
+        """The estimates that are settled with these rows, cells in the order of the layout.
+
+        Raises
+        ------
+        InputError
+            If a policy refuses what is there.
+        DivergenceError
+            If the observer diverges, with the time of the record.
+        """
+        time, values = self.layout.values(raw, self.account)
+        if not self.layout.timed:
+            first = self.account.rows
+            rows = np.arange(first, first + len(values), dtype=np.float64)
+            time = self.specification.sampling.period * rows
+        stamps, values, slots = self.stamps.read(time, values)
+        return self._estimate(self.interpolation.feed(stamps, values, slots), False)
+
+    def finish(self) -> Estimated:
+        """The estimates that waited for rows which do not come."""
+        self.stamps.judge()
+        if self.interpolation.values is None:
+            return self._none()
+        return self._estimate(self.interpolation.finish(), True)
+
+    def _none(self) -> Estimated:
+        width, signals = len(self.outputs.columns), len(self.alarms)
+        return Estimated(
+            np.empty(0), np.empty((0, width)), np.empty((0, signals)), np.empty(0, dtype=np.int8)
+        )
+
+    def _estimate(self, rows: Settled, final: bool) -> Estimated:
+        parts = [self._run(stretch) for stretch in self.gaps.feed(rows, final)]
+        if not parts:
+            return self._none()
+        if len(parts) == 1:
+            return parts[0]
+        return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _run(self, stretch: Stretch) -> Estimated:
+        if self.head is not None:
+            self.head.take(stretch)
+        if stretch.fresh:
+            self.state = self.setup.start(stretch.y[0])
+        begun = self.state.sample is not None
+        rows = self.state.count + 1 if begun else 0
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of blocks; `misleading` looks at the whole
+            with self.dated(float(stretch.time[0]), rows):
+                run = self.observer.run(stretch.y, stretch.u, state=self.state)
+        self.state = run.state
+        return self.told(stretch.time, stretch.y, run.estimates, stretch.status)
+
+    @contextmanager
+    def dated(self, time: float, rows: int) -> Iterator[None]:
+        """Give a divergence the time of the record: at ``time`` the observer has seen ``rows``."""
+        try:
+            yield
+        except DivergenceError as error:
+            past = error.time - rows * self.specification.sampling.period
+            raise DivergenceError(error.what, time + past, error.finding) from None
+
+    def told(self, time: Array, y: Array, estimates: Any, status: NDArray[np.int8]) -> Estimated:
+        """Rows of results from estimates."""
+        numbers = self.outputs.numbers(y, estimates)
+        raised = np.empty((len(time), len(self.alarms)))
+        for k, alarm in enumerate(self.alarms):
+            raised[:, k] = alarm.raised(time, numbers[:, alarm.column], self.account)
+        self.account.estimates += len(time)
+        return Estimated(time, numbers, raised, status)
+
+    @property
+    def titles(self) -> list[str]:
+        """Those of the results: time, estimates, residuals, alarms, status."""
+        columns = [column.title for column in self.outputs.columns]
+        return ["time [s]", *columns, *(f"alarm {a.name}" for a in self.alarms), "status"]
+
+
+def _interpolation(
+    specification: Specification, measurements: int, columns: int, holds: bool
+) -> Interpolation:
+    sampling = specification.sampling
+    even = sampling.uneven == "refuse"
+    if sampling.missing == "interpolate":
+        reach = sampling.longest
+    else:
+        reach = 0.0 if even else 2.0 * sampling.period
+    hold = reach
+    if sampling.missing == "skip":
+        hold = sampling.longest
+    if sampling.at_gap == "coast":
+        hold = np.inf
+    held = tuple(c >= measurements and holds for c in range(columns))
+    return Interpolation("linear" if even else sampling.uneven, reach, hold, held)

@@ -1,0 +1,237 @@
+"""Records that go with the examples: small plants, simulated, in units that a log would have.
+
+Each plant is followed on a grid ten times as fine as its samples, so that it may be asked for any
+stamps: uneven ones, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.discretisation import zero_order_hold
+
+Array = NDArray[np.float64]
+Field = Callable[[float, Array], Array]
+
+_FINE = 10  # steps of the simulation in a sampling period
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A plant that was followed: ``time`` [s] on the fine grid, signals by name, and which to log.
+
+    ``logged`` has, by the title of a column, a signal, the factor to the column's unit and the
+    standard deviation of its noise in that unit; ``held`` names the inputs. ``estimated`` says
+    which signals the columns of the estimates are to come to.
+    """
+
+    period: float
+    time: Array
+    signals: Mapping[str, Array]
+    logged: Mapping[str, tuple[str, float, float]]
+    held: tuple[str, ...]
+    estimated: Mapping[str, str]
+
+    def at(self, name: str, times: Array) -> Array:
+        """A signal at any times; a held one has the value of the period in which they are."""
+        if name in self.held:
+            step = np.searchsorted(self.time, times + 1e-9 * self.period, side="right") - 1
+            found: Array = self.signals[name][step]
+            return found
+        return np.asarray(np.interp(times, self.time, self.signals[name]))
+
+    def record(self, times: Array | None = None) -> dict[str, Array]:
+        """The columns, ``t`` [ms] first, at stamps [s]; left out, at all samples."""
+        stamps = self.time[::_FINE] if times is None else times
+        random = np.random.default_rng(12)
+        columns = {"t": 1000.0 * stamps}
+        for title, (name, factor, noise) in self.logged.items():
+            columns[title] = factor * self.at(name, stamps) + noise * random.normal(
+                size=len(stamps)
+            )
+        return columns
+
+    def truth(self, times: Array) -> dict[str, Array]:
+        """What each column of the estimates that is named should be at these times."""
+        return {column: self.at(name, times) for column, name in self.estimated.items()}
+
+
+def _followed(field: Field, start: Array, time: Array) -> Array:
+    """x' = field(t, x) by the classical Runge-Kutta method, shape (k, n)."""
+    rows: Array = np.empty((len(time), len(start)))
+    rows[0] = x = start
+    for k, (t, after) in enumerate(pairwise(time.tolist())):
+        h = after - t
+        k1 = field(t, x)
+        k2 = field(t + h / 2, x + h / 2 * k1)
+        k3 = field(t + h / 2, x + h / 2 * k2)
+        k4 = field(after, x + h * k3)
+        rows[k + 1] = x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return rows
+
+
+def _grid(period: float, horizon: float) -> Array:
+    steps: Array = np.arange(round(horizon / period) * _FINE + 1, dtype=np.float64)
+    return period / _FINE * steps
+
+
+@cache
+def satellite() -> Simulated:
+    """A tumbling body; from 5 s on a leak turns it about its first axis with 0.5 N m."""
+    inertia = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
+    inverse, time = np.linalg.inv(inertia), _grid(0.01, 15.0)
+    start = np.floor(time / 0.01 + 1e-6) * 0.01  # of the period, over which torques are held
+    torques = 0.2 * np.column_stack([np.sin(0.5 * start), np.cos(0.3 * start), np.sin(0.2 * start)])
+    fault = np.where(time >= 5.0, 0.5, 0.0)
+    steps = {float(t): k for k, t in enumerate(time)}
+
+    def field(t: float, w: Array) -> Array:
+        k = steps.get(t)
+        k = int(t / time[1] + 1e-6) if k is None else k
+        known = torques[k] + np.array([fault[k], 0.0, 0.0])
+        h = inertia @ w
+        turned = (w[1] * h[2] - w[2] * h[1], w[2] * h[0] - w[0] * h[2], w[0] * h[1] - w[1] * h[0])
+        found: Array = inverse @ (known - turned)
+        return found
+
+    rates = _followed(field, np.array([0.05, -0.03, 0.04]), time)
+    signals = {f"w{axis}": rates[:, k] for k, axis in enumerate("xyz")}
+    signals |= {f"T{axis}": torques[:, k] for k, axis in enumerate("xyz")}
+    signals["fault"], signals["none"] = fault, np.zeros(len(time))
+    turn = float(np.rad2deg(1.0))
+    return Simulated(
+        0.01, time, signals,
+        {f"w{a}": (f"w{a}", turn, 2e-4) for a in "xyz"}
+        | {f"T{a}": (f"T{a}", 1000.0, 0.0) for a in "xyz"},
+        ("Tx", "Ty", "Tz", "fault"),
+        {"fault_1": "fault", "fault_2": "none", "fault_3": "none"},
+    )  # fmt: skip
+
+
+@cache
+def pendulum() -> Simulated:
+    """A pendulum that swings down from 0.5 rad, measured in degrees; lengths such that g/l = 1."""
+    time = _grid(0.02, 20.0)
+    rows = _followed(
+        lambda t, x: np.array([x[1], -np.sin(x[0]) - 0.1 * x[1]]), np.array([0.5, 0.0]), time
+    )
+    signals = {"angle": rows[:, 0], "rate": rows[:, 1]}
+    logged = {"angle": ("angle", float(np.rad2deg(1.0)), 0.02)}
+    return Simulated(0.02, time, signals, logged, (), {"angle": "angle", "rate": "rate"})
+
+
+@cache
+def driven_pendulum() -> Simulated:
+    """A pendulum that a torque in mN m turns, held over each period."""
+    time = _grid(0.01, 15.0)
+    start = np.floor(time / 0.01 + 1e-6) * 0.01
+    torque = 0.3 * np.sin(0.7 * start) + 0.2 * np.sin(1.9 * start)
+
+    def field(t: float, x: Array) -> Array:
+        u = torque[min(int(t / time[1] + 1e-6), len(time) - 1)]
+        return np.array([x[1], -9.81 * np.sin(x[0]) - 0.5 * x[1] + 4.0 * u])
+
+    rows = _followed(field, np.array([0.4, 0.0]), time)
+    signals = {"angle": rows[:, 0], "rate": rows[:, 1], "torque": torque}
+    logged = {"angle": ("angle", float(np.rad2deg(1.0)), 0.01), "torque": ("torque", 1000.0, 0.0)}
+    return Simulated(0.01, time, signals, logged, ("torque",), {"angle": "angle", "rate": "rate"})
+
+
+def _valve_input(t: Array | float) -> Array:
+    return np.asarray(np.sin(0.2 * np.asarray(t) + 0.3))
+
+
+@cache
+def lag() -> Simulated:
+    """x' = -x + u(t - 0.6 s), in percent: a valve and the level it sets, say."""
+    time = _grid(0.01, 40.0)
+    rows = _followed(
+        lambda t, x: np.array([-x[0] + _valve_input(t - 0.6)]), np.array([_valve_input(-1.6)]), time
+    )
+    rate = -rows[:, 0] + _valve_input(time - 0.6)
+    signals = {
+        "level": rows[:, 0], "level_rate": rate, "valve": _valve_input(time),
+        "valve_rate": 0.2 * np.cos(0.2 * time + 0.3), "delay": np.full(len(time), 0.6),
+    }  # fmt: skip
+    logged = {
+        "level": ("level", 100.0, 0.0), "level_rate": ("level_rate", 100.0, 0.0),
+        "valve": ("valve", 100.0, 0.0), "valve_rate": ("valve_rate", 100.0, 0.0),
+    }  # fmt: skip
+    return Simulated(0.01, time, signals, logged, (), {"delay": "delay", "level": "level"})
+
+
+@cache
+def signal() -> Simulated:
+    """A voltage in mV, sin t."""
+    time = _grid(0.01, 10.0)
+    signals = {"v0": np.sin(time), "v1": np.cos(time), "v2": -np.sin(time)}
+    return Simulated(
+        0.01, time, signals, {"voltage": ("v0", 1000.0, 0.0)}, (),
+        {"derivatives_1": "v0", "derivatives_2": "v1", "derivatives_3": "v2"},
+    )  # fmt: skip
+
+
+def _motor(time: Array, worn: float, lost: float, offset: float) -> Simulated:
+    """A DC motor from half of the record on with a worn bearing, less voltage or a sensor's offset.
+
+    x = [speed, current]; x' = A x + B u.
+    """
+    period = 0.01
+    step = period / _FINE
+    half = len(time) // 2
+    start = np.floor(time / period + 1e-6) * period
+    volts = 6.0 + 3.0 * np.sign(np.sin(1.3 * start)) + np.sign(np.sin(4.1 * start))
+    fault = np.where(np.arange(len(time)) >= half, lost, 0.0)
+    healthy = zero_order_hold([[-10.0, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], step)
+    rough = zero_order_hold([[-10.0 - worn, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], step)
+    rows = np.zeros((len(time), 2))
+    for k in range(len(time) - 1):
+        A, B = healthy if k < half else rough
+        rows[k + 1] = A @ rows[k] + B[:, 0] * (volts[k] + fault[k])
+    drift = np.where(np.arange(len(time)) >= half, offset, 0.0)
+    signals = {
+        "speed": rows[:, 0], "current": rows[:, 1], "read": rows[:, 0] + drift, "volts": volts,
+        "fault": fault, "offset": drift, "worn": np.where(np.arange(len(time)) >= half, 1.0, 0.0),
+        "healthy": np.where(np.arange(len(time)) >= half, 0.0, 1.0),
+    }  # fmt: skip
+    logged = {
+        "speed": ("read", 60.0 / (2.0 * np.pi), 0.3), "current": ("current", 1000.0, 10.0),
+        "voltage": ("volts", 1.0, 0.0),
+    }  # fmt: skip
+    told = {"speed": "speed", "current": "current"}
+    told |= {"probability_worn": "worn", "probability_healthy": "healthy"} if worn else {}
+    told |= {"voltage_lost": "fault"} if lost else {}
+    told |= {"speed_offset": "offset"} if offset else {}
+    return Simulated(
+        period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), told
+    )
+
+
+@cache
+def motor() -> Simulated:
+    """A DC motor in good health: speed in rpm, current in mA, voltage in V."""
+    return _motor(_grid(0.01, 10.0), 0.0, 0.0, 0.0)
+
+
+@cache
+def worn_motor() -> Simulated:
+    """The same, with twice the friction from 5 s on."""
+    return _motor(_grid(0.01, 10.0), 10.0, 0.0, 0.0)
+
+
+@cache
+def weak_motor() -> Simulated:
+    """The same, with 2 V less than commanded from 10 s on."""
+    return _motor(_grid(0.01, 20.0), 0.0, -2.0, 0.0)
+
+
+@cache
+def faulty_motor() -> Simulated:
+    """The same, and a speed that is read 1 rad/s too high."""
+    return _motor(_grid(0.01, 20.0), 0.0, -2.0, 1.0)

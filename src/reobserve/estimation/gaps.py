@@ -1,0 +1,163 @@
+"""Which rows an observer is given, by the policies for what is missing: stretches without a gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError
+from reobserve.estimation.account import Account
+from reobserve.estimation.interpolation import Settled
+from reobserve.estimation.specification import Sampling
+
+Array = NDArray[np.float64]
+
+# What became of a row: of samples alone; some of its values between samples; some of its sensors
+# missing; none of them there; the first one after a gap.
+STATUSES = ("measured", "filled", "partial", "predicted", "restarted")
+MEASURED, FILLED, PARTIAL, PREDICTED, RESTARTED = range(5)
+
+
+class Stretch(NamedTuple):
+    """Rows that follow one another; at ``fresh`` ones the observer starts."""
+
+    time: Array
+    y: Array
+    u: Array
+    status: NDArray[np.int8]
+    fresh: bool
+
+
+@dataclass
+class Gaps:
+    """Takes rows at the sampling period, with nan for what is missing.
+
+    ``reads_missing`` says that the observer can do without measurements: it is then corrected by
+    those sensors that there are, and by none where rows are skipped or coasted over.
+    """
+
+    sampling: Sampling
+    account: Account
+    place: str
+    columns: tuple[str, ...]
+    measurements: int
+    reads_missing: bool
+    last: float | None = None  # the time of the last row that was measured
+    started: bool = False
+    in_gap: bool = False
+
+    def feed(self, rows: Settled, final: bool = False) -> list[Stretch]:
+        """The stretches that rows make; after the ``final`` ones nothing is measured any more.
+
+        Raises
+        ------
+        InputError
+            If something is missing, or a gap too long, and the policy is to refuse it.
+        """
+        if not len(rows.time):
+            return []
+        p = self.measurements
+        y, u = rows.values[:, :p], rows.values[:, p:]
+        there: NDArray[np.bool_] = np.isfinite(rows.values)
+        self._count(rows, there)
+        if there.all() and self.started and not self.in_gap:
+            self.last = float(rows.time[-1])
+            status = np.where(rows.between.any(axis=1), FILLED, MEASURED).astype(np.int8)
+            self._tell(status)
+            return [Stretch(rows.time, y, u, status, False)]
+        known: NDArray[np.bool_] = np.asarray(there[:, p:].all(axis=1))
+        full: NDArray[np.bool_] = known & there[:, :p].all(axis=1)
+        usable = full
+        if self.reads_missing and self.sampling.missing != "refuse":
+            usable = known & there[:, :p].any(axis=1)
+        status = np.where(
+            full, np.where(rows.between.any(axis=1), FILLED, MEASURED), PARTIAL
+        ).astype(np.int8)
+        kept: list[list[int]] = []
+        fresh: list[bool] = []
+        for k in range(len(rows.time)):
+            begins = False
+            if usable[k]:
+                begins = self._begins(float(rows.time[k]))
+                if begins and self.account.restarts:
+                    status[k] = RESTARTED
+            elif self._bridges(k, rows, bool(known[k]), final):
+                status[k] = PREDICTED
+            else:
+                continue
+            if begins or not kept:
+                kept.append([])
+                fresh.append(begins)
+            kept[-1].append(k)
+        stretches = [
+            Stretch(rows.time[part], y[part], u[part], status[part], begins)
+            for part, begins in zip(kept, fresh, strict=True)
+        ]
+        for stretch in stretches:
+            self._tell(stretch.status)
+        return stretches
+
+    def _begins(self, now: float) -> bool:
+        """Whether the observer starts with a usable row; it closes a gap."""
+        if self.in_gap:
+            self.account.close_gap(now)
+            self.in_gap = False
+        begins = not self.started
+        if begins and self.last is not None:
+            self.account.restarts += 1
+        self.started, self.last = True, now
+        return begins
+
+    def _bridges(self, k: int, rows: Settled, known: bool, final: bool) -> bool:
+        """Whether the observer predicts over a row without measurements; it may open a gap."""
+        sampling = self.sampling
+        if sampling.missing == "refuse":
+            self._refuse(k, rows)
+        if not self.started or self.last is None:
+            if self.in_gap:
+                self.account.dropped += 1
+            else:
+                self.account.before_start += 1
+            return False
+        near = float(rows.time[k]) - self.last <= sampling.longest * (1.0 + 1e-9)
+        if sampling.missing == "skip" and near and known:
+            return True
+        if final and not self.in_gap and sampling.missing == "interpolate":
+            self.account.after_end += 1
+            return False
+        if sampling.at_gap == "refuse":
+            self._refuse(k, rows)
+        if not self.in_gap:
+            self.in_gap = True
+            self.account.open_gap(self.last)
+        if sampling.at_gap == "coast" and known:
+            return True
+        self.account.dropped += 1
+        self.started = False
+        return False
+
+    def _refuse(self, k: int, rows: Settled) -> None:
+        sampling, now = self.sampling, float(rows.time[k])
+        lost = np.flatnonzero(np.isnan(rows.values[k]))
+        listed = ", ".join(self.columns[c] for c in lost[:4])
+        if sampling.missing == "refuse":
+            others = "interpolate or skip" if self.reads_missing else "interpolate"
+            problem = f"at {now:.9g} s; sampling.missing says refuse, it may say {others}"
+        else:
+            others = "restart or coast" if self.reads_missing else "restart"
+            problem = (
+                f"from {self.last:.14g} s on for longer than sampling.gap, {sampling.longest:g} s; "
+                f"sampling.at_gap says refuse, it may say {others}"
+            )
+        raise InputError(self.place, f"{listed} missing {problem}")
+
+    def _count(self, rows: Settled, there: NDArray[np.bool_]) -> None:
+        for c, name in enumerate(self.columns):
+            self.account.count(self.account.filled, name, (rows.between[:, c] & there[:, c]).sum())
+
+    def _tell(self, status: NDArray[np.int8]) -> None:
+        for code, count in zip(*np.unique(status, return_counts=True), strict=True):
+            self.account.count(self.account.statuses, STATUSES[code], count)

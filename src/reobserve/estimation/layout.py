@@ -1,0 +1,186 @@
+"""Where a record's columns stand, and how its cells become numbers that the observer reads."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.estimation.account import Account
+from reobserve.estimation.dates import ISO, looks_dated
+from reobserve.estimation.kinds.setup import Setup
+from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
+from reobserve.estimation.specification import Column, Columns
+
+Array = NDArray[np.float64]
+
+_TITLE = re.compile(r"(.*?)\s*\[([^\[\]]*)\]\s*")
+NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The columns to read, time first if there is one, then y, then u.
+
+    ``titles`` are those of the header, ``names`` without units. ``units`` are those that the
+    observer reads, in which ranges are meant no more: these are in the file's. Where the time is
+    ``dated``, its cells are dates, whose times are given for them.
+    """
+
+    titles: tuple[str, ...]
+    names: tuple[str, ...]
+    conversions: tuple[Conversion, ...]
+    units: tuple[str, ...]
+    ranges: tuple[tuple[float, float] | None, ...]
+    lost_at_range: tuple[bool, ...]
+    timed: bool
+    measurements: int
+    decimal: str
+    dated: bool = False
+
+    def values(self, raw: Array, account: Account) -> tuple[Array, Array]:
+        """Times [s], empty without a column for them, and y and u, from the cells of rows.
+
+        Raises
+        ------
+        InputError
+            If a cell is infinite.
+        """
+        if np.isinf(raw).any():
+            row, column = np.argwhere(np.isinf(raw))[0]
+            raise InputError(
+                self.titles[column],
+                f"row {account.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
+                "if it is missing",
+            )
+        columns = [self._column(raw[:, c].copy(), c, account) for c in range(raw.shape[1])]
+        time = columns[0] if self.timed else np.empty(0)
+        values = np.column_stack(columns[self.timed :])
+        lost = np.isnan(values).sum(axis=0)
+        if lost.any():
+            for name, count in zip(self.names[self.timed :], lost, strict=True):
+                account.count(account.missing, name, count)
+        return time, values
+
+    def _column(self, cells: Array, c: int, account: Account) -> Array:
+        limits = self.ranges[c]
+        if limits is not None:
+            outside = (cells <= limits[0]) | (cells >= limits[1])
+            account.count(account.saturated, self.names[c], outside.sum())
+            if self.lost_at_range[c]:
+                cells[outside] = np.nan
+        converted: Array = self.conversions[c].of(cells)
+        return converted
+
+    def number(self, cell: str, row: int, column: int) -> float:
+        """The number that a cell of text spells; nan if there is none.
+
+        Raises
+        ------
+        InputError
+            If it spells something else.
+        """
+        text = cell.strip().strip('"')
+        if self.decimal == ",":
+            text = text.replace(",", ".")
+        try:
+            if "_" in text:
+                raise ValueError
+            value = float(text)
+        except ValueError:
+            if text in NOTHING:
+                return math.nan
+            raise InputError(self.titles[column], no_number(row, cell, text)) from None
+        return value
+
+
+def no_number(row: int, cell: str, text: str) -> str:
+    """What is told of a cell that spells none."""
+    hint = f"; of dates the unit is {ISO}" if looks_dated(text) else ""
+    return f"row {row} is {shown(cell)}, must be a number{hint}"
+
+
+def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -> Layout:
+    """Find the columns in a header, ``name`` or ``name [unit]``, and settle their units.
+
+    Raises
+    ------
+    InputError
+        If there is no such column, or two; if the observer reads another number of them; or if
+        units are unknown, are not those of the header, or cannot become those of the model.
+    """
+    for title in header:
+        if list(header).count(title) > 1:
+            raise InputError(place, f"has the column {shown(title)} twice")
+    wanted: list[tuple[str, Column, str]] = []
+    for what, given, widths, fixed in (
+        ("measurements", columns.measurements, setup.columns[0], setup.measured),
+        ("inputs", columns.inputs, setup.columns[1], setup.known),
+    ):
+        if len(given) not in widths:
+            counts = " or ".join(map(str, widths))
+            problem = f"are {len(given)} columns, the observer reads {counts}"
+            raise InputError(f"columns.{what}", problem)
+        for k, column in enumerate(given):
+            wanted.append((f"columns.{what}.{k}", column, fixed[k] if fixed else ""))
+    parts = [_find(at, column, fixed, header, place) for at, column, fixed in wanted]
+    every = [column for _, column, _ in wanted]
+    timed, dated = bool(columns.time.column), False
+    if timed:
+        unit = columns.time.unit
+        clock = Column(columns.time.column, "" if unit == ISO else unit)
+        title, unit = _title("columns.time", clock, header, place)
+        dated = ISO in (columns.time.unit, unit)
+        way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
+        parts.insert(0, (title, way, "s"))
+        every.insert(0, clock)
+    return Layout(
+        tuple(part[0] for part in parts), tuple(column.column for column in every),
+        tuple(part[1] for part in parts), tuple(part[2] for part in parts),
+        tuple(column.range for column in every),
+        tuple(column.saturated == "missing" for column in every), timed,
+        len(columns.measurements), columns.decimal, dated,
+    )  # fmt: skip
+
+
+def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[str, str]:
+    """The title of a column in the header, and its unit there or in the specification."""
+    split = {title: _TITLE.fullmatch(title) for title in header}
+    found = [
+        title for title in header
+        if title.strip() == column.column
+        or ((match := split[title]) is not None and match[1].strip() == column.column)
+    ]  # fmt: skip
+    if len(found) != 1:
+        names = [match[1] if (match := split[title]) else title for title in header]
+        told = "has two columns" if found else "has no column"
+        ending = "" if found else nearest(column.column, names)
+        raise InputError(f"{at}.column", f"{place} {told} {shown(column.column)}{ending}")
+    match = split[found[0]]
+    said = match[2].strip() if match is not None and match[1].strip() == column.column else ""
+    if said and column.unit and said != column.unit:
+        same = conversion(f"{at}.unit", said, column.unit)
+        if same != SAME:
+            problem = f"says {column.unit}, the header of {place} says {said}"
+            raise InputError(f"{at}.unit", problem)
+    return found[0], column.unit or said
+
+
+def _find(
+    at: str, column: Column, fixed: str, header: Sequence[str], place: str
+) -> tuple[str, Conversion, str]:
+    title, unit = _title(at, column, header, place)
+    if unit:
+        check_unit(f"{at}.unit", unit)
+    if fixed and column.model_unit and conversion(at, column.model_unit, fixed) != SAME:
+        problem = f"{column.model_unit} must be {fixed}, in which this observer reads"
+        raise InputError(f"{at}.model_unit", problem)
+    model = fixed or column.model_unit
+    if not model or not unit:
+        return title, SAME, model or unit
+    return title, conversion(f"{at}.unit", unit, model), model

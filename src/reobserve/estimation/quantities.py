@@ -1,0 +1,128 @@
+"""Units of columns, by pint: what they are, and the way from one to another."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.extras import package
+
+_LONGEST = 60  # characters
+
+
+class Conversion(NamedTuple):
+    """``factor`` times a value plus ``offset``; values whose unit stays are left as they are."""
+
+    factor: float
+    offset: float
+
+    def of(self, values: Any) -> Any:
+        """A number or an array in the other unit."""
+        if self.factor != 1.0:
+            values = values * self.factor
+        return values + self.offset if self.offset else values
+
+
+SAME = Conversion(1.0, 0.0)
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
+
+
+@cache
+def _parsed(text: str) -> Any:
+    """The unit that a text names; None if it is none."""
+    pint = package("pint", "convert units")
+    try:
+        unit = _registry().parse_units(text)
+        _registry().Quantity(1.0, unit).to_base_units()
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, ArithmeticError):
+        return None
+    except Exception:  # of pint's tokenizer, which raises what Python's does
+        return None
+    return unit
+
+
+def check_unit(place: str, text: str) -> None:
+    """Refuse what is no unit.
+
+    Raises
+    ------
+    InputError
+        If pint, and so nobody, knows it; or it is one of a logarithm.
+    """
+    good = 0 < len(text) <= _LONGEST and text.isprintable() and text == text.strip()
+    unit = _parsed(text) if good and not _numeric(text) else None
+    if unit is None:
+        problem = f"{shown(text)} is no unit that is known; rad/s, deg/s, N m, °C, V and 1 are some"
+        raise InputError(place, problem)
+    if not _registry().Quantity(1.0, unit)._is_multiplicative and _step(text) is None:
+        raise InputError(place, f"{shown(text)} counts by a logarithm, which has no conversion")
+
+
+def _numeric(text: str) -> bool:
+    """Whether text is a number other than 1, which pint would take for a unit of that size."""
+    return text != "1" and text.replace(".", "", 1).isdigit()
+
+
+def _step(text: str) -> float | None:
+    """How much of a kelvin, say, a degree on a scale with an offset is; None for a logarithm."""
+    try:
+        quantity = _registry().Quantity
+        at = [quantity(value, _parsed(text)).to_base_units().magnitude for value in (0.0, 1.0, 2.0)]
+    except Exception:  # pint's, of which there are many
+        return None
+    even = abs((at[2] - at[1]) - (at[1] - at[0])) <= 1e-9 * abs(at[1] - at[0])
+    return float(at[1] - at[0]) if even else None
+
+
+def conversion(place: str, given: str, wanted: str) -> Conversion:
+    """How a value in one unit becomes one in the other.
+
+    Raises
+    ------
+    InputError
+        If one is no unit, they are of different dimensions, or one counts turns and the other
+        says only how often a second.
+    """
+    check_unit(place, given)
+    check_unit(place, wanted)
+    if given == wanted:
+        return SAME
+    one, other = _parsed(given), _parsed(wanted)
+    if one.dimensionality != other.dimensionality:
+        raise InputError(
+            place,
+            f"{shown(given)} cannot become {shown(wanted)}: "
+            f"{one.dimensionality} is not {other.dimensionality}",
+        )
+    if _is_angular(one) != _is_angular(other) and "hertz" in str(one) + str(other):
+        raise InputError(
+            place,
+            f"{shown(given)} cannot become {shown(wanted)}: hertz does not say whether turns or "
+            "radians are counted; rpm and rad/s do",
+        )
+    quantity = _registry().Quantity
+    zero = float(quantity(0.0, one).to(other).magnitude)
+    factor = float(quantity(1.0, one).to(other).magnitude)
+    return Conversion(factor - zero if zero else factor, zero)
+
+
+def _is_angular(unit: Any) -> bool:
+    return any(name in str(unit) for name in ("radian", "degree", "revolution", "turn"))
+
+
+def rate_unit(unit: str, order: int) -> str:
+    """The unit of the derivative of an order: ``V/s^2``."""
+    if not order or not unit:
+        return unit
+    seconds = "s" if order == 1 else f"s^{order}"
+    if "/" in unit:
+        above, _, below = unit.partition("/")
+        return f"{above}/({below.strip('()')} {seconds})"
+    return f"{unit}/{seconds}"

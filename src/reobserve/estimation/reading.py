@@ -1,0 +1,199 @@
+"""Files of rows in blocks: CSV and Parquet, CSV also gzipped, never more than a block in memory."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.extras import package
+from reobserve.core.files import reason
+from reobserve.estimation.account import Account
+from reobserve.estimation.dates import ISO, SECOND, stamp
+from reobserve.estimation.layout import NOTHING, no_number
+
+Array = NDArray[np.float64]
+
+BLOCK = 4 * 2**20  # bytes of text, and about as many of numbers
+_NO_NUMBER = re.compile(r"Row #(\d+): CSV conversion error to double: invalid value '(.*)'$")
+_ENDINGS = (".csv", ".csv.gz", ".parquet")
+
+
+@dataclass(frozen=True)
+class File:
+    """A file of columns; ``separator`` and ``decimal`` are those of its text."""
+
+    path: Path
+    separator: str = ","
+    decimal: str = "."
+    block: int = BLOCK
+
+    def __post_init__(self) -> None:
+        if not str(self.path).endswith(_ENDINGS):
+            raise InputError(str(self.path), f"must end with {', '.join(_ENDINGS)}")
+        if not self.path.is_file():
+            told = "is no regular file" if self.path.exists() else "there is no such file"
+            raise InputError(str(self.path), told)
+
+    @property
+    def _columnar(self) -> bool:
+        return self.path.suffix == ".parquet"
+
+    def header(self) -> list[str]:
+        """The titles of the columns.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or has none.
+        """
+        with self._told():
+            if self._columnar:
+                import pyarrow.parquet as parquet
+
+                return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
+            with self._text() as stream:
+                first = bytearray()
+                while b"\n" not in first and len(first) < 2**16:
+                    chunk = stream.read(4096)
+                    if not chunk:
+                        break
+                    first += chunk
+            return titles(bytes(first).partition(b"\n")[0], self.separator, str(self.path))
+
+    def blocks(
+        self, columns: Sequence[str], dated: str = "", account: Account | None = None
+    ) -> Iterator[Array]:
+        """The cells of these columns, nan where they are empty, some rows at a time.
+
+        Those of the column ``dated`` are dates, which become times by the clock of the account.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged, a cell is no number, or one of ``dated`` is no date.
+        """
+        rows, account = 0, account or Account()
+        with self._told():
+            for batch in self._batches(list(columns), dated):
+                read = [
+                    self._times(batch, name, rows, account)
+                    if name == dated
+                    else self._floats(batch, name)
+                    for name in columns
+                ]
+                yield np.column_stack(read)
+                rows += batch.num_rows
+
+    def _batches(self, columns: list[str], dated: str) -> Iterator[Any]:
+        import pyarrow as pa
+
+        if self._columnar:
+            import pyarrow.parquet as parquet
+
+            file = parquet.ParquetFile(self.path, page_checksum_verification=True)
+            rows = max(1, self.block // (8 * len(columns)))
+            yield from file.iter_batches(batch_size=rows, columns=columns, use_threads=False)
+            return
+        import pyarrow.csv as reader_of_csv
+
+        kinds = {name: pa.string() if name == dated else pa.float64() for name in columns}
+        with self._text() as stream:
+            reader = reader_of_csv.open_csv(
+                stream,
+                read_options=reader_of_csv.ReadOptions(
+                    use_threads=False, block_size=self.block, column_names=self.header(),
+                    skip_rows=1,
+                ),
+                parse_options=reader_of_csv.ParseOptions(delimiter=self.separator),
+                convert_options=reader_of_csv.ConvertOptions(
+                    include_columns=columns, column_types=kinds,
+                    null_values=list(NOTHING), decimal_point=self.decimal,
+                ),
+            )  # fmt: skip
+            yield from reader
+
+    def _text(self) -> Any:
+        import pyarrow as pa
+
+        return pa.input_stream(str(self.path), compression="detect")
+
+    def _times(self, batch: Any, name: str, rows: int, account: Account) -> Array:
+        import pyarrow as pa
+        import pyarrow.compute as compute
+
+        column = batch.column(name)
+        if pa.types.is_timestamp(column.type):
+            ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
+            stamps = ticks.to_numpy(zero_copy_only=False)
+            known = column.is_valid().to_numpy(zero_copy_only=False)
+            if not known.any():
+                return np.full(len(known), np.nan)
+            account.clock(int(stamps[known.argmax()]))
+            assert account.origin is not None
+            return np.where(known, (stamps - account.origin * SECOND) / SECOND, np.nan)
+        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+            problem = f"column {shown(name)} is of the type {column.type}, must be dates"
+            raise InputError(str(self.path), problem)
+        cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
+        return np.array([account.clock(stamp(cell, NOTHING, name, row)) for row, cell in cells])
+
+    def _floats(self, batch: Any, name: str) -> Array:
+        import pyarrow as pa
+
+        column = batch.column(name)
+        kind = column.type
+        if pa.types.is_timestamp(kind):
+            problem = f"column {shown(name)} holds dates; as stamps their unit is {ISO}"
+            raise InputError(str(self.path), problem)
+        if not (
+            pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
+            or pa.types.is_null(kind)
+        ):  # fmt: skip
+            problem = f"column {shown(name)} is of the type {kind}, must be numbers"
+            raise InputError(str(self.path), problem)
+        return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        package("pyarrow", "read a record")
+        import pyarrow as pa
+
+        try:
+            yield
+        except InputError:
+            raise
+        except (OSError, ValueError, KeyError, MemoryError, EOFError, pa.ArrowException) as error:
+            said = reason(error).splitlines() or [type(error).__name__]
+            if found := _NO_NUMBER.search(said[0]):
+                row, cell = int(found[1]) - 1, found[2]  # it counts the header, too
+                raise InputError(str(self.path), no_number(row, cell, cell)) from None
+            raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
+
+
+def titles(line: bytes, separator: str, place: str) -> list[str]:
+    """The titles in the first line of a text, which is called ``place`` in messages.
+
+    Raises
+    ------
+    InputError
+        If it is not UTF-8 or has none.
+    """
+    try:
+        text = line.decode("utf-8-sig").strip("\r\n")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            place, f"its header cannot be read (byte {error.start + 1} is not UTF-8)"
+        ) from None
+    found = [title.strip() for row in csv.reader([text], delimiter=separator) for title in row]
+    if not any(found):
+        raise InputError(place, "its header is empty, must name the columns")
+    return found

@@ -1,0 +1,153 @@
+"""Estimates of rows of text as they come, with the bits of a whole record.
+
+Where no policy has anything to do, a row takes a short way: its numbers go from the text to the
+observer and back without a detour by blocks. Else it is a block of one row.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.estimation.dates import nanoseconds, stamp
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.gaps import MEASURED, STATUSES
+from reobserve.estimation.layout import NOTHING
+from reobserve.estimation.writing import line, text
+from reobserve.observers.unchecked import unchecked_step
+
+_PATIENCE = 20  # rows that all go the long way, on which the sampling period is judged
+
+
+class RowByRow:
+    """Takes a line of cells and gives the lines that are settled with it."""
+
+    def __init__(self, estimation: Estimation, header: list[str]) -> None:
+        self.estimation = estimation
+        layout, sampling = estimation.layout, estimation.specification.sampling
+        self.width = len(header)
+        self.places = [header.index(title) for title in layout.titles]
+        readers = [self._time if layout.dated else float] + [float] * len(self.places)
+        self.cells = list(zip(readers, self.places, strict=False))
+        self.factors = [(way.factor, way.offset) for way in layout.conversions]
+        self.separator = estimation.specification.columns.separator
+        self.period, self.slack = sampling.period, sampling.jitter * sampling.period
+        self.short = (
+            sampling.uneven == "refuse" and layout.timed and layout.decimal == "."
+            and not any(layout.ranges)
+        )  # fmt: skip
+        self.recent: tuple[float, list[float]] | None = None
+        self.y = np.empty((1, layout.measurements))
+        self.u = np.empty((1, len(layout.names) - layout.timed - layout.measurements))
+
+    def read(self, row: str) -> str:
+        """The lines of results that a line of the record settles, perhaps none.
+
+        Raises
+        ------
+        InputError
+            If it has another number of cells, one is no number, or a policy refuses it.
+        DivergenceError
+            If the observer diverges.
+        """
+        cells = row.rstrip("\r\n").split(self.separator)
+        if len(cells) != self.width:
+            at = self.estimation.account.rows + 1
+            problem = f"row {at} has {len(cells)} cells, the header has {self.width}"
+            raise InputError(self.estimation.place, problem)
+        if self.short:
+            try:
+                numbers = [number(cells[place]) for number, place in self.cells]
+            except (ValueError, OverflowError):
+                return self._long(cells)
+            if "_" not in row and self._regular(numbers):
+                return self._short(numbers)
+        return self._long(cells)
+
+    def _time(self, cell: str) -> float:
+        return self.estimation.account.clock(nanoseconds(cell))
+
+    def _regular(self, numbers: list[float]) -> bool:
+        """Whether a row stands a period after the one before, and all of it was measured."""
+        made = self.estimation
+        account, gaps = made.account, made.gaps
+        if account.rows < _PATIENCE or not gaps.started or gaps.in_gap or account.last is None:
+            return False
+        if len(made.interpolation.asked) or not math.isfinite(sum(numbers)):
+            return False
+        factor, offset = self.factors[0]
+        time = numbers[0]
+        if factor != 1.0:
+            time *= factor
+        time += offset
+        step = time - account.last
+        return step > 0.5 * self.period and abs(step - self.period) <= self.slack
+
+    def _short(self, numbers: list[float]) -> str:
+        made = self.estimation
+        values = []
+        for number, (factor, offset) in zip(numbers, self.factors, strict=True):
+            value = number
+            if factor != 1.0:
+                value *= factor
+            if offset:
+                value += offset
+            values.append(value)
+        account, gaps = made.account, made.gaps
+        time = values.pop(0)
+        assert account.last is not None
+        off = abs(time - account.last - self.period) / self.period
+        account.jitter = max(account.jitter, off)
+        account.rows += 1
+        account.intervals += 1
+        account.estimates += 1
+        word = STATUSES[MEASURED]
+        account.statuses[word] = account.statuses.get(word, 0) + 1
+        account.last = gaps.last = time
+        self.recent = (time, values)
+        measured = self.y.shape[1]
+        y, u = self.y, self.u
+        y[0], u[0] = values[:measured], values[measured:]
+        begun = made.state.count + 1 if made.state.sample is not None else 0
+        try:
+            made.state, estimates = unchecked_step(made.observer, made.state, y, u)
+        except ArithmeticError:
+            with made.dated(time, begun):
+                raise
+        found = made.outputs.row(y, estimates)
+        raised = []
+        for alarm in made.alarms:
+            one = alarm.raised(
+                np.array([time]), np.array([found[alarm.column]]), account
+            )  # fmt: skip
+            raised.append(float(one[0]))
+        return line(time, found, raised, MEASURED)
+
+    def settle(self) -> None:
+        """Hand what the short way has seen to the policies, before any of them is asked."""
+        if self.recent is None:
+            return
+        time, values = self.recent
+        self.recent = None
+        interpolation, at = self.estimation.interpolation, np.array([time])
+        interpolation.feed(at, np.array([values]), at)
+
+    def _long(self, cells: list[str]) -> str:
+        self.settle()
+        layout, row = self.estimation.layout, self.estimation.account.rows + 1
+        dated = int(layout.dated)
+        numbers = [
+            layout.number(cells[place], row, column)
+            for column, place in enumerate(self.places[dated:], dated)
+        ]
+        if dated:
+            read = stamp(cells[self.places[0]], NOTHING, layout.titles[0], row)
+            numbers.insert(0, self.estimation.account.clock(read))
+        return text(self.estimation.feed(np.array([numbers])))
+
+    def finish(self) -> str:
+        """The lines that waited for rows which do not come."""
+        self.settle()
+        return text(self.estimation.finish())

@@ -1,0 +1,217 @@
+"""What a user says of a record and of the observer for it, in one YAML file, checked whole.
+
+observer: {kind: kalman, model: {...}, start: {...}}     one of `reobserve.estimation.kinds`
+columns:                                                 of the record, with their units
+  time: {column: t, unit: ms}
+  measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
+  inputs: [{column: u, unit: V}]
+sampling: {period: 0.01, uneven: refuse, missing: interpolate, gap: 0.1, at_gap: restart}
+estimates: {state: {angle: rad, rate: rad/s}}            names and units of what has none
+alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Tag
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError, located, shown
+from reobserve.core.validation import NotNegative, Positive, checked, having, parse
+from reobserve.estimation.dates import ISO
+from reobserve.estimation.kinds import Observer
+from reobserve.estimation.quantities import check_unit, conversion
+
+Uneven = Literal["refuse", "linear", "previous", "pchip"]
+Missing = Literal["refuse", "interpolate", "skip"]
+AtGap = Literal["refuse", "restart", "coast"]
+
+_MOST_COLUMNS = 100
+_MOST_ALARMS = 100
+
+
+def _name(place: str, value: str) -> None:
+    if not value or len(value) > 200 or not value.isprintable():
+        raise InputError(place, f"{shown(value)} must be a name that can be printed")
+
+
+def _few(place: str, value: Any) -> None:
+    if len(value) > _MOST_COLUMNS:
+        raise InputError(place, f"has {len(value)} entries, must have {_MOST_COLUMNS} or fewer")
+
+
+Name = Annotated[str, checked(_name)]
+Few = checked(_few)
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """The stamps; without ``column`` there are none, and rows are a sampling period apart.
+
+    The ``unit`` is one of time, or iso8601 for dates with times of day.
+    """
+
+    column: str = ""
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if self.unit != ISO:
+            conversion("unit", self.unit or "s", "s")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers in ``unit``, which the observer reads in ``model_unit``.
+
+    Without units, the header's is taken, ``name [unit]``, or else the model's. At ``range``, or
+    beyond, the sensor is saturated: such values are counted, and kept or taken for missing.
+    """
+
+    column: Name
+    unit: str = ""
+    model_unit: str = ""
+    range: tuple[float, float] | None = None
+    saturated: Literal["keep", "missing"] = "keep"
+
+    def __post_init__(self) -> None:
+        for place in ("unit", "model_unit"):
+            if getattr(self, place):
+                check_unit(place, getattr(self, place))
+        if self.range is not None and not self.range[0] < self.range[1]:
+            low, high = self.range
+            raise InputError("range", f"[{low:g}, {high:g}] must be rising")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What stands where in a row."""
+
+    measurements: Annotated[tuple[Column, ...], Few]
+    inputs: Annotated[tuple[Column, ...], Few] = ()
+    time: TimeColumn = field(default_factory=TimeColumn)
+    separator: Literal[",", ";", "\t"] = ","
+    decimal: Literal[".", ","] = "."
+
+    def __post_init__(self) -> None:
+        if not self.measurements:
+            raise InputError("measurements", "are none, must be one or more")
+        if self.separator == self.decimal:
+            raise InputError("decimal", "must be another than the separator")
+        named = [self.time.column]
+        for place in ("measurements", "inputs"):
+            for one in getattr(self, place):
+                if one.column in named:
+                    raise InputError(place, f"take the column {shown(one.column)} a second time")
+                named.append(one.column)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """The period [s], and the policies where a record does not keep to it.
+
+    ``uneven``: stamps off their place by more than ``jitter`` periods are refused, or all rows are
+    resampled: measurements by straight lines, the value before or a monotone cubic (pchip), inputs
+    held. ``missing``: samples that were lost are refused, filled likewise (straight lines where
+    ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or
+    skipped is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it,
+    or coasts over it with predictions.
+    """
+
+    period: Positive
+    uneven: Uneven = "refuse"
+    jitter: NotNegative = 0.01
+    missing: Missing = "refuse"
+    gap: NotNegative | None = None
+    at_gap: AtGap = "refuse"
+
+    def __post_init__(self) -> None:
+        if self.missing == "refuse" and self.at_gap != "refuse":
+            problem = f"{self.at_gap} has no gap to act on where missing says refuse"
+            raise InputError("at_gap", problem)
+        if self.jitter >= 0.5:
+            raise InputError("jitter", f"{self.jitter:g} periods must be below half of one")
+
+    @property
+    def longest(self) -> float:
+        """The longest stretch [s] between two samples that a policy bridges."""
+        return 10.0 * self.period if self.gap is None else self.gap
+
+
+@dataclass(frozen=True)
+class StatedThreshold:
+    """An alarm where the size of an output column is ``above`` a value that is stated."""
+
+    name: Name
+    of: Name
+    above: Positive
+
+
+@dataclass(frozen=True)
+class LearnedThreshold:
+    """An alarm ``sigma`` standard deviations off the mean, both of a stretch that is stated [s].
+
+    ``since`` and ``until`` [s] count from the first estimate.
+    """
+
+    name: Name
+    of: Name
+    sigma: Positive
+    until: Positive
+    since: NotNegative = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.since < self.until:
+            raise InputError("until", f"{self.until:g} s must be after since, {self.since:g} s")
+
+
+# Told apart by the key that states a threshold.
+Alarm = Annotated[
+    Annotated[StatedThreshold, Tag("stated threshold")]
+    | Annotated[LearnedThreshold, Tag("learned threshold")],
+    having("above", "stated threshold", "learned threshold"),
+]
+
+
+def _distinct_alarms(place: str, alarms: Any) -> None:
+    names = [alarm.name for alarm in alarms]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(place, f"have the name {shown(name)} twice")
+
+
+@dataclass(frozen=True)
+class Specification:
+    """All of it."""
+
+    observer: Observer
+    columns: Columns
+    sampling: Sampling
+    estimates: dict[str, dict[str, str]] = field(default_factory=dict)
+    alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
+
+    def __post_init__(self) -> None:
+        for name, parts in self.estimates.items():
+            for part, unit in parts.items():
+                with located("estimates"):
+                    _name(f"{name}.{part}", part)
+                    if unit:
+                        check_unit(f"{name}.{part}", unit)
+
+
+def read_specification(path: str | Path) -> Specification:
+    """The specification in a file.
+
+    Raises
+    ------
+    InputError
+        With the file and the dotted key of what is missing, unknown or wrong.
+    """
+    tree = read_yaml(path)
+    try:
+        return parse(Specification, tree)
+    except InputError as error:
+        place = f"{path}: {error.parameter}" if error.parameter else str(path)
+        raise InputError(place, error.problem) from None

@@ -1,0 +1,112 @@
+"""Results as files: CSV, gzipped if its name says so, and Parquet; whole or not at all."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.files import write_whole
+from reobserve.estimation.estimate import Estimated
+from reobserve.estimation.gaps import STATUSES
+
+_ENDINGS = (".csv", ".csv.gz", ".parquet")
+KEY = b"reobserve estimate"
+
+
+def check_name(path: Path) -> None:
+    """Refuse a name that says no format.
+
+    Raises
+    ------
+    InputError
+        If it ends otherwise.
+    """
+    if not str(path).endswith(_ENDINGS):
+        raise InputError(str(path), f"must end with {', '.join(_ENDINGS)}")
+
+
+def line(time: float, numbers: Sequence[float], alarms: Sequence[float], status: int) -> str:
+    """A row of text: numbers in the shortest form that reads back to the same, nan as nothing."""
+    cells = [repr(time)]
+    cells += [repr(value) if value == value else "" for value in numbers]  # noqa: PLR0124
+    cells += [str(int(value)) if value == value else "" for value in alarms]  # noqa: PLR0124
+    cells.append(STATUSES[status])
+    return ",".join(cells) + "\n"
+
+
+def header(titles: Sequence[str]) -> str:
+    """The first line."""
+    stream = io.StringIO()
+    import csv
+
+    csv.writer(stream, lineterminator="\n").writerow(titles)
+    return stream.getvalue()
+
+
+def text(block: Estimated) -> str:
+    """A block of rows as text."""
+    rows = zip(
+        block.time.tolist(), block.numbers.tolist(), block.alarms.tolist(), block.status.tolist(),
+        strict=True,
+    )  # fmt: skip
+    return "".join(line(*row) for row in rows)
+
+
+def write_results(
+    path: Path,
+    titles: Sequence[str],
+    blocks: Iterator[Estimated],
+    about: Callable[[], Mapping[str, Any]],
+) -> None:
+    """Write blocks as they come, in a format by `check_name`; ``about`` is asked after the last.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; and whatever making the blocks raises. Then there is none.
+    """
+    fill = _parquet if path.suffix == ".parquet" else _csv
+    write_whole(path, lambda partial: fill(partial, path.suffix, titles, blocks, about))
+
+
+def _csv(
+    partial: Path, ending: str, titles: Sequence[str], blocks: Iterator[Estimated], about: Any
+) -> None:
+    with ExitStack() as open_files:
+        stream: Any = open_files.enter_context(partial.open("wb"))
+        if ending == ".gz":  # without a name and a time, so that the same rows are the same file
+            stream = open_files.enter_context(
+                gzip.GzipFile(filename="", fileobj=stream, mode="wb", mtime=0)
+            )
+        stream.write(header(titles).encode())
+        for block in blocks:
+            stream.write(text(block).encode())
+
+
+def _parquet(
+    partial: Path, ending: str, titles: Sequence[str], blocks: Iterator[Estimated], about: Any
+) -> None:
+    package("pyarrow", "write Parquet files")
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    kinds = [pa.float64()] * (len(titles) - 1) + [pa.string()]
+    schema = pa.schema(list(zip(titles, kinds, strict=True)))
+    with parquet.ParquetWriter(partial, schema) as writer:
+        for block in blocks:
+            numbers = np.column_stack([block.time, block.numbers, block.alarms])
+            columns: list[Any] = [
+                pa.array(numbers[:, c], from_pandas=True) for c in range(numbers.shape[1])
+            ]
+            columns.append(pa.array([STATUSES[code] for code in block.status], pa.string()))
+            writer.write_table(pa.Table.from_arrays(columns, schema=schema))
+        writer.add_key_value_metadata({KEY: json.dumps(about()).encode()})

@@ -1,1 +1,0 @@
-"""Plain data on disk: files written whole, and read as checked values."""

@@ -1,0 +1,110 @@
+"""Text, numbers and tables as LaTeX: each character as it stands, whatever it means as markup.
+
+What comes out needs no package: letters with accents, Greek ones and signs are spelled in the
+commands of LaTeX itself. Characters that it has no command for are left as they are.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import Any
+
+from reobserve.core.extras import package
+
+
+def latex(text: str) -> str:
+    """The text in LaTeX, its lines joined by blanks."""
+    found: str = _encoder().unicode_to_latex(unicodedata.normalize("NFC", " ".join(text.split())))
+    return found
+
+
+def booktabs(header: Sequence[str], rows: Iterable[Sequence[str]], columns: str) -> str:
+    """A ``tabular`` with the rules of the package booktabs, of cells that are LaTeX.
+
+    ``columns`` has a letter for each, how it is aligned: ``lrr``.
+    """
+    lines = [
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        " & ".join(header) + r" \\",
+        r"\midrule",
+    ]
+    lines += [" & ".join(row) + r" \\" for row in rows]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def latex_number(value: float, digits: int) -> str:
+    """A number with so many significant digits, a whole one as it is; a dash for what is none."""
+    if math.isnan(value):
+        return "--"
+    sign = "-" if value < 0 else ""
+    if math.isinf(value):
+        return rf"\ensuremath{{{sign}\infty}}"
+    if value == round(value) and abs(value) < _WHOLE:
+        shown = f"{round(value)}"
+    else:
+        rounded = float(f"{value:.{digits}g}")
+        power = math.floor(math.log10(abs(rounded)))
+        if not _LEAST <= power < _MOST:
+            return rf"\ensuremath{{{rounded / 10.0**power:.{digits - 1}f} \times 10^{{{power}}}}}"
+        shown = f"{rounded:.{max(digits - 1 - power, 0)}f}"
+    return rf"\ensuremath{{{shown}}}" if sign else shown
+
+
+_WHOLE = 1e6  # below which whole numbers have all of their digits
+_LEAST, _MOST = -3, 5  # powers of ten between which numbers are written out
+
+
+@cache
+def _encoder() -> Any:
+    package("pylatexenc", "write LaTeX")
+    from pylatexenc.latexencode import (
+        RULE_REGEX,
+        UnicodeToLatexConversionRule,
+        UnicodeToLatexEncoder,
+    )
+
+    rules = [(re.compile(pattern), told) for pattern, told in _RULES]
+    return UnicodeToLatexEncoder(
+        conversion_rules=[UnicodeToLatexConversionRule(RULE_REGEX, rules), "defaults"],
+        unknown_char_policy="keep",
+        unknown_char_warning=False,
+    )
+
+
+def _plain(characters: re.Match[str]) -> str:
+    """Raised or lowered characters as they stand on the line."""
+    return unicodedata.normalize("NFKC", characters[0]).replace("−", "-")
+
+
+_HIGH, _LOW = "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿⁱ", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ"
+_ACCENTS = {"\u0302": "hat", "\u0304": "bar", "\u0303": "tilde", "\u0307": "dot", "\u0308": "ddot"}
+_SIGNS = {"◂": "triangleleft", "▸": "triangleright", "←": "leftarrow", "→": "rightarrow",
+          "×": "times", "·": "cdot"}  # fmt: skip
+
+# Before the rules of the library: what it lacks, takes letter by letter or needs packages for.
+_RULES: list[tuple[str, Any]] = [
+    *(
+        (f"(\\w){mark}", lambda found, name=name: rf"\ensuremath{{\{name}{{{latex(found[1])}}}}}")
+        for mark, name in _ACCENTS.items()
+    ),
+    (f"[{_HIGH}]+", lambda found: rf"\textsuperscript{{{_plain(found)}}}"),
+    (f"[{_LOW}]+", lambda found: rf"\textsubscript{{{_plain(found)}}}"),
+    ("[¼½¾⅐-⅞]", lambda found: rf"\ensuremath{{\frac{{{_over(found)[0]}}}{{{_over(found)[1]}}}}}"),
+    *((sign, rf"\\ensuremath{{\\{name}}}") for sign, name in _SIGNS.items()),
+    ("′", r"\\ensuremath{'}"),
+    ("-(?=-)", "-{}"),  # no dash
+    ("'(?=')", "'{}"),  # no quotation mark
+    ("`", r"\\textasciigrave{}"),
+    ('"', "{''}"),  # the straight one is not in every font
+    (r"\|", r"\\textbar{}"),
+    (r"[\[\]]", r"{\g<0>}"),  # no optional argument
+]
+
+
+def _over(fraction: re.Match[str]) -> list[str]:
+    return unicodedata.normalize("NFKC", fraction[0]).split("\N{FRACTION SLASH}")

@@ -1,0 +1,262 @@
+"""Taylor series at the origin of expressions, as text or of sympy.
+
+The expression is walked through once, with the arithmetic of truncated series. Functions of one
+argument are expanded about the value that their argument has at the origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from functools import reduce
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from reobserve.core.arguments import as_whole
+from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.extras import package
+from reobserve.polynomials.arithmetic import Coefficients, add_applied, zeros
+from reobserve.polynomials.grammar import (
+    ANALYTIC,
+    NOT_EXPANDED,
+    check_size,
+    check_values,
+    parse,
+)
+from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import Monomials, monomials
+from reobserve.polynomials.univariate import DIGITS, power, taylor
+
+# A product of two series takes as many steps as there are products of their monomials, and a system
+# some thousand products: above this they take minutes.
+_MOST_PRODUCTS = 2_000_000
+# Of all series of a call, some seconds; a product of fractions takes twenty times as long.
+_MOST_STEPS = 200_000_000
+_EXACT_STEPS = 20
+_HIGHEST_DEGREE = 100
+_LONGEST_WHOLE = 1024  # bits
+
+
+def from_expressions(
+    name: str, expressions: Sequence[Any], variables: Sequence[Any], degree: int, *,
+    exact: bool = False,
+) -> PolynomialMap:  # fmt: skip
+    """The Taylor polynomials of ``expressions`` in the symbols ``variables`` up to a degree.
+
+    Expressions may be of sympy or text in the grammar of `reobserve.polynomials.grammar`. With
+    ``exact`` coefficients are kept as fractions.
+
+    Raises
+    ------
+    InputError
+        That names the component of ``name`` and the part of it that has no Taylor series at the
+        origin, is no known function, holds an unknown symbol or (if exact) is not rational; or
+        what is too long, too deep, too high or too large to be worked with.
+    """
+    package("mpmath", "expand expressions")  # first, as sympy does not load without it
+    sympy = package("sympy", "expand expressions")
+    for what, given in ((name, expressions), ("variables", variables)):
+        if not isinstance(given, list | tuple):
+            raise InputError(what, f"{shown(given)} must be a list")
+    symbols = [sympy.Symbol(v) if isinstance(v, str) and v.isidentifier() else v for v in variables]
+    if len({str(v) for v in symbols if isinstance(v, sympy.Symbol)}) < len(symbols) or not symbols:
+        listed = ", ".join(v if isinstance(v, str) else shown(v) for v in variables)
+        raise InputError("variables", f"{listed} must be different symbols, or names")
+    names = {symbol.name: symbol for symbol in symbols}
+    if not expressions:
+        raise InputError(name, "is empty, must hold at least one expression")
+    as_whole("degree", degree, 1, _HIGHEST_DEGREE)
+    if comb(2 * len(symbols) + degree, degree) > _MOST_PRODUCTS:
+        raise InputError("degree", f"{degree} is too high for series in {len(symbols)} variables")
+    basis = monomials(len(symbols), degree)
+    rows, steps = [], comb(2 * len(symbols) + degree, degree) * (_EXACT_STEPS if exact else 1)
+    left = iter(range(_MOST_STEPS // steps))
+    for k, expression in enumerate(expressions):
+        walk = _Walk(f"{name}[{k}]", basis, symbols, exact, left)
+        read = _read(walk.place, expression, names)
+        check_size(walk.place, read)
+        check_values(walk.place, read, symbols)
+        rows.append(walk.series(read))
+    return PolynomialMap(basis, np.array(rows, dtype=object if exact else np.float64))
+
+
+def _read(place: str, expression: Any, names: Mapping[str, Any]) -> Any:
+    """Text, a number or an expression of sympy, as the last of these."""
+    import sympy
+
+    if isinstance(expression, str):
+        return parse(place, expression, names)
+    if isinstance(expression, int | np.integer) and not isinstance(expression, bool):
+        if abs(int(expression)).bit_length() <= _LONGEST_WHOLE:
+            return sympy.Integer(int(expression))
+    elif isinstance(expression, float | np.floating):
+        return sympy.Float(float(expression))
+    elif isinstance(expression, Fraction):
+        return sympy.Rational(expression.numerator, expression.denominator)
+    elif isinstance(expression, sympy.Expr):
+        return expression
+    raise InputError(place, f"{shown(expression)} is no expression")
+
+
+def _text(expression: Any) -> str:
+    return one_line(str(expression), 100)
+
+
+class _Walk:
+    """The series of one expression and, on the way, of all its parts.
+
+    Each product of two series takes a number from ``left``, as long as there are any.
+    """
+
+    def __init__(
+        self, place: str, basis: Monomials, symbols: Sequence[Any], exact: bool, left: Iterator[int]
+    ) -> None:
+        self.place, self.basis, self.symbols, self.exact = place, basis, symbols, exact
+        self.left = left
+
+    def series(self, expression: Any) -> Coefficients:
+        """The coefficients of an expression, shape (N,)."""
+        import sympy
+
+        if expression in self.symbols:
+            return self._constant(0, self.symbols.index(expression))
+        if not expression.free_symbols & set(self.symbols):
+            return self._constant(self._number(expression, expression))
+        if isinstance(expression, sympy.Add):
+            return reduce(np.add, map(self.series, expression.args))
+        if isinstance(expression, sympy.Mul):
+            return reduce(self._times, map(self.series, expression.args))
+        if isinstance(expression, sympy.Pow):
+            return self._power(expression)
+        known = expression.is_Function and expression.func.__name__ in ANALYTIC
+        if known and len(expression.args) == 1:
+            return self._composed(expression.args[0], expression)
+        raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
+
+    def _power(self, expression: Any) -> Coefficients:
+        import sympy
+
+        base, exponent = expression.args
+        if exponent.is_Float and float(exponent).is_integer():
+            exponent = sympy.Integer(int(exponent))
+            expression = base**exponent
+        if exponent.is_Integer and exponent >= 0:
+            return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1))
+        if not exponent.free_symbols & set(self.symbols):
+            if exponent.free_symbols:
+                self._number(exponent, expression)
+            return self._composed(base, expression)
+        return self.series(sympy.exp(exponent * sympy.log(base), evaluate=False))
+
+    def _composed(self, argument: Any, expression: Any) -> Coefficients:
+        """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
+        centre = argument.subs(dict.fromkeys(self.symbols, 0))
+        if centre.free_symbols:
+            self._number(centre, expression)
+        numbers = (self._exact if self.exact else self._rounded)(centre, expression)
+        inner = self.series(argument)
+        inner[0] = 0 * inner[0]
+        total = self._constant(numbers[-1])
+        for number in numbers[-2::-1]:
+            total = self._times(total, inner)
+            total[0] += number
+        return total
+
+    def _rounded(self, centre: Any, expression: Any) -> list[float]:
+        """The coefficients of g as floats."""
+        degree = len(self.basis.first) - 2
+        value = centre.evalf(degree + DIGITS)
+        try:
+            if not value.is_Float and not value.is_Rational:
+                raise ValueError
+            if expression.is_Pow:
+                found = power(str(expression.exp.evalf(degree + DIGITS)), str(value), degree)
+            else:
+                found = taylor(expression.func.__name__, str(value), degree)
+        except (ValueError, ZeroDivisionError):
+            raise self._no_series(expression) from None
+        numbers = [float(number) for number in found]
+        if not np.isfinite(numbers).all():
+            raise InputError(
+                self.place, f"{_text(expression)} has a coefficient beyond float numbers"
+            )
+        return numbers
+
+    def _exact(self, centre: Any, expression: Any) -> list[Any]:
+        """The coefficients of g as fractions, by sympy."""
+        import sympy
+
+        t = sympy.Dummy("t")  # no symbol of the user's
+        degree = len(self.basis.first) - 2
+        whole = expression.func(centre + t, *expression.args[1:])
+        start = whole.subs(t, 0)  # asked first: the series of what has none may take minutes
+        if start.is_number and start.is_finite and not start.is_Rational:
+            self._number(start, expression)
+        try:
+            taylor = sympy.series(whole, t, 0, degree + 1).removeO()
+            found = sympy.Poly(taylor, t).all_coeffs()[::-1]
+        except (
+            sympy.PolynomialError,
+            ValueError,
+            NotImplementedError,
+            TypeError,
+            ZeroDivisionError,
+        ):
+            raise self._no_series(expression) from None
+        return [self._number(value, expression) for value in found[: degree + 1]]
+
+    def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
+        if next(self.left, None) is None:
+            raise InputError(
+                self.place,
+                f"takes too many products of series up to degree {self.basis.degree}; a shorter "
+                "expression or a lower degree may do",
+            )
+        out = zeros((1, len(a)), a)
+        for d in range(self.basis.degree + 1):
+            for r in range(d + 1):
+                add_applied(self.basis, a[None], b[None], r, d - r, out)
+        product: Coefficients = out[0]
+        return product
+
+    def _constant(self, value: Any, variable: int | None = None) -> Coefficients:
+        """A constant, or one of the variables."""
+        row = np.zeros(len(self.basis.exponents), dtype=object if self.exact else np.float64)
+        if self.exact:
+            row += Fraction(0)
+        if variable is None:
+            row[0] = value
+        else:
+            row[1 + variable] = Fraction(1) if self.exact else 1.0
+        return row
+
+    def _number(self, value: Any, expression: Any) -> Any:
+        unknown = sorted(map(str, value.free_symbols))
+        if unknown:
+            raise InputError(
+                self.place,
+                f"{_text(expression)} holds {', '.join(unknown)}, which has no value",
+            )
+        if not value.is_finite or not value.is_real:
+            raise self._no_series(expression)
+        if not self.exact:
+            try:
+                number = float(value)
+            except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
+                raise self._no_series(expression) from None
+            if not np.isfinite(number):
+                raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
+            return number
+        if value.is_Float:
+            return Fraction(str(value))
+        if not value.is_Rational:
+            raise InputError(
+                self.place,
+                f"{_text(expression)} has the coefficient {_text(value)}, not rational",
+            )
+        return Fraction(int(value.p), int(value.q))
+
+    def _no_series(self, expression: Any) -> InputError:
+        return InputError(self.place, f"{_text(expression)} has no Taylor series at the origin")

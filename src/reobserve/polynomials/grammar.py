@@ -1,0 +1,255 @@
+"""Text of a user as an expression of sympy, by a grammar of its own: nothing is evaluated.
+
+    sum      = product {("+" | "-") product}
+    product  = sign {("*" | "/") sign}
+    sign     = {"+" | "-"} power
+    power    = atom [("**" | "^") sign]
+    atom     = number | name | function "(" sum ")" | "(" sum ")"
+
+as in Python; names are variables, pi, E or symbols without a value. What is too long, too deep or
+too large to be worked with is refused, in text and in expressions of sympy alike.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.extras import package
+
+# Functions of one argument that are analytic wherever they have a Taylor series.
+ANALYTIC = (
+    *("exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "asin", "acos", "atan"),
+    *("sinh", "cosh", "tanh", "coth", "sech", "csch", "asinh", "acosh", "atanh"),
+    *("erf", "sinc"),
+)
+NOT_EXPANDED = "is not expanded; what can be are sums, products, powers and " + ", ".join(ANALYTIC)
+
+_LONGEST = 10_000  # characters
+_DEEPEST = 60  # levels of parentheses, signs and powers
+_MOST_PARTS = 10_000
+_HIGHEST_POWER = 1000
+_MOST_BITS = 1024  # of a whole number: those of the greatest float
+
+_TOKEN = re.compile(
+    r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\w+)|(\*\*|[-+*/^()]))"
+)
+
+
+def parse(place: str, text: str, variables: Mapping[str, Any]) -> Any:
+    """The expression that a text writes, with the symbols of ``variables`` by their names.
+
+    Raises
+    ------
+    InputError
+        That names ``place`` and where the text departs from the grammar, or what is too large.
+    """
+    if len(text) > _LONGEST:
+        raise InputError(place, f"has {len(text)} characters, must have {_LONGEST} or fewer")
+    parser = _Parser(place, text, variables)
+    expression = parser.sum()
+    if parser.here[0] != "end":
+        raise parser.wrong()
+    return expression
+
+
+class _Parser:
+    """Reads one token ahead; ``depth`` counts how far it stands inside."""
+
+    def __init__(self, place: str, text: str, variables: Mapping[str, Any]) -> None:
+        self.place, self.text, self.variables = place, text, variables
+        self.sympy = package("sympy", "read expressions")
+        self.end = self.depth = 0
+        self.here = ("start", "", 0)
+        self.advance()
+
+    def advance(self) -> str:
+        """Take the token ahead and look at the next one."""
+        taken = self.here[1]
+        found = _TOKEN.match(self.text, self.end)
+        rest = self.text[self.end :].lstrip()
+        self.here = ("end", "", self.end)
+        if found is not None:
+            kind = ("number", "name", "sign")[(found.lastindex or 1) - 1]
+            self.here = (kind, found[found.lastindex or 1], found.start(found.lastindex or 1))
+            self.end = found.end()
+        elif rest:
+            self.here = ("unknown", rest[0], len(self.text) - len(rest))
+        return taken
+
+    def wrong(self) -> InputError:
+        """What the text is not."""
+        kind, token, start = self.here
+        where = "its end" if kind == "end" else f"{token!r}, character {start + 1}"
+        return InputError(self.place, f"{shown(self.text)} is no expression, at {where}")
+
+    def ahead(self, *signs: str) -> bool:
+        return self.here[0] == "sign" and self.here[1] in signs
+
+    def sum(self) -> Any:
+        self.depth += 1
+        if self.depth > _DEEPEST:
+            raise InputError(
+                self.place, f"{shown(self.text)} is nested deeper than {_DEEPEST} levels"
+            )
+        total = self.product()
+        while self.ahead("+", "-"):
+            plus, term = self.advance() == "+", self.product()
+            total = total + term if plus else total - term
+        self.depth -= 1
+        return total
+
+    def product(self) -> Any:
+        total = self.sign()
+        while self.ahead("*", "/"):
+            times, factor = self.advance() == "*", self.sign()
+            total = self.kept(total * factor if times else total / factor)
+        return total
+
+    def sign(self) -> Any:
+        negative = False
+        while self.ahead("+", "-"):
+            negative ^= self.advance() == "-"
+        power = self.power()
+        return -power if negative else power
+
+    def power(self) -> Any:
+        base = self.atom()
+        if not self.ahead("**", "^"):
+            return base
+        self.advance()
+        self.depth += 1
+        if self.depth > _DEEPEST:
+            raise InputError(
+                self.place, f"{shown(self.text)} is nested deeper than {_DEEPEST} levels"
+            )
+        exponent = self.sign()
+        self.depth -= 1
+        if exponent.is_Rational and base.is_Rational:
+            bits = max(abs(base.p), base.q).bit_length() * abs(exponent)
+            if bits > _MOST_BITS and base not in (-1, 0, 1):
+                raise InputError(self.place, f"({base})**({exponent}) is beyond numbers")
+        check_power(self.place, exponent)
+        return self.kept(base**exponent)
+
+    def atom(self) -> Any:
+        kind, token, _ = self.here
+        if kind == "number":
+            self.advance()
+            whole = token.isdecimal()
+            if len(token) > _MOST_BITS or float(token) > 1e308:
+                raise InputError(self.place, f"{shown(token)} is beyond floating-point numbers")
+            return self.sympy.Integer(token) if whole else self.sympy.Float(token)
+        if kind == "name":
+            return self.named(token)
+        if self.ahead("("):
+            return self.inside()
+        raise self.wrong()
+
+    def named(self, name: str) -> Any:
+        if name in self.variables:
+            self.advance()
+            return self.variables[name]
+        function = getattr(self.sympy, name) if name in (*ANALYTIC, "sqrt") else None
+        if function is None and name in ("pi", "E"):
+            self.advance()
+            return getattr(self.sympy, name)
+        if function is None and not name.isidentifier():
+            raise self.wrong()
+        self.advance()
+        if not self.ahead("("):
+            if function is not None:
+                raise self.wrong()
+            return self.sympy.Symbol(name)
+        if function is None:
+            raise InputError(self.place, f"{shown(name)} {NOT_EXPANDED}")
+        return self.kept(function(self.inside()))
+
+    def inside(self) -> Any:
+        self.advance()
+        found = self.sum()
+        if not self.ahead(")"):
+            raise self.wrong()
+        self.advance()
+        return found
+
+    def kept(self, value: Any) -> Any:
+        """A part of the expression, unless it is a number that nobody can work with."""
+        check_number(self.place, value)
+        return value
+
+
+def check_power(place: str, exponent: Any) -> None:
+    """Refuse a whole power, also as a float, that would take for ever to multiply out."""
+    whole = exponent.is_Integer or (exponent.is_Float and float(exponent).is_integer())
+    if whole and abs(exponent) > _HIGHEST_POWER:
+        raise InputError(
+            place, f"has the power {shown(int(exponent))}, must have {_HIGHEST_POWER} or lower"
+        )
+
+
+def check_number(place: str, value: Any) -> None:
+    """Refuse a number beyond floating-point ones."""
+    if value.is_Rational:
+        large = max(abs(value.p), value.q).bit_length() > _MOST_BITS
+    else:
+        large = bool(value.is_Float) and bool(abs(value) > 1e308)
+    if large:
+        raise InputError(place, "holds a number beyond floating-point numbers")
+
+
+def check_size(place: str, expression: Any) -> None:
+    """Refuse an expression of too many parts, too deep, or with parts too large to work with.
+
+    Raises
+    ------
+    InputError
+        If it is one.
+    """
+    parts, ahead = 0, [(expression, 0)]
+    while ahead:
+        part, depth = ahead.pop()
+        parts += 1
+        if parts > _MOST_PARTS:
+            raise InputError(place, f"has more than {_MOST_PARTS} parts")
+        if depth > 4 * _DEEPEST:
+            raise InputError(place, f"is nested deeper than {4 * _DEEPEST} levels")
+        if part.is_Number:
+            check_number(place, part)
+        if part.is_Pow:
+            check_power(place, part.exp)
+        ahead += [(inner, depth + 1) for inner in part.args]
+
+
+def check_values(place: str, expression: Any, variables: Any) -> Any:
+    """The value of an expression at the origin as a float; None where it is not that simple.
+
+    Worked out from the inside, in floats, before anything asks sympy for it: a tower of powers
+    has a value that no memory holds.
+
+    Raises
+    ------
+    InputError
+        If a part of it is beyond floating-point numbers.
+    """
+    import sympy
+
+    if expression in variables:
+        return sympy.Float(0)
+    if not expression.args:
+        real = expression.is_number and expression.is_finite and expression.is_real
+        return sympy.Float(expression) if real else None
+    values = [check_values(place, part, variables) for part in expression.args]
+    if any(value is None for value in values):
+        return None
+    value = expression.func(*values)
+    if value.is_Rational:  # exp(0.0) is 1 in sympy
+        value = sympy.Float(value)
+    if not value.is_Float:
+        return None
+    if abs(value) > 1e308:
+        said = one_line(str(expression), 100)
+        raise InputError(place, f"{said} has a coefficient beyond floating-point numbers")
+    return value

@@ -1,0 +1,39 @@
+"""Checks of the configuration beside the parameters: claims, errata, equations, cached samples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError, located
+from reobserve.replication.claims.kept_draws import read_kept
+from reobserve.replication.claims.registry import amiss, claims_file, read_registry
+from reobserve.replication.equations.table import equations_file, read_equations
+from reobserve.replication.errata import errata_file, read_errata
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import samples_path
+
+
+def check_evidence(project: Path, ledger: Ledger) -> None:
+    """Check the files of a paper, those that there are.
+
+    Raises
+    ------
+    InputError
+        With the file and the key of the first thing that is wrong.
+    """
+    paper = ledger.paper
+    if claims_file(project, paper).exists():
+        for problem in amiss(read_registry(project, ledger).claims):
+            place, _, rest = problem.partition(": ")
+            raise InputError(place, rest)
+    if errata_file(project, paper).exists():
+        read_errata(project, paper)
+    if equations_file(project, paper).exists():
+        read_equations(project, paper)
+    for key, entry in ledger.entries():
+        if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
+            with located(f"{paper}.{key}"):
+                read_json(project / entry["value"])
+    if (samples := project / samples_path(paper)).exists():
+        read_kept(samples, paper)

@@ -1,0 +1,42 @@
+"""A chunk of draws, made ahead of those who decide claims by them."""
+
+from __future__ import annotations
+
+from reobserve.replication.claims.known_draws import AGAIN, Numbers
+from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.robustness import Inquiry
+
+
+def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
+    """The draws of a chunk by claim, without those that are kept.
+
+    Nothing is drawn of a claim that the kept draws before the chunk decide. Chunks do not wait for
+    each other, so a chunk may draw what nobody will need; it cannot draw what would decide
+    otherwise.
+    """
+    known = inquiry.known
+    again = [claim for claim in inquiry.claims if known[claim.name].kept]
+    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is kept
+        inquiry.ask(number, again)
+    joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
+    for number in numbers:
+        going = [claim for claim in inquiry.claims if not inquiry.found[claim.name].decided]
+        inquiry.ask(number, [claim for claim in going if number not in known[claim.name]])
+        for claim in going:
+            if claim.name in joined:
+                inquiry.add(number, claim)
+    return {
+        name: {number: one.made[number] for number in numbers if number in one.made}
+        for name, one in known.items()
+    }
+
+
+def _joins(inquiry: Inquiry, claim: Claim, start: int) -> bool:
+    """Take all draws of a claim before ``start`` that are known; whether those are all."""
+    for number in range(start):
+        if inquiry.found[claim.name].decided:
+            break
+        if number not in inquiry.known[claim.name]:
+            return False
+        inquiry.add(number, claim)
+    return True

@@ -1,0 +1,130 @@
+"""Draws of claims that need not be made: kept from earlier builds, or made ahead in chunks.
+
+The number of a draw, the seed and a choice say what is chosen. So a draw comes out the same in
+whatever process it is made: a chunk is nothing but draws that others need not make. They take those
+that are there and make those that are not; neither how draws are cut into chunks, nor the order in
+which these are made, nor one that is missing can move a bit of what is found.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from reobserve.core.documents import read_json
+from reobserve.core.errors import InputError
+from reobserve.core.files import write_text
+from reobserve.core.validation import parse
+from reobserve.replication.claims.kept_draws import KeptDraws, alike, as_text, numbers_in
+
+# What decides the checks of a claim; None where the code refuses a draw.
+Numbers = tuple[float, ...] | None
+
+# Draws that were made ahead: by claim, by the digest of what they depend on, and by number.
+MadeDraws = Mapping[str, Mapping[str, Mapping[int, Numbers]]]
+
+# Of draws that are kept so many are made again, to see whether the code still gives what it gave.
+AGAIN = 2
+
+
+@dataclass
+class KnownDraws:
+    """Of one claim: the draws that are ``kept``, and those that this build has ``made``."""
+
+    kept: KeptDraws | None = None
+    made: dict[int, Numbers] = field(default_factory=dict)
+
+    @staticmethod
+    def of(name: str, basis: str, kept: Mapping[str, KeptDraws], made: MadeDraws) -> KnownDraws:
+        """Those of a claim that depend on what has this digest."""
+        past = kept.get(name)
+        known = KnownDraws(past if past and past.basis == basis else None)
+        for number, numbers in sorted(made.get(name, {}).get(basis, {}).items()):
+            known.take(number, numbers)
+        return known
+
+    @property
+    def length(self) -> int:
+        """Up to which number draws are kept."""
+        return len(self.kept.draws) if self.kept else 0
+
+    def is_kept(self, number: int) -> bool:
+        """Whether a draw is kept, and none of those that are made again to see."""
+        return AGAIN <= number < self.length
+
+    def __contains__(self, number: int) -> bool:
+        return number in self.made or self.is_kept(number)
+
+    def __getitem__(self, number: int) -> Numbers:
+        if self.kept and self.is_kept(number):
+            return self.kept.numbers(number)
+        return self.made[number]
+
+    def take(self, number: int, numbers: Numbers) -> None:
+        """Take what came out of a draw; what is kept is forgotten where that came out otherwise."""
+        self.made[number] = numbers
+        if self.kept and number < self.length and not alike(numbers, self.kept.numbers(number)):
+            self.kept = None
+
+
+@dataclass(frozen=True)
+class _StoredDraws:
+    """Of one claim: the draws of a chunk by number, as in `KeptDraws`."""
+
+    basis: str
+    numbers: tuple[int, ...]
+    draws: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        if list(self.numbers) != sorted({n for n in self.numbers if n >= 0}):
+            raise InputError("numbers", "must be numbers of draws, rising")
+        if len(self.draws) != len(self.numbers):
+            raise InputError("draws", f"{len(self.draws)} must be {len(self.numbers)}")
+        self.made()
+
+    def made(self) -> dict[int, Numbers]:
+        """By number; `InputError` for what is no draw."""
+        try:
+            return dict(zip(self.numbers, map(numbers_in, self.draws), strict=True))
+        except ValueError as error:
+            raise InputError("draws", f"must be numbers ({error})") from None
+
+
+@dataclass(frozen=True)
+class _Stored:
+    paper: str
+    claims: dict[str, _StoredDraws]
+
+
+def write_chunk(
+    path: Path, paper: str, bases: Mapping[str, str], made: Mapping[str, Mapping[int, Numbers]]
+) -> None:
+    """Write the draws of a chunk by claim, each with the digest of what it depends on."""
+    claims = {
+        name: {
+            "basis": bases[name], "numbers": sorted(draws),
+            "draws": [as_text(draws[number]) for number in sorted(draws)],
+        }
+        for name, draws in made.items()
+    }  # fmt: skip
+    write_text(path, json.dumps({"paper": paper, "claims": claims}) + "\n")
+
+
+def read_chunks(paths: Iterable[Path], paper: str) -> MadeDraws:
+    """The draws in chunks of a paper, in whatever order.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, or of another paper.
+    """
+    found: dict[str, dict[str, dict[int, Numbers]]] = {}
+    for path in paths:
+        stored = parse(_Stored, read_json(path), str(path))
+        if stored.paper != paper:
+            raise InputError(str(path), f"is of {stored.paper}, must be of {paper}")
+        for name, one in stored.claims.items():
+            found.setdefault(name, {}).setdefault(one.basis, {}).update(one.made())
+    return found

@@ -1,0 +1,247 @@
+"""The registry: what each paper claims, where, and what decides it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+
+from reobserve.core.documents import Tree, read_yaml
+from reobserve.core.errors import InputError, located, nearest, shown
+from reobserve.core.validation import Text, distinct, items
+from reobserve.replication.claims.checks import THEORY, Check, Reference
+from reobserve.replication.claims.choices import Choice, find_choice
+from reobserve.replication.meanings import Meanings, meanings
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import claims_path
+from reobserve.replication.parameters.parameter_file import Interval, Model, parse_file
+
+HEADLINES = (2, 4)  # so many claims of a paper may be its headlines
+
+References = Annotated[
+    Annotated[str, Tag("one")] | Annotated[Annotated[list[str], items()], Tag("several")],
+    Discriminator(lambda value: "several" if isinstance(value, list) else "one"),
+]
+
+
+class CheckEntry(Model):
+    """What must be true of some numbers behind figures."""
+
+    value: References = Field(description="FIGURE OBSERVER METRIC, or a list of such.")
+    over: References | None = Field(None, description="What each is divided by.")
+    minus: References | None = Field(None, description="What is taken from each.")
+    below: float | None = None
+    above: float | None = None
+    within: Interval | None = None
+    falling: Literal[True] | None = None
+    rising: Literal[True] | None = None
+    exists: bool | None = None
+    share: Annotated[float, Field(gt=0, le=1)] | None = Field(
+        None, description="The least part of the list for which it must be true."
+    )
+
+
+class ClaimEntry(Model):
+    """One claim of a paper: either checks with a reason, or why nothing can test it."""
+
+    place: Text
+    says: Text
+    headline: bool = False
+    checks: Annotated[list[CheckEntry], items()] | None = None
+    why: Text | None = Field(None, description="The reason for the bounds.")
+    threshold: Literal["stated", "before", "after"] | None = Field(
+        None,
+        description="Who set the bounds: the paper, or we, before or after the numbers were known.",
+    )
+    depends_on: Annotated[list[str], distinct] = Field(
+        [], description="Keys of parameters, patterns of keys, or groups of `choices`."
+    )
+    expensive: bool = Field(
+        False, description="Whether only the ends of ranges are tried for what reverses it."
+    )
+    not_testable: Text | None = None
+
+    @model_validator(mode="after")
+    def _either(self) -> ClaimEntry:
+        if (self.checks is not None and self.why is not None) == (self.not_testable is not None):
+            raise InputError("", "must have checks with a why, or not_testable")
+        if self.checks is not None and self.threshold is None:
+            problem = "is missing: say who set the bounds, stated, before or after"
+            raise InputError("threshold", problem)
+        return self
+
+
+class ClaimsFile(Model):
+    """The claims of a paper, ``config/claims/<paper>.yaml``."""
+
+    obstacles: Text = Field(description="What the paper leaves out.")
+    choices: dict[str, Annotated[list[str], items()]] = Field(
+        {}, description="Parameters that are often named together, by a name of the group."
+    )
+    claims: Annotated[
+        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ClaimEntry],
+        Field(min_length=1),
+    ]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of a paper, in our words.
+
+    ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
+    says who set them: the paper (`stated`), or we, `before` or `after` the numbers were known.
+    """
+
+    paper: str
+    name: str
+    place: str = ""
+    says: str = ""
+    headline: bool = False
+    checks: tuple[Check, ...] = ()
+    why: str = ""
+    threshold: str = ""
+    choices: tuple[Choice, ...] = ()
+    expensive: bool = False
+    testable: bool = True
+
+    @property
+    def figures(self) -> list[str]:
+        """The figures (or `THEORY`) whose numbers decide it, in order."""
+        return list(dict.fromkeys(ref.figure for check in self.checks for ref in check.references))
+
+    def references(self, figure: str) -> list[Reference]:
+        """The numbers of one figure (or `THEORY`) that decide it."""
+        found = [ref for check in self.checks for ref in check.references]
+        return [ref for ref in found if ref.figure == figure]
+
+    @property
+    def keys(self) -> list[str]:
+        """The ledger keys that it depends on."""
+        return [key for choice in self.choices for key in choice.keys]
+
+    @property
+    def knob_names(self) -> tuple[str, ...]:
+        """What each value is of that a draw chooses."""
+        return tuple(name for choice in self.choices for name in choice.names)
+
+
+@dataclass(frozen=True)
+class Registry:
+    """The claims of a paper, and the obstacles to replicating it."""
+
+    obstacles: str = ""
+    claims: list[Claim] = field(default_factory=list)
+
+
+def claims_file(project: Path, paper: str) -> Path:
+    """Where the claims of a paper are."""
+    return project / claims_path(paper)
+
+
+def read_claims(project: Path, paper: str) -> ClaimsFile:
+    """Read the claims of a paper as its file has them; raises `InputError` for what is wrong."""
+    return parse_file(ClaimsFile, read_yaml(claims_file(project, paper)), "claims", paper)
+
+
+def read_registry(project: Path, ledger: Ledger) -> Registry:
+    """The claims of a paper.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no YAML, or with the key of the first claim that is wrong: in
+        itself, or since there is no figure, metric or parameter that it names.
+    """
+    stated = read_claims(project, ledger.paper)
+    known = meanings(ledger.paper)
+    claims = []
+    for name, entry in stated.claims.items():
+        with located(f"claims.{ledger.paper}.{name}"):
+            claims.append(_claim(ledger, name, entry, stated.choices, known))
+    return Registry(stated.obstacles, claims)
+
+
+def amiss(claims: Sequence[Claim]) -> Iterator[str]:
+    """What is wrong with claims taken together, a sentence each."""
+    headlines, (least, most) = sum(claim.headline for claim in claims), HEADLINES
+    if claims and not least <= headlines <= most:
+        yield (
+            f"claims.{claims[0].paper}: {headlines} of them are headlines, must be {least} to "
+            f"{most}: with these the replication stands or falls"
+        )
+    said: dict[str, str] = {}
+    for claim in claims:
+        first = said.setdefault(claim.says, claim.name)
+        if first != claim.name:
+            place = f"claims.{claim.paper}.{claim.name}.says"
+            yield f"{place}: what {first} says, must be another claim"
+
+
+@cache
+def claims_text(project: Path, paper: str) -> Tree:
+    """The file of a paper's claims as it stands, to see whether it has changed.
+
+    Where it is not what it must be there is its problem instead; those who decide claims report it.
+    """
+    try:
+        tree = read_yaml(claims_file(project, paper))
+    except InputError as error:
+        return {"problem": str(error)}
+    return tree if isinstance(tree.get("claims"), dict) else {"problem": tree}
+
+
+def decisive(tree: Tree) -> Tree:
+    """What of a registry decides whether its claims hold, and over which draws: no wording."""
+    kept = ("checks", "depends_on", "expensive")
+    claims = {
+        name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
+        for name, body in tree.get("claims", {}).items()
+    }
+    return {"choices": tree.get("choices", {}), "claims": claims}
+
+
+def _claim(
+    ledger: Ledger, name: str, entry: ClaimEntry, groups: Mapping[str, list[str]], known: Meanings
+) -> Claim:
+    checks = []
+    for index, one in enumerate(entry.checks or ()):
+        with located(f"checks.{index}"):
+            checks.append(Check.parse(one.model_dump(exclude_none=True)))
+            _check_names(ledger, checks[-1], known)
+    return Claim(
+        ledger.paper,
+        name,
+        place=entry.place,
+        says=entry.says,
+        headline=entry.headline,
+        checks=tuple(checks),
+        why=entry.why or entry.not_testable or "",
+        threshold=entry.threshold or "",
+        choices=_choices(ledger, entry.depends_on, groups),
+        expensive=entry.expensive,
+        testable=entry.not_testable is None,
+    )
+
+
+def _check_names(ledger: Ledger, check: Check, known: Meanings) -> None:
+    """Refuse a figure that is not there, and a metric that the paper's code does not know."""
+    figures = [*ledger.tree["figures"], *([THEORY] if THEORY in ledger.tree else [])]
+    for reference in check.references:
+        if reference.figure not in figures:
+            problem = f"there is no {shown(reference.figure)}{nearest(reference.figure, figures)}"
+            raise InputError("figure", problem)
+        if known and not any(pattern.fullmatch(reference.metric) for pattern, _ in known):
+            names = [pattern.pattern.replace("\\", "") for pattern, _ in known]
+            problem = f"there is no {shown(reference.metric)}{nearest(reference.metric, names)}"
+            raise InputError("metric", problem)
+
+
+def _choices(
+    ledger: Ledger, named: Iterable[str], groups: Mapping[str, list[str]]
+) -> tuple[Choice, ...]:
+    patterns = [pattern for name in named for pattern in groups.get(name, [name])]
+    return tuple(find_choice(ledger, pattern) for pattern in dict.fromkeys(patterns))

@@ -1,0 +1,119 @@
+"""The table of all claims: what was measured, what was asked, the verdict and how firm it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from reobserve.core.errors import InputError
+from reobserve.core.files import COUNT, GAP, NAME, Kind
+from reobserve.replication.claims.bounds import rooms, tell_rooms
+from reobserve.replication.claims.checks import Numbers
+from reobserve.replication.claims.flips import Flip, is_number
+from reobserve.replication.claims.outcomes import outcome
+from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.robustness import Robustness
+from reobserve.replication.claims.verdicts import BROKEN, VERDICTS, verdict
+from reobserve.replication.parameters.ledger import Ledger, leaves
+
+HEADER = (
+    "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
+    "threshold", "room", "figures", "depends_on", "draws", "held", "share", "low", "high", "flip",
+    "problem",
+)  # fmt: skip
+
+NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+
+
+# A broken claim has a problem and nothing else; what depends on nothing was not drawn.
+KINDS = {
+    "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
+    "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+}  # fmt: skip
+
+
+def row(
+    claim: Claim, ledger: Ledger, numbers: Numbers, robustness: Robustness | None
+) -> dict[str, Any]:
+    """What is known of a claim; a number that it names and nobody has makes it broken."""
+    told: dict[str, Any] = {
+        "paper": claim.paper,
+        "claim": claim.name,
+        "headline": "yes" if claim.headline else "",
+        "place": claim.place,
+        "says": claim.says,
+        "why": claim.why,
+        "threshold": claim.threshold,
+        "figures": " ".join(claim.figures),
+        "depends_on": " ".join(claim.keys),
+    }
+    try:
+        stated = outcome(claim, numbers)
+        measured = "; ".join(check.told(numbers) for check in claim.checks)
+    except InputError as error:
+        problem = f"claims.{claim.paper}.{claim.name}: {error}"
+        return told | {"verdict": BROKEN, "problem": problem}
+    if robustness is not None and robustness.alike:
+        problem = (
+            f"claims.{claim.paper}.{claim.name}: all {robustness.draws} draws give the same "
+            "numbers, must name a choice that reaches them or depend on nothing"
+        )
+        return told | {"verdict": BROKEN, "problem": problem}
+    told["verdict"] = verdict(claim, ledger, stated.held, robustness)
+    if not claim.testable:
+        return told
+    drawn = [trial.outcome for trial in robustness.trials] if robustness else []
+    told |= {
+        "holds": "yes" if stated.held else "no",
+        "measured": measured,
+        "room": tell_rooms(rooms(claim, stated, drawn)),
+    }
+    if robustness is not None and robustness.draws:
+        low, high = robustness.interval()
+        told |= {
+            "draws": robustness.draws,
+            "held": robustness.held,
+            "share": f"{robustness.share:.4g}",
+            "low": f"{low:.4g}",
+            "high": f"{high:.4g}",
+            "flip": tell_flip(robustness.flip) if robustness.looked else NOT_LOOKED_FOR,
+        }
+    return told
+
+
+def broken_row(paper: str, problem: str) -> dict[str, Any]:
+    """In place of the claims of a paper whose registry cannot be read."""
+    return {"paper": paper, "claim": "all", "verdict": BROKEN, "problem": problem}
+
+
+def tell_flip(flip: Flip | None) -> str:
+    """A change of the ledger in words; nothing if none flips the claim."""
+    if flip is None:
+        return ""
+    if is_number(flip.start):
+        unit = _unit(flip)
+        return (
+            f"{flip.key} from {flip.start:.4g} to {flip.end:.4g}{unit and ' '}{unit} "
+            f"({100 * flip.size:.2g} % of its range)"
+        )
+    before, after = dict(leaves(flip.start)), dict(leaves(flip.end))
+    if before.keys() != after.keys():
+        return f"{flip.key} from {_spelled(before)} to {_spelled(after)}"
+    # Of a signal only what is different.
+    moved = [path for path in before if before[path] != after[path]]
+    place = f" {', '.join(str(path[-1]) for path in moved)}" if moved[0] else ""
+    start, end = (", ".join(str(side[path]) for path in moved) for side in (before, after))
+    return f"{flip.key}{place} from {start} to {end}"
+
+
+def _unit(flip: Flip) -> str:
+    """The unit of one number; of an entry with several that of its place, if it has a place."""
+    units = flip.unit.split(", ")
+    if len(units) == 1:
+        return "" if flip.unit == "1" else flip.unit
+    place = flip.key.rpartition(".")[2]
+    return units[int(place)] if place.isdigit() and int(place) < len(units) else ""
+
+
+def _spelled(found: Mapping[tuple[str | int, ...], Any]) -> str:
+    return " ".join(str(value) for value in found.values())

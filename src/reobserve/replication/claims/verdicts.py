@@ -1,0 +1,88 @@
+"""The word for what was found of a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.robustness import Robustness
+from reobserve.replication.parameters.ledger import Ledger
+
+REPRODUCED = "reproduced"
+CALIBRATED = "reproduced only by calibration"
+DEPENDS = "depends on unstated choices"
+CONTRADICTED = "contradicted"
+UNDECIDED = "undecided"
+NOT_TESTABLE = "not testable"
+BROKEN = "broken"
+VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, UNDECIDED, NOT_TESTABLE)
+
+
+def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | None) -> str:
+    """The verdict on a claim.
+
+    Parameters
+    ----------
+    claim
+        Of the paper of the ledger.
+    ledger
+        Says which of the values that the claim depends on were chosen for a claim.
+    held
+        Whether its checks hold with the ledger.
+    robustness
+        Over draws of what it depends on; None if that is nothing. Draws that do not decide
+        whether nine of ten readers would find the same leave the claim undecided.
+    """
+    if not claim.testable:
+        return NOT_TESTABLE
+    if held and chosen_keys(claim, ledger):
+        return CALIBRATED
+    if robustness is not None and robustness.draws:
+        if robustness.firm is None:
+            return UNDECIDED
+        if not robustness.firm:
+            return DEPENDS
+    return REPRODUCED if held else CONTRADICTED
+
+
+def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
+    """Those of the keys that a claim depends on whose values were chosen for a claim."""
+    entries = dict(ledger.entries())
+    return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
+
+
+def count(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, int]]:
+    """Claims by paper and verdict, from the rows of the table of claims."""
+    counts: dict[str, dict[str, int]] = {}
+    for row in rows:
+        paper = counts.setdefault(row["paper"], dict.fromkeys((*VERDICTS, BROKEN), 0))
+        paper[row["verdict"]] += 1
+    return counts
+
+
+def replicated(rows: Sequence[Mapping[str, str]]) -> bool:
+    """Whether a paper's replication is titled [Re], from the rows of its claims.
+
+    That is so if no headline claim is contradicted or broken, and more than half are reproduced.
+    """
+    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
+    return not failed and 2 * found.count(REPRODUCED) > len(found)
+
+
+def title_margin(rows: Sequence[Mapping[str, str]]) -> str:
+    """How near the title of a replication is to the other one; nothing without headline claims."""
+    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    if not found:
+        return ""
+    good = found.count(REPRODUCED)
+    failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
+    needed = len(found) // 2 + 1
+    told = f"{good} of {len(found)} headline claims are reproduced and {failed} contradicted"
+    if replicated(rows):
+        lost = good - needed + 1
+        return f"{told}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"
+    wanted = [f"{failed} fewer contradicted"] if failed else []
+    # One that is no longer contradicted may be one that is reproduced.
+    wanted += [f"{needed - good} more reproduced"] if needed > good else []
+    return f"{told}; it would be [Re] with {' and '.join(wanted)}"

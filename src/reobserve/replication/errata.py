@@ -1,0 +1,63 @@
+"""Errors and inconsistencies of a paper, each with the test that shows it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
+from reobserve.core.validation import Text
+from reobserve.replication.parameters.parameter_file import Model, parse_file
+
+
+class ErratumEntry(Model):
+    """An error of a paper: what it prints, the correction, and the test that shows it."""
+
+    place: Text
+    printed: Text
+    corrected: Text
+    why: Text
+    certainty: Literal["certain", "likely", "copy"] = Field(
+        description="It contradicts the paper or a computation; nothing else fits; or it may come "
+        "from the copy at hand, in which signs, primes and indices can be lost."
+    )
+    test: Annotated[str, StringConstraints(pattern=r"^tests/[a-z_/]+\.py::test_\w+$")]
+
+
+class Erratum(ErratumEntry):
+    """An error of a paper, with its name."""
+
+    name: str
+
+
+class ErrataFile(Model):
+    """The errata of a paper, ``config/errata/<paper>.yaml``."""
+
+    errata: Annotated[
+        dict[Annotated[str, StringConstraints(pattern=r"^[a-z0-9_]+$")], ErratumEntry],
+        Field(min_length=1),
+    ]
+
+
+def errata_file(project: Path, paper: str) -> Path:
+    """Where the errata of a paper are."""
+    return project / "config" / "errata" / f"{paper}.yaml"
+
+
+def read_errata(project: Path, paper: str) -> tuple[Erratum, ...]:
+    """Read the errata of a paper, in file order.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no YAML, or with the key of what is wrong.
+    """
+    tree = read_yaml(errata_file(project, paper))
+    found = parse_file(ErrataFile, tree, "errata", paper).errata
+    for name, erratum in found.items():
+        if erratum.printed == erratum.corrected:
+            raise InputError(f"errata.{paper}.{name}.corrected", "is what is printed")
+    return tuple(Erratum(name=name, **one.model_dump()) for name, one in found.items())

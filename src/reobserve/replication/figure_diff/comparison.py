@@ -1,0 +1,116 @@
+"""Everything that was built or accepted, compared: pictures, golden numbers and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError, ReobserveError
+from reobserve.replication.figure_diff import pixels
+from reobserve.replication.golden import claims as golden_claims
+from reobserve.replication.golden.comparison import Moved, compare_built
+from reobserve.replication.golden.files import golden_files
+from reobserve.replication.golden.values import part_names
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.names import stored_parameters
+
+# Plots of Monte Carlo samples, whose verdicts are compared.
+_OF_SAMPLES = ("specification", "sensitivity")
+
+
+@dataclass
+class Item:
+    """A figure, a table, the theory or the claims of a paper, and what is different about it.
+
+    ``reference`` and ``new`` are the pictures of a figure, None where there is none. ``problems``
+    are sentences on what is missing or cannot be compared.
+    """
+
+    paper: str
+    name: str
+    reference: Path | None = None
+    new: Path | None = None
+    pixels: pixels.PixelDifference | None = None
+    moved: list[Moved] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def verdict(self) -> str:
+        """In a few words, the gravest first."""
+        if self.problems:
+            return "not compared"
+        differs = self.moved or (self.pixels is not None and self.pixels.exceeded)
+        return "moved" if differs else "agrees"
+
+    @contextmanager
+    def problem_noted(self) -> Iterator[None]:
+        """Note an error as a problem, so that the rest is compared all the same."""
+        try:
+            yield
+        except ReobserveError as error:
+            self.problems.append(str(error))
+
+
+def figures(folder: Path) -> dict[str, Path]:
+    """The pictures in a folder, by figure."""
+    paths = sorted(folder.glob("*.png"))
+    return {path.stem: path for path in paths if path.stem not in _OF_SAMPLES}
+
+
+def compare_all(project: Path, reference: Path, results: Path) -> list[Item]:
+    """An item for each figure, table and theory of the papers to build, and for their claims."""
+    stated = read_yaml(project / "config" / "config.yaml").get("papers", [])
+    papers: list[str] = stated or known_papers(project)
+    items = [
+        item
+        for paper in papers
+        for item in _compare_paper(project, reference / paper, results / paper, paper)
+    ]
+    return [*items, *_compare_claims(project, results, papers)]
+
+
+def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> Iterator[Item]:
+    tree: Mapping[str, Any] = {"figures": {}}
+    no_parameters = ""
+    try:
+        tree = Ledger.read(built / Path(stored_parameters(paper)).name).tree
+    except InputError as error:
+        no_parameters = str(error)
+    accepted, drawn, golden = figures(reference), figures(built), golden_files(project, paper)
+    for name in sorted({*accepted, *drawn, *golden, *part_names(tree)}):
+        item = Item(paper, name, accepted.get(name), drawn.get(name))
+        if item.reference and item.new:
+            with item.problem_noted():
+                old, new = map(pixels.read_pixels, (item.reference, item.new))
+                item.pixels = pixels.compare(old, new, f"{paper} {name}")
+        elif item.reference:
+            item.problems.append("the figure was not built")
+        elif item.new:
+            item.problems.append("there is no accepted figure")
+        if no_parameters:
+            item.problems.append(no_parameters)
+        elif name not in part_names(tree):
+            item.problems.append("is not in the parameter file")
+        else:
+            with item.problem_noted():
+                item.moved = compare_built(project, built, tree, paper, name)
+        yield item
+
+
+def _compare_claims(project: Path, results: Path, papers: list[str]) -> list[Item]:
+    """The verdicts on the claims of each paper that has some, accepted or built."""
+    try:
+        golden = golden_claims.read_golden(project)
+        found = golden_claims.read_built(results)
+    except InputError as error:
+        return [Item("all papers", "claims", problems=[str(error)])]
+    return [
+        Item(paper, "claims", moved=list(golden_claims.compare(golden, found, paper)))
+        for paper in papers
+        if paper in golden or paper in found
+    ]

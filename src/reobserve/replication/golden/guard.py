@@ -1,0 +1,55 @@
+"""Who may accept figures and numbers: a person, with a reason, on a tree without other changes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+
+from reobserve.core.errors import ReobserveError
+
+
+def check_may_accept(project: Path, reason: str) -> None:
+    """Raise `ReobserveError` in CI, without a reason, or if the tree has uncommitted changes."""
+    if os.environ.get("CI", "").lower() not in ("", "0", "false"):
+        raise ReobserveError("nothing is accepted in CI: the variable CI is set")
+    if len(reason.split()) < 3:
+        raise ReobserveError(
+            f"the reason {reason!r} must say in three words or more why the numbers move"
+        )
+    changed = _changed(project)
+    if changed:
+        raise ReobserveError(
+            f"the tree has {len(changed)} uncommitted changes, the first is {changed[0][3:]!r}; "
+            "commit them first, so that the history shows which change moved the numbers"
+        )
+
+
+def _changed(project: Path) -> list[str]:
+    """What git says of each file that differs from the last commit."""
+    status = subprocess.run(
+        ["git", "status", "--porcelain"], cwd=project, capture_output=True, text=True, check=False
+    )
+    if status.returncode:
+        raise ReobserveError(
+            f"figures and numbers are accepted in a git checkout: {status.stderr.strip()}"
+        )
+    return status.stdout.splitlines()
+
+
+def keep_reason(project: Path, reason: str, moved: str) -> None:
+    """Add the reason to the log beside the golden numbers, with the commit that it belongs to.
+
+    ``moved`` says in a few words how much did. Without a changed file nothing is added.
+    """
+    if not _changed(project):
+        return
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"],
+        cwd=project, capture_output=True, text=True, check=True,
+    ).stdout.strip()  # fmt: skip
+    log = project / "tests" / "golden" / "REASONS.md"
+    today = datetime.now(tz=UTC).date().isoformat()
+    with log.open("a", encoding="utf-8") as stream:
+        stream.write(f"- {today}, at {commit}: {' '.join(reason.split())} ({moved})\n")

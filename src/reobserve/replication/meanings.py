@@ -1,0 +1,75 @@
+"""What numbers mean, as papers say beside the code that computes them; the lists for readers.
+
+A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
+stands for what differs. What its docstring says after the first sentence introduces them.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from reobserve.core.errors import InputError
+from reobserve.core.files import read_text, write_text
+from reobserve.replication.parameters.config import known_papers
+from reobserve.replication.steps import paper_module
+
+LISTS = "results/README.md"
+
+# Between these the file holds the lists.
+_BEGIN, _END = "<!-- metrics -->\n", "<!-- end -->\n"
+
+Meanings = list[tuple[re.Pattern[str], str]]
+
+
+def meanings(paper: str) -> Meanings:
+    """What metrics of a paper mean, by patterns of their names; empty if it does not say."""
+    try:
+        stated: Mapping[str, str] = getattr(paper_module(paper, "metrics"), "MEANINGS", {})
+    except InputError:
+        return []
+    found = [(pattern(name), text.replace("`", "")) for name, text in stated.items()]
+    # The exact name explains better than a pattern that happens to fit.
+    return sorted(found, key=lambda pair: pair[0].pattern.count(".+"))
+
+
+def pattern(name: str) -> re.Pattern[str]:
+    """The names that a name with ``<word>`` in it stands for."""
+    parts = re.split(r"(<\w+>)", name)
+    return re.compile("".join(".+" if part[:1] == "<" else re.escape(part) for part in parts))
+
+
+def list_metrics(papers: Iterable[str]) -> str:
+    """The metrics of papers in Markdown: a list for each that says what they are."""
+    modules = {paper: paper_module(paper, "metrics") for paper in papers}
+    return "\n".join(
+        _list(paper, module.__doc__ or "", module.MEANINGS)
+        for paper, module in modules.items()
+        if hasattr(module, "MEANINGS")
+    )
+
+
+def write_lists(project: Path) -> None:
+    """Put the lists of all papers in their place in ``results/README.md``.
+
+    Raises
+    ------
+    InputError
+        If the file has no such place, or cannot be read.
+    """
+    path = project / LISTS
+    before, begin, rest = read_text(path).partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise InputError(str(path), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
+    write_text(path, f"{before}{begin}\n{list_metrics(known_papers(project))}\n{end}{after}")
+
+
+def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:
+    _, *paragraphs = docstring.strip().split("\n\n")
+    told = [textwrap.fill(" ".join(one.split()), 100) + "\n\n" for one in paragraphs]
+    rows = [f"| `{name}` | {text.replace('|', chr(92) + '|')} |" for name, text in stated.items()]
+    table = "\n".join(["| metric | what it is |", "|---|---|", *rows])
+    return f"## Metrics of `{paper}`\n\n{''.join(told)}{table}\n"

@@ -1,0 +1,36 @@
+"""What stands behind a figure: all that its numbers and its drawing are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from reobserve.replication.metrics.metrics import Numbers
+from reobserve.replication.metrics.study_table import StudyTable
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Series
+
+
+@dataclass(frozen=True)
+class FigureData:
+    """The job of a figure with its records.
+
+    Attributes
+    ----------
+    job
+        The branches of the ledger that the figure sees.
+    plant
+        The record of its scenario.
+    estimates
+        Those of its observers, by name.
+    study
+        The table of its study; empty if it has none.
+    metrics
+        Its numbers, for those who draw.
+    """
+
+    job: Job
+    plant: Series
+    estimates: Mapping[str, Series]
+    study: StudyTable = field(default_factory=StudyTable)
+    metrics: Numbers = field(default_factory=Numbers)

@@ -1,0 +1,52 @@
+"""Names that a checkout gives to its files, and that a paper gives to its modules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+# The sections of a parameter file, by the name of one of their branches.
+SECTIONS = {
+    "scenario": "scenarios",
+    "design": "designs",
+    "observer": "observers",
+    "study": "studies",
+    "search": "searches",
+    "table": "tables",
+    "figure": "figures",
+}
+
+DEFAULT_STYLE = "default"
+
+_PAPERS = Path(__file__).parents[2] / "papers"  # a package for each paper, or a module
+
+
+def paper_part(paper: str, part: str) -> str:
+    """The module in which a paper has a part: its own, or that of the whole paper."""
+    whole = (_PAPERS / f"{paper}.py").is_file()
+    return f"reobserve.papers.{paper}" if whole else f"reobserve.papers.{paper}.{part}"
+
+
+def stored_parameters(paper: str) -> str:
+    """The path, in a project, of a paper's parameters with the overrides of the last build."""
+    return f"results/{paper}/parameters.json"
+
+
+def claims_path(paper: str) -> str:
+    """The path of a paper's claims, in a project."""
+    return f"config/claims/{paper}.yaml"
+
+
+def samples_path(paper: str) -> str:
+    """The path of the cached Monte Carlo samples of a paper's claims, in a project."""
+    return f"config/draws/{paper}.json"
+
+
+def style_sheet(name: str) -> str:
+    """The path of a style sheet, in a project."""
+    return f"config/styles/{name}.mplstyle"
+
+
+def caption_template(project: Path, paper: str, name: str, general: str) -> str:
+    """The path of a caption's template: the figure's or table's own, or the ``general`` one."""
+    own = f"workflow/report/{paper}/{name}.rst"
+    return own if (project / own).is_file() else f"workflow/report/{general}.rst"

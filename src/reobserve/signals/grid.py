@@ -1,0 +1,87 @@
+"""The time grid of a paper's plant, and what must fit it: observers' steps, held noise."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import as_positive
+
+MOST_STEPS = 100_000_000  # of anything: more is a slip, and fits no memory
+
+
+class Recorded(Protocol):
+    """A plant's settings, as far as its record goes."""
+
+    @property
+    def horizon(self) -> float:
+        """How long it is simulated [s]."""
+
+    @property
+    def step(self) -> float:
+        """The time between two samples [s]."""
+
+
+class Noisy(Recorded, Protocol):
+    """The same with noise that is held."""
+
+    @property
+    def noise_period(self) -> float:
+        """For how long [s]."""
+
+
+def multiple(name: str, interval: float, step: float, what: str) -> int:
+    """How often ``step`` fits into ``interval``; `InputError` if that is no whole number."""
+    ratio = interval / step
+    if ratio > MOST_STEPS:
+        raise InputError(
+            name, f"{interval:g} s is {ratio:.3g} steps, must be {MOST_STEPS:g} at most"
+        )
+    count = round(ratio)
+    if count < 1 or abs(count * step - interval) > 1e-9 * interval:
+        raise InputError(name, f"{interval:g} s must be a whole multiple of {what}, {step:g} s")
+    return count
+
+
+def plant_grid(plant: Recorded, most_steps: int) -> tuple[int, float]:
+    """The number of plant steps and the step [s].
+
+    Raises
+    ------
+    InputError
+        If horizon or step are not positive, do not fit, or make more than ``most_steps``.
+    """
+    with located("plant"):
+        step = as_positive("step", plant.step)
+        horizon = as_positive("horizon", plant.horizon)
+        if horizon > most_steps * step:
+            raise InputError(
+                "horizon",
+                f"{horizon:g} s is {horizon / step:.3g} steps, must be {most_steps:g} at most",
+            )
+        return multiple("horizon", horizon, step, "the step"), step
+
+
+def stride(plant: Recorded, sampling_period: Any) -> int:
+    """Plant samples in half a step of an observer; `InputError` if that is no whole number."""
+    step = as_positive("plant.step", plant.step)
+    half = 0.5 * as_positive("sampling_period", sampling_period)
+    return multiple("sampling_period", half, step, "plant.step, two in a step")
+
+
+def noise_hold(plant: Noisy) -> int:
+    """Plant samples for which noise is held; an even number, so that it jumps between steps.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive or no multiple of two plant steps.
+    """
+    period = as_positive("plant.noise_period", plant.noise_period)
+    step = plant.step
+    hold = round(period / step)
+    if hold < 2 or hold % 2 or abs(hold * step - period) > 1e-9 * period:
+        raise InputError(
+            "plant.noise_period", f"{period:g} s must be a multiple of {2 * step:g} s (two samples)"
+        )
+    return hold

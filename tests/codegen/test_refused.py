@@ -1,0 +1,71 @@
+"""What cannot be exported, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.estimation.designs.export_command import exported
+from reobserve.codegen.program_of import program_of
+from reobserve.core.errors import InputError
+from reobserve.observers.kalman import KalmanFilter
+from tests.codegen import cases
+
+DESIGN, _ = cases.designed("kalman")
+KALMAN = KalmanFilter(cases.model())
+
+
+class Own(KalmanFilter):
+    """An observer of a user's own."""
+
+
+def bank(*filters: Any) -> Callable[[], Any]:
+    return lambda: program_of(*cases.bank(*filters))
+
+
+def columns(name: str, y: int, u: int) -> Callable[[], Any]:
+    return lambda: program_of(*cases.observer_of(name), (y, u))
+
+
+ONE_KIND = "observer: cannot be exported: its filters must all be Kalman filters, or all SVSFs of"
+REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
+    "another language": (
+        lambda: exported(DESIGN, "java", "swing"),
+        "to: 'java' must be one of c, python, latex, json",
+    ),
+    "a name from a digit on": (
+        lambda: exported(DESIGN, "c", "2nd"),
+        "name: '2nd' must be an identifier of C and Python",
+    ),
+    "a name of another alphabet": (
+        lambda: exported(DESIGN, "c", "größe"),
+        "name: 'größe' must be an identifier of C and Python",
+    ),
+    "no observer": (lambda: program_of(3), "observer: 3 must be an observer"),  # type: ignore[arg-type]
+    "an observer of one's own": (
+        lambda: program_of(Own(cases.model())),
+        "observer: a Own cannot be exported; ",
+    ),
+    "columns of another number": (columns("kalman", 1, 1), "columns: (1, 1) must be (2, 1), or 1"),
+    "inputs of another number": (columns("relay", 2, 3), "columns: (2, 3) must be (2, 2), or 1"),
+    "a bank of two kinds": (bank(KALMAN, KALMAN, cases.switching("pseudo")), ONE_KIND),
+    "a bank of two laws": (
+        bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),
+        ONE_KIND,
+    ),
+    "a gain that settles": (
+        lambda: program_of(*cases.extended(initial_matrix=np.eye(3))),
+        "observer: with an initial_matrix cannot be exported: its gain is another at each sample",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_exported_is_told(case: str) -> None:
+    call, said = REFUSED[case]
+    with pytest.raises(InputError) as error:
+        call()
+    assert str(error.value).startswith(said)

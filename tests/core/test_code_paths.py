@@ -1,0 +1,75 @@
+"""Code paths are pinned before numpy starts, without a warning, and never against the user."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+
+import pytest
+from numpy._core import _multiarray_umath as simd
+
+from reobserve.core.code_paths import DISABLED, ENABLED, KERNEL, THREADS, unpinned
+
+pytestmark = pytest.mark.skipif(
+    platform.machine().lower() not in ("x86_64", "amd64"), reason="nothing is pinned elsewhere"
+)
+
+PIN = "from reobserve.core.code_paths import pin_code_paths; pinned = pin_code_paths(); "
+LOOK = (
+    "from numpy._core import _multiarray_umath as numpy; "
+    "print([name for name in numpy.__cpu_dispatch__ if numpy.__cpu_features__[name]]); "
+)
+
+
+def run(code: str, **variables: str) -> list[str]:
+    """What a new process prints, in which a warning is an error."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env=unpinned(dict(os.environ)) | variables, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+def test_numpy_dispatches_nothing_and_nothing_warns() -> None:
+    show = f"import os; print(pinned, os.environ['{KERNEL}'], os.environ['{THREADS[0]}'])"
+    assert run(PIN + LOOK + show) == ["[]", "True Nehalem 1"]
+
+
+def test_these_tests_run_with_what_they_pin() -> None:
+    """No plugin has imported numpy before; unless something is set outside."""
+    found = [name for name in simd.__cpu_dispatch__ if simd.__cpu_features__[name]]
+    assert found == [] or os.environ.get(ENABLED) != " "
+
+
+def test_what_the_user_has_set_wins() -> None:
+    show = f"import os; print(pinned, os.environ['{KERNEL}'])"
+    assert run(PIN + show, **{KERNEL: "Haswell"}) == ["False Haswell"]
+    # numpy refuses to start where features are enabled and disabled by name.
+    everything = run(LOOK)
+    some = run("import numpy; print(numpy._core._multiarray_umath.__cpu_dispatch__[0])")[0]
+    found = run(PIN + LOOK + "print(pinned)", **{DISABLED: some} if some in everything[0] else {})
+    assert found[-1] == str(some not in everything[0])
+    assert run(PIN + LOOK + "print(pinned)", **{ENABLED: ""}) == [*everything, "False"]
+
+
+def test_numpy_that_is_there_already_is_said() -> None:
+    assert run(f"import numpy; {PIN} print(pinned)") == ["False"]
+
+
+def test_the_library_pins_nothing() -> None:
+    code = "import os; before = dict(os.environ); import reobserve.observers.imm; "
+    assert run(f"{code} print(dict(os.environ) == before)") == ["True"]
+
+
+def test_the_kernel_is_the_one_that_was_asked_for() -> None:
+    """A product of matrices, whose sums each kernel orders in its own way, is the pinned one."""
+    code = (
+        "import numpy as np; rng = np.random.default_rng(0); a = rng.standard_normal((40, 40)); "
+        "print((a @ a).tobytes().hex()[:4000])"
+    )
+    pinned = run(PIN + code)
+    assert pinned == run(code, **{KERNEL: "Nehalem", ENABLED: " "})

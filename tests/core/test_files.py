@@ -1,0 +1,405 @@
+"""Outputs replace regular files only; tables, columns and pictures are checked whole."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import subprocess
+import sys
+import zlib
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+
+from reobserve.cli.main import main
+from reobserve.core.errors import InputError
+from reobserve.core.files import (
+    COUNT,
+    GAP,
+    NAME,
+    NUMBER,
+    SCORE,
+    WHOLE,
+    YES_NO,
+    Kind,
+    read_columns,
+    read_table,
+    write_text,
+    write_whole,
+)
+from reobserve.replication.figure_diff.pixels import read_pixels
+from reobserve.replication.metrics.metrics import lookup, read_metrics
+from tests.pipeline.conftest import ROOT
+
+Capture = pytest.CaptureFixture[str]
+
+
+# --- Outputs ------------------------------------------------------------------------------------
+
+
+def test_outputs_replace_regular_files_only(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    target.write_text("kept")
+    (tmp_path / "link").symlink_to(target)
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "folder").mkdir()
+    read_only = tmp_path / "read_only"
+    read_only.write_text("kept")
+    read_only.chmod(0o444)  # also root keeps it
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(str(tmp_path / "socket"))
+    before = sorted(os.listdir(tmp_path))
+    for name, said in (
+        ("link", "is a symbolic link, only regular files are replaced"),
+        ("dangling", "is a symbolic link, only regular files are replaced"),
+        ("fifo", "is a fifo, only regular files are replaced"),
+        ("socket", "is a socket, only regular files are replaced"),
+        ("folder", "is a folder, only regular files are replaced"),
+        ("read_only", "is read-only, and so it is not replaced"),
+    ):
+        with pytest.raises(InputError) as caught:
+            write_text(tmp_path / name, "new")
+        assert str(caught.value) == f"{tmp_path / name}: {said}"
+    listener.close()
+    for path in ("/dev/null", "/dev/full"):
+        with pytest.raises(InputError, match="is a device, only regular files are replaced"):
+            write_text(path, "new")
+    assert sorted(os.listdir(tmp_path)) == before
+    assert target.read_text() == read_only.read_text() == "kept"
+
+
+def test_the_file_beside_does_not_follow_a_link(tmp_path: Path) -> None:
+    """What stands under the name of the half-written file is replaced, not written through."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("kept")
+    (tmp_path / ".a.txt.partial").symlink_to(elsewhere)
+    write_text(tmp_path / "a.txt", "new")
+    assert elsewhere.read_text() == "kept"
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert sorted(os.listdir(tmp_path)) == ["a.txt", "elsewhere"]
+    (tmp_path / ".a.txt.partial").mkdir()
+    with pytest.raises(InputError, match=r"a.txt: cannot be written"):
+        write_text(tmp_path / "a.txt", "newer")
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_two_that_write_one_file_at_once_take_turns(tmp_path: Path) -> None:
+    """One ended with "No such file": the other had moved what it was writing."""
+    path, begun, go_on = tmp_path / "a.txt", Event(), Event()
+
+    def slowly(partial: Path) -> None:
+        partial.write_text("first", encoding="utf-8")
+        begun.set()
+        assert go_on.wait(10)
+
+    with ThreadPoolExecutor(2) as both:
+        first = both.submit(write_whole, path, slowly)
+        assert begun.wait(10)
+        second = both.submit(write_text, path, "second")
+        ended = wait([second], 0.2).done
+        go_on.set()
+        first.result()
+        second.result()
+    assert ended == set()
+    assert path.read_text() == "second"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.parametrize("output", ["", ".", "/", "..", "a\0b", "x" * 300])
+def test_an_output_that_is_no_file_is_one_sentence(
+    output: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", output]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("reobserve: ")
+    assert said.count("\n") == 1
+    assert os.listdir(tmp_path) == []
+
+
+# --- Tables -------------------------------------------------------------------------------------
+
+HEADER = ("name", "run", "level", "value")
+KINDS = {"run": WHOLE, "level": GAP, "value": SCORE}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a,1,0.5,nan\na,2,,inf\n", ""),
+        ("a,1.5,1,1\n", r"line 2, run: '1.5' must be a whole number$"),
+        ("a,1,x,1\n", r"line 2, level: 'x' must be a finite number or empty$"),
+        ("a,1,nan,1\n", r"line 2, level: 'nan' must be a finite number or empty$"),
+        ("a,1,1,\n", r"line 2, value: '' must be a number, nan or inf$"),
+        ("a,1,1,1e999\n", r"line 2, value: '1e999' must be"),
+        ("a,1,1,1_0\n", r"line 2, value: '1_0' must be"),
+        ("a,1,1,٣\n", r"line 2, value: '٣' must be"),
+        ("a,1,1," + "9" * 20_000 + "\n", r"line 2, value: '9+...9+' must be"),
+        ("a,1,1,1\nb,2,1,1\na,1,2,2\n", r"line 4 repeats 'a, 1'$"),
+        ("a,1,1\n", r"line 2 has not 4 cells$"),
+        ("a,1,1,1,1\n", r"line 2 has not 4 cells$"),
+        ("\n", r"line 2 has not 4 cells$"),
+        ('"a,1,1,1\n', r"cannot be read \(unexpected end of data\)$"),
+        ("a" * 200_000 + ",1,1,1\n", r"cannot be read \(field larger than field limit"),
+    ],
+)
+def test_a_table_is_checked_whole(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(",".join(HEADER) + "\n" + text)
+    if not said:
+        assert len(read_table(path, HEADER, KINDS, ("name", "run"))) == 2
+        return
+    with pytest.raises(InputError, match=said) as caught:
+        read_table(path, HEADER, KINDS, ("name", "run"))
+    assert len(str(caught.value)) < 1000
+
+
+CELLS = (
+    "",
+    "3",
+    "-3",
+    "2.5",
+    "1e3",
+    "nan",
+    "-inf",
+    "m/s",
+    "word",
+    "yes",
+    " ",
+    "1" * 16,
+    "1_0",
+    "³",
+)
+ALLOWED: dict[str, tuple[Kind, set[str]]] = {
+    "number": (NUMBER, {"3", "-3", "2.5", "1e3", "1" * 16}),
+    "score": (SCORE, {"3", "-3", "2.5", "1e3", "1" * 16, "nan", "-inf"}),
+    "gap": (GAP, {"", "3", "-3", "2.5", "1e3", "1" * 16}),
+    "whole": (WHOLE, {"3", "-3"}),
+    "count": (COUNT, {"", "3", "-3"}),
+    "name": (NAME, set(CELLS) - {"", " "}),
+    "yes or no": (YES_NO, {"yes"}),
+}
+
+
+@pytest.mark.parametrize("kind", ALLOWED)
+def test_what_cells_of_a_kind_may_be(kind: str) -> None:
+    found, allowed = ALLOWED[kind]
+    assert {cell for cell in CELLS if found.allows(cell)} == allowed
+
+
+def test_a_table_that_is_not_utf8_or_empty_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    for content, said in (
+        (b"name\nn\xe9e\n", r"cannot be read \(byte 7 is not UTF-8\)$"),
+        (b"", r"has the columns \[\], must have \['name'\]$"),
+        (b"x" * 30_000, r"has the columns \['x+...x+'\], must have"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=said):
+            read_table(path, ["name"])
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("a,rms,half,V", r"line 2, value: 'half' must be a number, nan or inf$"),
+        ("a,rms,1,furlongs", r"line 2, unit: 'furlongs' must be a unit$"),
+        ("a,rms,1,V/", r"line 2, unit: 'V/' must be a unit$"),
+        (",rms,1,V", r"line 2, observer: '' must be a name$"),
+        ("a,rms,1,V\na,rms,2,V", r"line 3 repeats 'a, rms'$"),
+    ],
+)
+def test_metrics_are_numbers_with_units_each_once(tmp_path: Path, row: str, said: str) -> None:
+    path = tmp_path / "metrics.csv"
+    path.write_text(f"observer,metric,value,unit\n{row}\n")
+    with pytest.raises(InputError, match=said):
+        read_metrics(path)
+    path.write_text('observer,metric,value,unit\na,rms,nan,"rad, N m/s^2"\n')
+    with pytest.raises(InputError, match=r"^metrics: there is no 'lag' of 'a'$"):
+        _ = lookup(read_metrics(path))["a", "lag"]
+
+
+# --- Columns of users -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("time,n\xe9e\n0,1\n".encode("latin-1"), r"cannot be read \(.+\)$"),
+        (b"time,a\n0,1\n1,\n", r"column 'a', row 2 is empty, must be a number$"),
+        (b"time,a\n0,1\n1,NA\n", r"column 'a', row 2 is 'NA', must be a number$"),
+        (b"time,a\n0,1+2j\n", r"column 'a', row 1 is '1\+2j', must be a number$"),
+        (b"time,a\n0,true\n", r"column 'a', row 1 is True, must be a number$"),
+        (b"time,a\n0,2007-05-01\n", r"column 'a', row 1 is an object of type date, must"),
+        (b"time,time\n0,1\n", r"has the column 'time' twice$"),
+        (b"\0\0\0", r"cannot be read|must be"),
+    ],
+)
+def test_columns_of_a_user_are_numbers(tmp_path: Path, content: bytes, said: str) -> None:
+    path = tmp_path / "torque.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said) as caught:
+        read_columns(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_columns_of_a_parquet_file_are_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "torque.parquet"
+    for column, said in (
+        (pa.array([1.0, None]), "row 2 is empty"),
+        (pa.array(["1", "x"]), "row 2 is 'x', must be a number"),
+        (pa.array([[1.0], [2.0]]), r"row 1 is \[1.0\], must be a number"),
+        (pa.array([2**60 + 1, 1]), "cannot be read"),
+        (pa.array(["1", "2"]), "is of the type string, must be numbers"),
+    ):
+        parquet.write_table(pa.table({"a": column}), path)
+        with pytest.raises(InputError, match=f"column 'a',? ?{said}"):
+            read_columns(path)
+    parquet.write_table(pa.table({"a": pa.array([1, 2], pa.int8())}), path)
+    assert read_columns(path)["a"].tolist() == [1.0, 2.0]
+
+
+# --- Pictures -------------------------------------------------------------------------------------
+
+
+def png(width: int, height: int, *rows: bytes) -> bytes:
+    """A grey picture that says how large it is, whatever it holds."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        check = zlib.crc32(name + content)
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    data = zlib.compress(b"".join(b"\0" + row for row in rows))
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+    )
+
+
+@pytest.mark.parametrize("size", [5_000, 12_000, 60_000, 2**31 - 1])
+def test_a_picture_too_large_to_decode_is_refused(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "bomb.png"
+    path.write_bytes(png(size, size))
+    with pytest.raises(InputError, match=r"bomb.png: (has \d+ x \d+ pixels|is damaged)") as caught:
+        read_pixels(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "small.png"
+    path.write_bytes(png(3, 2, b"\0\x80\xff", b"\x10\x20\x30"))
+    expected = np.array([[0, 128, 255], [16, 32, 48]])
+    np.testing.assert_array_equal(read_pixels(path)[:, :, 0], expected)
+    path.write_bytes(b"GIF89a" + b"\0" * 50)
+    with pytest.raises(InputError, match="is no picture"):
+        read_pixels(path)
+
+
+# --- The command line -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["stage", "parameters", "ilo", "--seed", "-5"],
+            "--seed: '-5' must be a whole number from 0 to 9007199",
+        ),
+        (
+            ["stage", "parameters", "ilo", "--seed", "x" * 20_000],
+            "must be a whole number from 0 to",
+        ),
+        (
+            ["stage", "robustness", "l.json", "--draws", "-3"],
+            "--draws: '-3' must be a whole number from 1",
+        ),
+        (
+            ["stage", "robustness", "l.json", "--draws", "0"],
+            "--draws: '0' must be a whole number from 1 to",
+        ),
+        (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
+        (
+            ["stage", "parameters", "ilo", "--overrides", "[" * 20_000],
+            "is nested deeper than 40 levels",
+        ),
+        (
+            ["stage", "parameters", "ilo", "--overrides", '{"a": NaN}'],
+            "a: nan must be a finite number",
+        ),
+        (
+            ["stage", "parameters", "ilo", "--overrides", '{"a": 1, "a": 1}'],
+            "has the key 'a' twice",
+        ),
+    ],
+)
+def test_odd_arguments_are_refused_when_they_are_parsed(
+    arguments: list[str], said: str, tmp_path: Path, capsys: Capture
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main([*arguments, "--output", str(tmp_path / "out")])
+    assert caught.value.code == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert said in last
+    assert len(last) < 1000
+    assert os.listdir(tmp_path) == []
+
+
+def test_claims_of_a_paper_that_there_is_not(tmp_path: Path, capsys: Capture) -> None:
+    arguments = [
+        "stage",
+        "claims",
+        "nope",
+        "--project",
+        str(ROOT),
+        "--output",
+        str(tmp_path / "c.csv"),
+    ]
+    assert main(arguments) == 1
+    assert capsys.readouterr().err.startswith("reobserve: paper: there is no 'nope'; there are: ")
+    assert os.listdir(tmp_path) == []
+
+
+def test_standard_output_on_a_full_device_is_one_sentence() -> None:
+    command = [sys.executable, "-m", "reobserve", "list", "--project", str(ROOT)]
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "reobserve: standard output: cannot be written (No space left on device)\n"
+    )
+
+
+def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
+    """The list has names with accents, and a path has some that the locale does not know."""
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    told = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}
+    folder = tmp_path / "née"
+    for arguments, code in (
+        (["list", "delay"], 0),
+        (["stage", "parameters", "ilo", "--output", f"{folder}/parameters.json"], 0),
+        (
+            [
+                "stage",
+                "plant",
+                f"{folder}/none.json",
+                "constant",
+                "--output",
+                f"{folder}/plant.parquet",
+            ],
+            1,
+        ),
+    ):
+        project = ["--project", str(ROOT)] if "plant" not in arguments else []
+        command = [sys.executable, "-m", "reobserve", *arguments, *project]
+        done = subprocess.run(command, env=told, capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+    assert os.listdir(folder) == ["parameters.json"]

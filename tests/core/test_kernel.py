@@ -1,0 +1,103 @@
+"""Compilation by numba: the cache on disk, and what importing the package leaves alone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SUMS = """
+from reobserve.core.kernel import kernel
+from reobserve.core.{other} import half
+
+@kernel
+def twice(x):
+    return half(4 * x)
+"""
+HALF = """
+from reobserve.core.kernel import kernel
+
+@kernel
+def half(x):
+    return x / {divisor}
+"""
+RUN = "from reobserve.core.sums import twice; print(twice(1.0), len(twice.stats.cache_hits))"
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with the least of the package, and a kernel that calls another module's."""
+    import reobserve
+
+    root = Path(reobserve.__file__).parent
+    for name in ("__init__.py", "numerics/__init__.py", "numerics/kernel.py"):
+        copy = tmp_path / "reobserve" / name
+        copy.parent.mkdir(exist_ok=True, parents=True)
+        copy.write_bytes((root / name).read_bytes())
+    (tmp_path / "reobserve/core/sums.py").write_text(SUMS.format(other="halves"))
+    (tmp_path / "reobserve/core/halves.py").write_text(HALF.format(divisor=2))
+    return tmp_path
+
+
+def run(folder: Path, program: str = RUN, **environment: str) -> str:
+    """The output of a program that prints nothing on stderr."""
+    variables = {"NUMBA_CACHE_DIR": "", "HOME": str(folder), "XDG_CACHE_HOME": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(folder), **variables, **environment},
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout
+
+
+def test_a_second_process_loads_the_machine_code(package: Path) -> None:
+    assert run(package) == "2.0 0\n"
+    assert run(package) == "2.0 1\n"
+
+
+def test_an_edit_of_a_kernel_that_is_called_from_another_file_is_compiled(package: Path) -> None:
+    assert run(package) == "2.0 0\n"
+    (package / "reobserve/core/halves.py").write_text(HALF.format(divisor=4))
+    assert run(package) == "1.0 0\n"
+
+
+def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
+    for name in ("", "numerics/"):
+        # A file where a folder must be stops root, too.
+        (package / f"reobserve/{name}__pycache__").write_text("")
+    assert run(package) == "2.0 0\n"
+    assert run(package) == "2.0 1\n", "from the cache folder of the user"
+    (package / "blocked").write_text("")
+    blocked = str(package / "blocked")
+    for _ in range(2):
+        assert run(package, NUMBA_CACHE_DIR=f"{blocked}/cache", HOME=blocked) == "2.0 0\n"
+
+
+def test_a_user_without_a_home_compiles_nevertheless(package: Path) -> None:
+    program = f"import os.path; os.path.expanduser = lambda path: path; {RUN}"
+    assert run(package, program) == "2.0 0\n"
+
+
+def test_importing_the_library_leaves_warnings_and_the_cache_of_others_alone() -> None:
+    program = (
+        "import warnings, numba, scipy.linalg, scipy.integrate\n"
+        "before = list(warnings.filters), numba.config.CACHE_DIR\n"
+        "import reobserve.observers.imm, reobserve.observers.extended_high_gain\n"
+        "assert before == (list(warnings.filters), numba.config.CACHE_DIR)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_no_module_imports_what_numba_does_not_publish() -> None:
+    """What its manual documents stands at the top, or in ``numba.extending``."""
+    import reobserve
+
+    root = Path(reobserve.__file__).parent
+    internal = [path for path in root.rglob("*.py") if "numba.core" in path.read_text()]
+    assert internal == []

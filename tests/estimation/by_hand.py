@@ -1,0 +1,163 @@
+"""What the examples do, as one would write it by hand with the library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import reobserve as ro
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.estimation.quantities import conversion
+from reobserve.observers.run import Run
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.systems.triangular_text import triangular_model
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+BODY = ro.RigidBody([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
+PERIOD = 0.01
+
+
+def read(columns: Columns, unit: str, model: str, *names: str) -> Array:
+    """Columns in another unit."""
+    factor = conversion("", unit, model).factor
+    stacked = np.column_stack([columns[name] for name in names])
+    return stacked if factor == 1.0 else stacked * factor
+
+
+def rigid(make: Callable[[], Any]) -> Callable[[Columns], Run[Any]]:
+    """Of rates in deg/s and torques in mN m."""
+
+    def run(columns: Columns) -> Run[Any]:
+        y = read(columns, "deg/s", "rad/s", "wx", "wy", "wz")
+        return make().run(y, read(columns, "mN m", "N m", "Tx", "Ty", "Tz"))
+
+    return run
+
+
+def motor_model(friction: float = 10.0) -> ro.LinearModel:
+    """That of the examples."""
+    A, B = zero_order_hold([[-friction, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], PERIOD)
+    return ro.LinearModel(
+        A, B, np.eye(2), [1e-4, 1e-4], [1e-3, 1e-4], unusual=True, sampling_period=PERIOD
+    )
+
+
+def motor(make: Callable[[], Any], start: Any = None) -> Callable[[Columns], Run[Any]]:
+    """Of a speed in rpm, a current in mA and a voltage in V."""
+
+    def run(columns: Columns) -> Run[Any]:
+        observer = make()
+        speed = read(columns, "rpm", "rad/s", "speed")
+        y = np.hstack([speed, read(columns, "mA", "A", "current")])
+        state = observer.init([0.0, 0.0], 1.0) if start is None else start(observer)
+        return observer.run(y, columns["voltage"], state=state)
+
+    return run
+
+
+def pendulum(**options: Any) -> Callable[[Columns], Run[Any]]:
+    """Of an angle in degrees."""
+
+    def run(columns: Columns) -> Run[Any]:
+        observer = ro.normal_form_observer(
+            ["rate", "-sin(angle) - rate/10"], ["angle"], ["angle", "rate"],
+            poles=[-1.5, -2.0], sampling_period=0.02, **options,
+        )  # fmt: skip
+        return observer.run(read(columns, "deg", "rad", "angle"))
+
+    return run
+
+
+def high_gain(columns: Columns) -> Run[Any]:
+    model = triangular_model(["angle", "rate"], ["0", "-9.81*sin(angle) - 0.5*rate"], "4")
+    observer = ro.HighGainObserver(model, PERIOD, 8.0)
+    y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
+    return observer.run(y, u, state=observer.init([0.0, 0.0]))
+
+
+def extended_high_gain(columns: Columns) -> Run[Any]:
+    model = triangular_model(["level"], ["-level"], "1")
+    observer = ro.ExtendedHighGainObserver(model, PERIOD, 5.0, 2, (0.0, 1.5), 0.035)
+    y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
+    return observer.run(y, u, state=observer.init([0.0], 0.3))
+
+
+def delay(kind: Callable[..., Any], *names: str, **options: Any) -> Callable[[Columns], Run[Any]]:
+    """Of a level and a valve in percent, and their rates."""
+
+    def run(columns: Columns) -> Run[Any]:
+        observer = kind(
+            decay=1.0, input_gain=1.0, delay_bounds=(0.0, 1.5), sampling_period=PERIOD, **options
+        )
+        y = read(columns, "%", "1", *names)
+        past = np.full(observer.history_steps + 1, 0.29)
+        state = observer.init(y[0, 0], 0.3, past)
+        return observer.run(y, read(columns, "%", "1", "valve", "valve_rate"), state=state)
+
+    return run
+
+
+def levant(columns: Columns) -> Run[Any]:
+    return ro.LevantDifferentiator(1.5, PERIOD).run(read(columns, "mV", "V", "voltage"))
+
+
+def eso() -> ro.ExtendedStateObserver:
+    system = AugmentedSystem(
+        [[-10.0, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], np.eye(2), [[1.0], [0.0]],
+        [[0.05, 0.0], [0.0, 0.02]], [[0.0], [20.0]], [[1.0], [0.0]], 20.0,
+    )  # fmt: skip
+    L = [[23.3, 494.0], [6.4, 206.0], [132.0, -103.0], [-30.3, 420.0], [1.96, 166.0]]
+    Ld = [[0.337, 6.95], [0.168, 2.70], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32]]
+    gains = Gains(np.array([*L, [133.0, -457.0]]), np.array([*Ld, [2.06, -6.75]]))
+    return ro.ExtendedStateObserver(system, PERIOD, gains)
+
+
+def svsf(friction: float = 10.0) -> ro.SmoothVariableStructureFilter:
+    return ro.SmoothVariableStructureFilter(motor_model(friction), [0.3, 0.1], 0.1)
+
+
+STAYS = [[0.999, 0.001], [0.001, 0.999]]
+
+BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
+    "ilo-sampled": rigid(lambda: ro.SampledILO(BODY, PERIOD, 1.0, 20.0, 100.0, PERIOD)),
+    "ilo-continuous": rigid(lambda: ro.ILO(BODY, PERIOD, 1.0, 20.0, 100.0, PERIOD)),
+    "ilo-forgetting": rigid(lambda: ro.ILO(BODY, PERIOD, 0.99, 20.0, 100.0, PERIOD)),
+    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 100.0, 0.0)),
+    "pi": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 200.0, 30.0)),
+    "normal-form-constant": pendulum(order=0),
+    "normal-form-identity": pendulum(order=4),
+    "normal-form-transformed": pendulum(order=4, form="transformed"),
+    "high-gain": high_gain,
+    "extended-high-gain": extended_high_gain,
+    "delay-adaptive": delay(
+        ro.AdaptiveDelayEstimator, "level", filter_time=0.05, forgetting=1.0, adaptation_gain=100.0
+    ),
+    "delay-least-squares": delay(
+        ro.LeastSquaresDelayEstimator, "level", initial_covariance=1000.0, forgetting=0.1
+    ),
+    "delay-variable-structure": delay(
+        ro.VariableStructureDelayEstimator, "level", "level_rate", relay_gain=0.5,
+        relay_on="inverse",
+    ),
+    "levant": levant,
+    "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
+    "augmented-kalman": motor(
+        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.03622], [0.18122]], 1e-3)
+    ),
+    "svsf": motor(svsf),
+    "imm-kalman": motor(
+        lambda: ro.IMM([ro.KalmanFilter(motor_model(f)) for f in (10.0, 20.0)], STAYS)
+    ),
+    "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
+    "eso": motor(eso, lambda observer: observer.init()),
+    "fixed-gain": motor(
+        lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
+    ),
+    "luenberger": motor(lambda: ro.luenberger(motor_model(), [0.5, 0.6])),
+    "steady-kalman": motor(lambda: ro.steady_kalman(motor_model())),
+}  # fmt: skip

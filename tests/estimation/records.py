@@ -1,0 +1,50 @@
+"""Records as files, and results read back."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.documents import parse_yaml
+from reobserve.core.validation import parse
+from reobserve.estimation.examples import specification_text
+from reobserve.estimation.specification import Specification
+
+Array = NDArray[np.float64]
+
+
+def specification(name: str, **changes: Mapping[str, Any]) -> Specification:
+    """That of an example, with changed keys of its branches."""
+    tree = parse_yaml(specification_text(name), name)
+    for branch, keys in changes.items():
+        if isinstance(tree.get(branch), dict) and isinstance(keys, dict):
+            tree[branch] = {**tree[branch], **keys}
+        else:
+            tree[branch] = keys
+    return parse(Specification, tree)
+
+
+def write_record(path: Path, columns: Mapping[str, Array]) -> Path:
+    """A CSV file with all digits; nan becomes an empty cell."""
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    lines = [",".join(columns)]
+    lines += [",".join("" if value != value else repr(value) for value in row) for row in rows]  # noqa: PLR0124
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
+    """The columns of a CSV by their names without units, nan for empty cells; and the status."""
+    with path.open(encoding="utf-8", newline="") as stream:
+        titles, *rows = csv.reader(stream)
+    names = [title.partition(" [")[0] for title in titles]
+    numbers = {
+        name: np.array([float(row[c]) if row[c] else np.nan for row in rows])
+        for c, name in enumerate(names[:-1])
+    }
+    return numbers, [row[-1] for row in rows]

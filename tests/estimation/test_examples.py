@@ -1,0 +1,151 @@
+"""Each observer on its example: the library's bits without a policy at work, else the truth."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reobserve.cli.estimation import _MORE
+from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.example_records import _followed
+from reobserve.estimation.examples import NAMES, simulated
+from tests.estimation.by_hand import BY_HAND
+from tests.estimation.records import read_results, specification, write_record
+
+Array = NDArray[np.float64]
+
+# By the column of the truth: how far the estimate may be off in the last fifth of the record, in
+# the root mean square, with even stamps; and with jittered ones, a gap and a dead sensor. Where a
+# voltage jumps between two stamps nobody knows when, and the current is off until it is at rest.
+ERRORS = {
+    "fault_1": (0.03, 0.03), "fault_2": (2e-3, 2e-3), "fault_3": (3e-3, 3e-3),
+    "angle": (2e-4, 5e-4), "rate": (1e-3, 5e-3), "delay": (3e-3, 3e-3), "level": (1e-5, 2e-5),
+    "derivatives_1": (2e-5, 2e-5), "derivatives_2": (1e-3, 1e-3), "derivatives_3": (0.05, 0.05),
+    "speed": (0.03, 0.1), "current": (0.01, 0.2), "voltage_lost": (0.05, 0.4),
+    "speed_offset": (0.03, 0.1), "probability_worn": (1e-6, 1e-6),
+    "probability_healthy": (1e-6, 1e-6),
+}  # fmt: skip
+
+
+def test_the_help_lists_all_examples() -> None:
+    listed = _MORE.partition("on:\n")[2].partition("\n\n")[0]
+    assert set(re.findall(r"[a-z][a-z-]*[a-z]", listed)) == set(NAMES) == set(BY_HAND)
+
+
+def test_every_estimate_of_an_example_has_its_truth() -> None:
+    assert set().union(*(simulated(name).truth(np.zeros(1)) for name in NAMES)) == set(ERRORS)
+
+
+def test_a_plant_that_is_pushed_is_followed_to_the_fourth_order() -> None:
+    """Of time alone the rule is Simpson's, exact for cubics; of the state it is exp(h)'s series."""
+    time = np.array([0.0, 0.4, 1.0])
+    pushed = _followed(lambda t, x: np.array([4 * t**3]), np.array([1.0]), time)
+    assert pushed[:, 0] == pytest.approx(1 + time**4, rel=1e-14)
+    grown = _followed(lambda t, x: x, np.array([1.0]), time)
+    series = [1 + h + h**2 / 2 + h**3 / 6 + h**4 / 24 for h in np.diff(time)]
+    assert grown[:, 0] == pytest.approx(np.cumprod([1.0, *series]), rel=1e-14)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_record_is_sampled_as_its_specification_says(name: str) -> None:
+    made, stated = simulated(name), specification(name).sampling.period
+    assert made.period == stated
+    assert np.diff(made.record()["t"]) == pytest.approx(1000.0 * stated, rel=1e-9)
+    # What is held changes at samples alone.
+    for held in made.held:
+        steps = made.at(held, made.time).reshape(-1)[:-1].reshape(-1, 10)
+        assert (steps == steps[:, :1]).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_a_policy_at_work_it_is_the_library_to_the_bit(name: str, tmp_path: Path) -> None:
+    columns = {title: values[:400] for title, values in simulated(name).record().items()}
+    made = estimate_file(
+        specification(name), write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv"
+    )
+    found, status = read_results(tmp_path / "e.csv")
+    run = BY_HAND[name](columns)
+    assert set(status) == {"measured"}
+    for column in made.outputs.columns:
+        if column.estimate == "residual":
+            continue
+        values = run[made.setup.sigmas[column.estimate] if column.deviation else column.estimate]
+        if column.deviation:
+            variance = values[:, column.place]
+            values = np.sqrt(variance[:, column.place] if values.ndim == 3 else variance)
+        elif values.ndim > 1:
+            values = values[:, column.place]
+        assert np.array_equal(found[column.name], values), column.name
+
+
+def errors(name: str, path: Path) -> dict[str, float]:
+    """The errors in the last fifth of results, their root mean square."""
+    found, _ = read_results(path)
+    time = found["time"]
+    late = time > 0.8 * time[-1]
+    truth = simulated(name).truth(time)
+    return {
+        column: float(np.sqrt(np.mean((found[column] - values)[late] ** 2)))
+        for column, values in truth.items() if column in found
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_even_records_lead_to_the_truth(name: str, tmp_path: Path) -> None:
+    record = write_record(tmp_path / "r.csv", simulated(name).record())
+    made = estimate_file(specification(name), record, tmp_path / "e.csv")
+    for column, error in errors(name, tmp_path / "e.csv").items():
+        assert error < ERRORS[column][0], column
+    assert made.account.warnings == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_jitter_a_gap_and_a_dead_sensor_do_not_lead_away(name: str, tmp_path: Path) -> None:
+    """Stamps off by a third of a period, a gap of half a second, and a sensor that falls silent."""
+    plant = simulated(name)
+    random = np.random.default_rng(5)
+    even = plant.time[::10]
+    stamps = even + plant.period * random.uniform(-0.3, 0.3, len(even))
+    stamps[0], stamps[-1] = even[0], even[-1]
+    last = stamps[-1]
+    stamps = stamps[(stamps < 0.3 * last) | (stamps > 0.3 * last + 0.5)]
+    columns = plant.record(stamps)
+    sensor = list(columns)[1]
+    silent = (stamps > 0.5 * last) & (stamps < 0.5 * last + 5.5 * plant.period)
+    columns[sensor][silent] = np.nan
+    chosen = specification(name, sampling={"uneven": "linear"})
+    made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
+    for column, error in errors(name, tmp_path / "e.csv").items():
+        assert error < ERRORS[column][1], column
+    account, (_, status) = made.account, read_results(tmp_path / "e.csv")
+    assert account.gap_count == 1
+    start, end = account.gaps[0]
+    assert start is not None
+    assert end is not None
+    assert abs(start - 0.3 * last) < 3 * plant.period
+    assert abs(end - start - 0.5) < 5 * plant.period
+    assert account.missing[sensor] == silent.sum()
+    assert 0.1 < account.jitter < 1.0
+    if made.can_skip:
+        partial = len(list(simulated(name).logged)) - len(plant.held) > 1
+        assert ("partial" if partial else "predicted") in status
+        assert status.count("restarted") == 0
+        assert status.count("predicted") >= 0.5 / plant.period - 4
+    else:
+        assert account.restarts == status.count("restarted") == 1
+        assert account.filled[sensor] > silent.sum() - 2
+
+
+def test_an_input_that_is_not_told_was_zero_before_the_record(tmp_path: Path) -> None:
+    told = specification("delay-adaptive").observer.start
+    record = write_record(tmp_path / "r.csv", simulated("delay-adaptive").record())
+    found = []
+    for start in ({"delay": told.delay}, {"delay": told.delay, "past_input": 0.0}):
+        chosen = specification("delay-adaptive", observer={"start": start})
+        estimate_file(chosen, record, tmp_path / "e.csv")
+        found.append((tmp_path / "e.csv").read_bytes())
+    assert found[0] == found[1]

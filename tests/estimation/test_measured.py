@@ -1,0 +1,47 @@
+"""The measured record: what a bank says by the compass alone against the gyroscope."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from reobserve.cli.main import main
+from tests.estimation.records import read_results
+
+MEASURED = Path(__file__).parents[2] / "examples/measured"
+
+
+def test_a_compass_tells_when_the_sensor_turns(tmp_path: Path) -> None:
+    estimates, report = tmp_path / "estimates.csv", tmp_path / "report.json"
+    record = [str(MEASURED / f"turning.{kind}") for kind in ("yaml", "csv")]
+    assert main(["estimate", *record, "--out", str(estimates), "--report", str(report)]) == 0
+    found, status = read_results(estimates)
+    assert Counter(status) == {"filled": 394, "predicted": 4, "measured": 1}
+
+    seen = pd.read_csv(MEASURED / "turning.csv").to_numpy()
+    time, rate = seen[:, 0], seen[:, 1]
+    fast = time[rate > 100.0]
+    assert (fast[0], fast[-1]) == pytest.approx((65.77, 70.88), abs=0.005)
+    time_of, probability = found["time"], found["probability_turning"]
+    assert instants(time_of, probability > 0.9) == pytest.approx((65.88, 70.88, 4), abs=0.005)
+    assert instants(time_of, probability > 0.5) == pytest.approx((65.83, 71.08, 4), abs=0.005)
+
+    heading = np.degrees(np.unwrap(np.arctan2(found["field_y"], found["field_x"])))
+    turned = np.trapezoid(rate, time)
+    assert turned == pytest.approx(1035.6, abs=0.05)
+    assert heading[0] - heading[-1] == pytest.approx(turned, abs=2.0)  # it turns the field back
+
+    alarm = json.loads(report.read_text())["alarms"]["turning"]
+    assert (alarm["first"], alarm["rows"]) == (pytest.approx(65.88, abs=0.005), 100)
+
+
+def instants(time: Any, raised: Any) -> tuple[float, float, int]:
+    """When it is raised first and last, and how often it switches."""
+    told = time[raised]
+    return told[0], told[-1], int(np.count_nonzero(np.diff(raised)))

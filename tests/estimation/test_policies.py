@@ -1,0 +1,298 @@
+"""What is uneven, lost or too long gone: filled, skipped, bridged or refused as was said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from reobserve.core.documents import parse_yaml
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.estimation.commands import estimate_file
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.examples import simulated, specification_text
+from tests.estimation.by_hand import motor_model
+from tests.estimation.records import read_results, specification, write_record
+
+Array = NDArray[np.float64]
+
+EVEN = simulated("kalman").record()
+
+
+def kalman(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
+    """Account, results and statuses of a Kalman filter on a record."""
+    chosen = specification("kalman", sampling={"period": 0.01, **sampling})
+    made = estimate_file(chosen, write_record(path / "r.csv", columns), path / "e.csv")
+    return made.account, *read_results(path / "e.csv")
+
+
+def signal(columns: dict[str, Array], path: Path, **sampling: Any) -> Any:
+    """The same of a differentiator, which read its estimate plus the residual."""
+    sampling = {"missing": "refuse", "at_gap": "refuse", **sampling}
+    chosen = specification("levant", sampling=sampling)
+    made = estimate_file(chosen, write_record(path / "r.csv", columns), path / "e.csv")
+    found, status = read_results(path / "e.csv")
+    return made.account, found["time"], found["derivatives_1"] + found["residual voltage"], status
+
+
+def without(columns: dict[str, Array], rows: slice) -> dict[str, Array]:
+    kept = np.ones(len(columns["t"]), dtype=bool)
+    kept[rows] = False
+    return {name: values[kept] for name, values in columns.items()}
+
+
+def test_lost_samples_are_predicted_over_as_by_hand(tmp_path: Path) -> None:
+    import reobserve as ro
+
+    account, found, status = kalman(without(EVEN, slice(50, 53)), tmp_path, missing="skip")
+    observer = ro.KalmanFilter(motor_model())
+    y = np.column_stack([EVEN["speed"] * (np.pi / 30), EVEN["current"] * 1e-3])
+    y[50:53] = np.nan
+    u = EVEN["voltage"].copy()
+    u[50:53] = u[49]  # an input that is not known is held
+    run = observer.run(y, u, state=observer.init([0, 0], 1.0))
+    assert found["speed"] == pytest.approx(run["state"][:, 0], rel=1e-12)
+    assert found["current sigma"] == pytest.approx(np.sqrt(run["variance"][:, 1]), rel=1e-12)
+    assert [k for k, word in enumerate(status) if word == "predicted"] == [50, 51, 52]
+    assert (account.lost, account.gap_count) == (3, 0)
+    assert found["time"][49:54] == pytest.approx([0.49, 0.5, 0.51, 0.52, 0.53], abs=1e-12)
+
+
+def test_a_dead_sensor_leaves_the_other(tmp_path: Path) -> None:
+    import reobserve as ro
+
+    columns = {name: values.copy() for name, values in EVEN.items()}
+    columns["speed"][200:400] = np.nan
+    account, found, status = kalman(columns, tmp_path, missing="skip")
+    observer = ro.KalmanFilter(motor_model())
+    y = np.column_stack([columns["speed"] * (np.pi / 30), columns["current"] * 1e-3])
+    run = observer.run(y, columns["voltage"], state=observer.init([0, 0], 1.0))
+    assert found["speed"] == pytest.approx(run["state"][:, 0], rel=1e-12)
+    assert status[200:400] == ["partial"] * 200
+    assert (account.missing, account.gap_count) == ({"speed": 200}, 0)
+
+
+@pytest.mark.parametrize("at_gap", ["restart", "coast"])
+def test_a_gap_is_what_is_longer_than_was_said(at_gap: str, tmp_path: Path) -> None:
+    columns = without(EVEN, slice(300, 360))
+    account, found, status = kalman(columns, tmp_path, missing="skip", gap=0.1, at_gap=at_gap)
+    assert account.gaps == [[pytest.approx(2.99), pytest.approx(3.6)]]
+    assert status[300:310] == ["predicted"] * 10  # what is near enough to the last sample
+    if at_gap == "coast":
+        assert len(status) == 1001
+        assert status.count("predicted") == 60
+        sigma = found["speed sigma"]
+        assert sigma[359] > 2.5 * sigma[299]
+        assert sigma[-1] == pytest.approx(sigma[299], rel=1e-9)
+    else:
+        assert len(status) == 1001 - 50
+        assert status[310] == "restarted"
+        assert account.restarts == 1
+        fresh = without(EVEN, slice(0, 360))
+        _, alone, _ = kalman(fresh, tmp_path, missing="skip")
+        assert np.array_equal(found["speed"][310:], alone["speed"])
+
+
+def test_rows_of_dead_sensors_are_dropped_once_they_are_no_longer_bridged(tmp_path: Path) -> None:
+    columns = {name: values.copy() for name, values in EVEN.items()}
+    for title in ("speed", "current"):
+        columns[title][300:360] = np.nan
+    account, _, status = kalman(columns, tmp_path, missing="skip", gap=0.1, at_gap="restart")
+    assert (account.restarts, account.dropped) == (1, 50)
+    assert (status.count("predicted"), len(status)) == (10, 1001 - 50)
+
+
+def test_straight_lines_fill_what_was_lost(tmp_path: Path) -> None:
+    columns = simulated("levant").record()
+    lost = without(columns, slice(100, 104))
+    account, time, read, status = signal(lost, tmp_path, missing="interpolate", gap=0.1)
+    volts = columns["voltage"] * 1e-3
+    assert read[100:104] == pytest.approx(np.linspace(volts[99], volts[104], 6)[1:5], rel=1e-9)
+    assert time[99:105] == pytest.approx(0.01 * np.arange(99, 105), abs=1e-12)
+    assert status[99:105] == ["measured", *["filled"] * 4, "measured"]
+    assert account.filled == {"voltage": 4}
+
+
+@pytest.mark.parametrize("method", ["linear", "previous", "pchip"])
+def test_uneven_stamps_are_resampled_by_the_method_that_was_said(
+    method: str, tmp_path: Path
+) -> None:
+    random = np.random.default_rng(3)
+    stamps = 0.01 * np.arange(600) + random.uniform(-0.004, 0.004, 600)
+    columns = simulated("levant").record(np.clip(stamps, 0.0, None))
+    account, time, read, _ = signal(columns, tmp_path, uneven=method, gap=0.05)
+    at, volts = columns["t"] * 1e-3, columns["voltage"] * 1e-3
+    assert np.array_equal(time, at[0] + 0.01 * np.arange(len(time)))
+    expected = {
+        "linear": np.interp(time, at, volts),
+        "previous": volts[np.searchsorted(at, time, side="right") - 1],
+        "pchip": PchipInterpolator(at, volts)(time),
+    }[method]
+    assert read == pytest.approx(expected, abs=1e-9)
+    assert account.jitter == pytest.approx(np.abs(np.diff(at) / 0.01 - 1).max(), rel=1e-6)
+    assert account.intervals == 599
+
+
+@pytest.mark.parametrize(
+    ("name", "sampling"),
+    [
+        ("kalman", {"missing": "skip", "at_gap": "coast"}),
+        ("kalman", {"missing": "interpolate", "at_gap": "restart"}),
+        ("kalman", {"uneven": "pchip", "missing": "skip", "at_gap": "restart"}),
+        ("eso", {"uneven": "linear", "missing": "interpolate", "at_gap": "restart"}),
+        ("imm-svsf", {"uneven": "pchip", "missing": "interpolate", "at_gap": "coast"}),
+        ("ilo-continuous", {}),
+        ("extended-high-gain", {"uneven": "previous", "missing": "interpolate"}),
+    ],
+)  # fmt: skip
+def test_however_a_record_is_cut_the_bits_are_the_same(name: str, sampling: dict[str, Any]) -> None:
+    """Rows one by one, in odd blocks, and all at once; stamps, gaps and sensors are bad."""
+    chosen = specification(name, sampling=sampling)
+    random = np.random.default_rng(8)
+    plant = simulated(name)
+    stamps = plant.time[::10][:700]
+    if chosen.sampling.uneven != "refuse":
+        stamps = stamps + plant.period * random.uniform(-0.2, 0.2, len(stamps))
+    columns = plant.record(np.clip(stamps, 0.0, None))
+    table = np.column_stack(list(columns.values()))
+    lost = random.random(len(table)) < 0.02
+    lost[200:260] = True
+    lost[0] = False
+    table = table[~lost]
+    for c in range(1, table.shape[1]):
+        table[random.random(len(table)) < 0.02, c] = np.nan
+    table[400:430, 1] = np.nan
+    twice = [] if chosen.sampling.uneven == "refuse" else [300, 500]
+    table = np.insert(table, twice, table[twice], axis=0)
+    titles = list(columns)
+    results = []
+    for sizes in ([len(table)], [1], [1, 7, 50, 3, 128]):
+        estimation = Estimation(chosen, titles, "the record")
+        places = [titles.index(title) for title in estimation.layout.titles]
+        parts, begin, turn = [], 0, 0
+        while begin < len(table):
+            size = sizes[turn % len(sizes)]
+            parts.append(estimation.feed(table[begin : begin + size][:, places]))
+            begin, turn = begin + size, turn + 1
+        parts.append(estimation.finish())
+        whole = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        results.append((whole, estimation.account))
+    for whole, account in results[1:]:
+        for one, other in zip(whole, results[0][0], strict=True):
+            assert one.tobytes() == other.tobytes()
+        assert vars(account) == vars(results[0][1])
+    assert results[0][1].gap_count >= 1
+    assert results[0][1].repeated == len(twice)
+
+
+REFUSED = [
+    ({"t": EVEN["t"] * 1.5}, {}, "sampling.period: 0.01 s disagrees with the stamps"),
+    ({"t": EVEN["t"] * 2.0}, {}, "which go on by 0.02 s (the median of the first 20 intervals)"),
+    ({"t": EVEN["t"][:9] * 2.0}, {"missing": "skip"}, "by 0.02 s (the median of the first 8 int"),
+    ({"t": EVEN["t"][::-1]}, {}, "r.csv: row 2: the stamp goes back, at 9990 s"),
+    ({"t": np.where(EVEN["t"] == 50, 54, EVEN["t"])}, {}, "1.4 sampling periods of 0.01 s; with"),
+    ({"t": np.where(EVEN["t"] == 50, np.nan, EVEN["t"])}, {}, "row 6 has no stamp"),
+    ({"t": np.zeros(1001)}, {}, "row 2: the stamp stands still"),
+    ({"speed": np.where(EVEN["t"] == 50, np.nan, EVEN["speed"])}, {},
+     "speed missing at 0.05 s; sampling.missing says refuse, it may say interpolate or skip"),
+    ({"voltage": np.where(EVEN["t"] == 50, np.inf, EVEN["voltage"])}, {},
+     "voltage: row 6 is inf, must be a number"),
+    ({"speed": np.where(EVEN["t"] > 50, np.nan, EVEN["speed"]),
+      "current": np.where(EVEN["t"] > 50, np.nan, EVEN["current"])}, {"missing": "skip"},
+     "speed, current missing from 0.05 s on for longer than sampling.gap, 0.1 s"),
+    ({"speed": np.full(1001, np.nan)}, {"missing": "interpolate", "kind": "eso"},
+     "has no row from which the observer could start"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("columns", "sampling", "said"), REFUSED)
+def test_what_no_policy_allows_is_refused_and_nothing_is_written(
+    columns: dict[str, Array], sampling: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    name = {**sampling}.pop("kind", "kalman")
+    kept = {key: word for key, word in sampling.items() if key != "kind"}
+    chosen = specification(name, sampling={
+        "period": 0.01, "missing": "refuse", "at_gap": "refuse", **kept,
+    })  # fmt: skip
+    rows = len(columns.get("t", EVEN["t"]))
+    even = {title: values[:rows] for title, values in EVEN.items()}
+    record = write_record(tmp_path / "r.csv", {**even, **columns})
+    if "9990" in said:
+        said = "row 2: the stamp goes back, at 9.99 s"
+    with pytest.raises(InputError) as error:
+        estimate_file(chosen, record, tmp_path / "e.csv")
+    assert said in str(error.value)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["r.csv"]
+
+
+STARTS = [
+    ("kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
+    ("augmented-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
+    ("imm-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be (2,) or (2, 2)"),
+    ("imm-svsf", {"probabilities": [0.5, 0.6]}, "probabilities: [0.5, 0.6] must be 0 or more"),
+    ("delay-adaptive", {"delay": 30.0}, "delay: 30 s must be from 0 to 1.5 s"),
+    ("eso", {"estimate": [0.0]}, "estimate: has shape (1,), must be a list of 6 numbers"),
+    ("high-gain", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
+    ("extended-high-gain", {"delay": 30.0}, "delay: 30 s must be inside its bounds, [0, 1.5] s"),
+    ("ilo-sampled", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
+    ("adaptive", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
+    ("levant", {"derivatives": [0.0]}, "derivatives: has shape (1,), must be a list of 3 numbers"),
+    ("normal-form-constant", {"state": [0.0]}, "state: has shape (1,), must be a list of 2 numb"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "start", "said"), STARTS)
+def test_a_wrong_start_is_refused_by_its_key_before_any_row(
+    name: str, start: dict[str, Any], said: str
+) -> None:
+    observer = parse_yaml(specification_text(name), name)["observer"]
+    chosen = specification(name, observer={"start": {**observer.get("start", {}), **start}})
+    with pytest.raises(InputError) as error:
+        Estimation(chosen, list(simulated(name).record()), "the record")
+    assert str(error.value).startswith(f"observer.start.{said}")
+
+
+@pytest.mark.parametrize("block", [2**10, 2**20])
+def test_a_divergence_has_the_time_of_the_record(block: int, tmp_path: Path) -> None:
+    columns = simulated("ilo-sampled").record()
+    columns["t"] = columns["t"] + 5000.0
+    columns["wx"][300] = 1e200
+    with pytest.raises(DivergenceError, match=r"finite up to t = 7\.99 s"):
+        estimate_file(
+            specification("ilo-sampled"), write_record(tmp_path / "r.csv", columns),
+            tmp_path / "e.csv", block=block,
+        )  # fmt: skip
+
+
+def test_a_delay_that_is_never_seen_is_told(tmp_path: Path) -> None:
+    columns = simulated("extended-high-gain").record()
+    columns["valve"] = np.full(len(columns["t"]), 30.0)
+    record = write_record(tmp_path / "r.csv", columns)
+    made = estimate_file(specification("extended-high-gain"), record, tmp_path / "e.csv")
+    assert any(told.startswith("delay: ") and "100 %" in told for told in made.account.warnings)
+
+
+def test_saturated_values_are_counted_and_may_be_missing(tmp_path: Path) -> None:
+    columns = {name: values.copy() for name, values in EVEN.items()}
+    high = columns["speed"] >= 350.0
+    columns["speed"][high] = 350.0
+    tree = {
+        "time": {"column": "t", "unit": "ms"},
+        "measurements": [
+            {"column": "speed", "unit": "rpm", "model_unit": "rad/s", "range": [-350, 350],
+             "saturated": "missing"},
+            {"column": "current", "unit": "mA", "model_unit": "A"},
+        ],
+        "inputs": [{"column": "voltage", "unit": "V"}],
+    }  # fmt: skip
+    chosen = specification("kalman", columns=tree)
+    made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
+    found, status = read_results(tmp_path / "e.csv")
+    assert made.account.saturated == {"speed": high.sum()}
+    assert [word == "partial" for word in status] == high.tolist()
+    truth = simulated("kalman").at("speed", found["time"])
+    assert np.abs(found["speed"] - truth)[high].max() < 0.2  # 350 rpm are 0.9 rad/s off

@@ -1,0 +1,106 @@
+"""Specifications and options that do not go together, each refused by its key."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reobserve.cli.main import main
+from reobserve.core.errors import InputError
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.examples import simulated
+from tests.estimation.records import specification
+
+
+def inputs(*given: dict[str, Any]) -> dict[str, Any]:
+    return {"columns": {"inputs": [{"unit": "V", **one} for one in given]}}
+
+
+ALARM = {"name": "fast", "of": "speed", "above": 1.0}
+AXES = [{"column": one, "unit": "rpm", "model_unit": "rpm"} for one in ("wx", "wy", "wz")]
+REFUSED: list[tuple[str, dict[str, Any], str]] = [
+    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the separato"),
+    ("kalman", {"columns": {"measurements": []}}, "columns.measurements: are none, must be one or"),
+    ("kalman", inputs({"column": "speed"}), "columns.inputs: take the column 'speed' a second"),
+    ("kalman", inputs({"column": "t"}), "columns.inputs: take the column 't' a second time"),
+    ("kalman", inputs({"column": "voltage", "range": [5, 5]}), "columns.inputs.0.range: [5, 5]"),
+    ("kalman", inputs({"column": ""}), "columns.inputs.0.column: '' must be a name that can be"),
+    ("kalman", inputs({"column": "voltage", "unit": "dB"}), "columns.inputs.0.unit: 'dB' counts"),
+    ("kalman", inputs(*[{"column": f"v{k}"} for k in range(101)]), "columns.inputs: has 101"),
+    (
+        "extended-high-gain", inputs({"column": "u"}, {"column": "u_rate"}),
+        "columns.inputs: are 2 columns, the observer reads 1 or 3",
+    ),
+    ("kalman", {"sampling": {"jitter": 0.5}}, "sampling.jitter: 0.5 periods must be below half of"),
+    ("kalman", {"sampling": {"gap": -1.0}}, "sampling.gap: -1 must not be negative"),
+    ("kalman", {"alarms": [ALARM, ALARM]}, "alarms: have the name 'fast' twice"),
+    ("imm-kalman", {"observer": {"modes": {}}}, "observer.modes: has 0 modes, must have 1 to 50"),
+    ("imm-kalman", {"observer": {"memory": 0.1}}, "observer.memory: must be left out; only the"),
+    ("imm-svsf", {"observer": {"memory": None}}, "observer.memory: is missing; only the filter"),
+    ("ilo-forgetting", {"observer": {"K1": 1.0}}, "observer.K1: has the spectral radius 1; to"),
+    ("pi", {"observer": {"proportional_gain": None}}, "observer.proportional_gain: is missing;"),
+    ("adaptive", {"observer": {"proportional_gain": 3.0}}, "observer.proportional_gain: must be"),
+    ("ilo-sampled", {"columns": {"measurements": AXES}}, "columns.measurements.0.model_unit:"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "changed", "said"), REFUSED)
+def test_a_specification_is_refused_by_its_key(
+    name: str, changed: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        Estimation(specification(name, **changed), list(simulated(name).record()), "the record")
+    assert str(error.value).startswith(said)
+
+
+S, D, OUT = "s.yaml", "r.csv", "--out"
+OPTIONS: list[tuple[list[str], str]] = [
+    ([], "SPEC: is missing; `reobserve estimate --example kalman` writes one"),
+    ([S], "DATA: is missing: reobserve estimate SPEC.yaml DATA.csv --out RESULT.csv"),
+    ([S, D], "--out: is missing: reobserve estimate SPEC.yaml DATA.csv --out RESULT.csv"),
+    ([S, "--example", "kalman"], "--example: takes no specification and no data"),
+    (["--example", "calman"], "example: there is no 'calman'"),
+    (["--example", "kalman", OUT, "x.txt"], "x.txt: 'x.txt' must end with .yaml"),
+    (["--example", "kalman", "--data", "x.txt"], "x.txt: must end with .csv"),
+    ([S, D, OUT, "e.csv", "--data", "x.csv"], "--data: belongs to --example, which writes a"),
+    ([S, "--stream", OUT, "e.csv"], "--out: is for whole records; a stream goes to standard"),
+    ([S, "--stream", "--plot", "e.png"], "--plot: is for whole records; a stream goes to"),
+    ([S, D, "--stream"], "--stream: reads standard input, and no file"),
+    ([S, "--follow"], "--follow: needs a file to follow"),
+    ([S, D, OUT, "e.csv", "--state", "k.json"], "--state: is for --stream and --follow"),
+    ([S, D, OUT, D], "is named twice; each file needs a name of its own"),
+    ([S, D, OUT, "e.csv", "--report", "e.csv"], "is named twice; each file needs a name of its"),
+    ([S, "none.csv", OUT, "e.txt"], "e.txt: must end with .csv"),
+    ([S, D, OUT, "e.csv", "--plot", "e.doc"], "e.doc: must end with .png"),
+    ([S, "r.txt", OUT, "e.csv"], "r.txt: must end with .csv"),
+    ([S, "none.csv", OUT, "e.csv"], "none.csv: there is no such file"),
+    ([S, ".csv", OUT, "e.csv"], ".csv: is no regular file"),
+    ([S, "none.csv", "--follow"], "none.csv: cannot be read (No such file or directory)"),
+    ([S, "empty.csv", "--follow", "--idle", "0.1"], "empty.csv: is empty, must begin with the"),
+    ([S, "latin.csv", OUT, "e.csv"], "latin.csv: its header cannot be read (byte 3 is not UTF-8)"),
+    ([S, "blank.csv", OUT, "e.csv"], "blank.csv: its header is empty, must name the columns"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "said"), OPTIONS)
+def test_options_that_do_not_go_together_are_refused_and_nothing_is_written(
+    options: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["estimate", "--example", "kalman", "--out", S, "--data", D]) == 0
+    Path(".csv").mkdir()
+    for name, content in (("empty", b""), ("latin", b"t,\xe9,v\n0,1,2\n"), ("blank", b"\n0,1\n")):
+        Path(f"{name}.csv").write_bytes(content)
+    before = {path: path.read_bytes() for path in Path().iterdir() if path.is_file()}
+    capsys.readouterr()
+    assert main(["estimate", *options]) != 0
+    told = capsys.readouterr().err
+    assert re.search(rf"(^|[ :]){re.escape(said)}", told), told
+    assert {path: path.read_bytes() for path in Path().iterdir() if path.is_file()} == before

@@ -1,0 +1,154 @@
+"""Choices: what may be drawn and moved, where, and by how much."""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.replication.claims.choices import Knob, change, draw, find_choice
+from reobserve.replication.parameters.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+GAIN = "observers.sampled.K2"
+
+
+def ledger(**entries: dict[str, Any]) -> Ledger:
+    """The ledger of `ilo` with entries of its plant replaced."""
+    tree = copy.deepcopy(ILO.tree)
+    for name, parts in entries.items():
+        tree["plant"][name] = {"unit": "1", "source": "assumed", "why": "so", **parts}
+    return Ledger("ilo", tree, 1)
+
+
+def values(start: Ledger, pattern: str, count: int = 4000) -> np.ndarray:
+    """What draws of one choice give."""
+    choice = find_choice(start, pattern)
+    key = choice.keys[0].split(".")
+    return np.array([draw(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)])
+
+
+def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
+    drawn = values(ILO, GAIN)  # 500 to 5000: a decade
+    assert drawn.min() >= 500
+    assert drawn.max() <= 5000
+    share = np.mean(drawn < 1000)
+    assert abs(share - math.log10(2)) < 4 * math.sqrt(0.21 / len(drawn))
+
+
+def test_a_number_stays_whole_only_if_its_value_and_its_range_are() -> None:
+    assert Knob(("a",), (), 2, (1, 4)).at(0.6) == 3
+    assert Knob(("a",), (), 2, (1, 3.5)).at(0.6) == pytest.approx(2.5)
+    assert Knob(("a",), (), 2.0, (1, 3)).at(0.7) == pytest.approx(2.4)
+
+
+def test_a_shorter_range_is_drawn_evenly() -> None:
+    drawn = values(ledger(mass={"value": 2.0, "range": [1.0, 5.0]}), "plant.mass")
+    assert abs(np.mean(drawn) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(drawn))
+    assert abs(np.mean(drawn < 2.0) - 0.25) < 4 * math.sqrt(0.19 / len(drawn))
+
+
+def test_numbers_of_a_vector_are_drawn_each_by_its_pattern() -> None:
+    start = ledger(noise={"value": [1.0, 2.0, 3.0], "range": {"0": [0, 1], "2": [3.0, 3.5]}})
+    drawn = values(start, "plant.noise", 200)
+    assert np.all((drawn[:, 0] >= 0) & (drawn[:, 0] <= 1))
+    assert np.all(drawn[:, 1] == 2.0)
+    assert np.all((drawn[:, 2] >= 3) & (drawn[:, 2] <= 3.5))
+    assert np.ptp(drawn[:, 2]) > 0.4
+
+
+def test_two_patterns_allow_what_both_do() -> None:
+    spans = {"*.size": [0.0, 1.0], "0.size": [0.25, 2.0]}
+    start = ledger(fault={"value": [{"kind": "constant", "size": 0.5}], "range": spans})
+    (knob,) = find_choice(start, "plant.fault").knobs
+    assert (knob.name, knob.span) == ("plant.fault.0.size", (0.25, 1.0))
+
+
+def test_whole_numbers_stay_whole_and_words_are_words() -> None:
+    drawn = values(ledger(order={"value": 2, "range": [1, 4]}), "plant.order")
+    assert set(drawn.tolist()) == {1, 2, 3, 4}
+    drawn = values(
+        ledger(solver={"value": "A", "range": {"choices": ["A", "B"]}}), "plant.solver", 400
+    )
+    assert abs(np.mean(drawn == "A") - 0.5) < 0.1
+
+
+def test_draws_keep_to_the_grid_that_the_code_asks_for() -> None:
+    start = ledger(hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1})
+    drawn = values(start, "plant.hold", 400)
+    grid = {0.05} | {round(0.1 * k, 1) for k in range(1, 11)}  # the ends are always allowed
+    assert set(drawn.tolist()) <= grid
+    assert 0.3 in drawn  # not 0.30000000000000004
+    start = ledger(
+        noise={"value": [1.0, 2.0], "range": {"*": [0.0, 9.0]}, "multiple_of": {"1": 0.5}}
+    )
+    drawn = values(start, "plant.noise", 100)
+    assert np.all(drawn[:, 1] * 2 == np.round(drawn[:, 1] * 2))
+    assert not np.all(drawn[:, 0] * 2 == np.round(drawn[:, 0] * 2))
+
+
+def test_a_pattern_moves_its_keys_together() -> None:
+    choice = find_choice(ILO, "observers.*.K2")
+    assert len(choice.keys) == 3
+    assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
+    drawn, values = draw(ILO, [choice], 2)
+    assert len(values) == len(choice.names) == 1
+    gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
+    assert len(gains) == 1
+    assert gains != {2000.0}
+    assert ILO.section("observers", "sampled")["K2"] == 5000.0  # untouched
+
+
+def test_the_seed_can_be_drawn() -> None:
+    choice = find_choice(ILO, "seed")
+    assert choice.names == ("seed",)
+    draws = [draw(ILO, [choice], k) for k in range(5)]
+    seeds = {ledger.seed for ledger, _ in draws}
+    assert seeds == {values[0] for _, values in draws}
+    assert len(seeds) == 5
+
+
+def test_a_place_in_the_range_is_where_its_value_stands() -> None:
+    (knob,) = find_choice(ILO, GAIN).knobs
+    assert knob.place(500) == 0
+    assert knob.place(5000) == pytest.approx(1)
+    assert knob.place(500 * math.sqrt(10)) == pytest.approx(0.5)
+    for place in (0.0, 0.3, 1.0):
+        assert knob.place(knob.at(place)) == pytest.approx(place)
+    assert knob.place(1e9) == pytest.approx(1)  # an override from outside the range
+    moved = change(ILO, knob, 700.0)
+    assert moved.section("observers", "sampled")["K2"] == 700.0
+    assert moved.section("observers", "continuous")["K2"] == 2000.0
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        (
+            "observers.sampled.K3",
+            "depends_on: there is no 'observers.sampled.K3'; did you mean 'observers.sampled.K2'?",
+        ),
+        (
+            "plant.inertia",
+            "depends_on: plant.inertia is stated (Section 4, (19)), no choice",
+        ),
+        ("plant.step", "depends_on: plant.step is a numerical resolution, no choice"),
+    ],
+)
+def test_what_is_no_choice_is_one_sentence(pattern: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        find_choice(ILO, pattern)
+    assert str(caught.value) == said
+
+
+def test_rounding_to_the_grid_does_not_leave_the_range() -> None:
+    """The ends 0.16 and 0.98 round to 0.2 and, were it inside, to 1.0."""
+    start = ledger(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
+    (knob,) = find_choice(start, "plant.spacing").knobs
+    assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]

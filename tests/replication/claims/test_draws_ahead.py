@@ -1,0 +1,209 @@
+"""Draws made ahead in chunks: what is gathered has the same bytes, whatever the chunks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from reobserve.cli.stages.draw import numbers_of
+from reobserve.core.errors import DivergenceError, InputError
+from reobserve.replication.claims import outcomes
+from reobserve.replication.claims.checks import Check
+from reobserve.replication.claims.choices import find_choice
+from reobserve.replication.claims.draws_ahead import make_ahead
+from reobserve.replication.claims.kept_draws import KeptDraws
+from reobserve.replication.claims.known_draws import read_chunks, write_chunk
+from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.robustness import Inquiry, assess
+from reobserve.replication.claims.robustness_file import to_data
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.parameters.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+GAIN, SHARE = "observers.continuous.K2", "observers.forgetting.K1"
+DRAWS = 90
+
+
+class Code:
+    """Stands for what computes: a gain times a factor, some refused, some lost; all calls kept."""
+
+    def __init__(self) -> None:
+        self.factor = 1.0
+        self.asked: list[float] = []
+
+    def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
+        """The numbers behind any figure."""
+        observers = evaluator.ledger.section("observers")
+        gain = observers["continuous"]["K2"]
+        self.asked.append(gain)
+        if 600 < gain < 700:
+            raise InputError("K2", "must not be between 600 and 700")
+        if 900 < gain < 1000:
+            raise DivergenceError("it", 1.0)
+        share = observers["forgetting"]["K1"] / 3
+        return [Metric("a", "gain", self.factor * gain, "1"), Metric("a", "share", share, "1")]
+
+
+@pytest.fixture
+def code(monkeypatch: pytest.MonkeyPatch) -> Code:
+    """What computes, to be changed and counted."""
+    instead = Code()
+    monkeypatch.setattr(outcomes, "metrics_of", instead)
+    return instead
+
+
+def claim(name: str, value: str, above: float, *keys: str) -> Claim:
+    checks = (Check.parse({"value": f"fig1 a {value}", "above": above}),)
+    return Claim("ilo", name, checks=checks, choices=tuple(find_choice(ILO, key) for key in keys))
+
+
+CLAIMS = [
+    claim("near the line", "gain", 620, GAIN),
+    claim("soon decided", "gain", 1900, SHARE, GAIN),
+    claim("later decided", "share", 0.22, SHARE),
+]
+
+
+def gathered(
+    chunks: Sequence[Path] = (), kept: dict[str, KeptDraws] | None = None, draws: int = DRAWS
+) -> str:
+    """What the robustness writes."""
+    found = assess(Evaluator(ILO), CLAIMS, draws, kept=kept, made=read_chunks(chunks, "ilo"))
+    return json.dumps({name: to_data(one) for name, one in found.items()})
+
+
+def chunks_of(draws: int, chunks: int) -> list[str]:
+    """The names of the chunks, as the rules have them."""
+    size = -(-draws // chunks)
+    return [f"{start}-{start + size - 1}" for start in range(0, draws, size)]
+
+
+def make(folder: Path, chunk: str, kept: dict[str, KeptDraws] | None = None) -> Path:
+    """The file of a chunk."""
+    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, kept)
+    bases = {name: one.basis for name, one in inquiry.found.items()}
+    path = folder / f"{chunk}.json"
+    write_chunk(path, "ilo", bases, make_ahead(inquiry, numbers_of(chunk)))
+    return path
+
+
+def make_all(folder: Path, chunks: int, kept: dict[str, KeptDraws] | None = None) -> list[Path]:
+    return [make(folder, chunk, kept) for chunk in chunks_of(DRAWS, chunks)]
+
+
+@pytest.mark.parametrize("chunks", [1, 2, 5, 18])
+def test_chunks_in_any_order_give_the_bytes_of_draws_in_one(
+    code: Code, tmp_path: Path, chunks: int
+) -> None:
+    whole = gathered()
+    paths = make_all(tmp_path, chunks)
+    for _ in range(2):
+        Random(chunks).shuffle(paths)
+        assert gathered(paths) == whole
+    assert gathered(paths[: len(paths) // 2]) == whole  # what is missing is drawn
+
+
+def test_who_gathers_draws_only_what_takes_the_place_of_refused_draws(
+    code: Code, tmp_path: Path
+) -> None:
+    paths = make_all(tmp_path, 5)
+    found = assess(Evaluator(ILO), CLAIMS, DRAWS, flips=False)
+    more = {number for one in found.values() for number in _numbers(one) if number >= DRAWS}
+    assert more
+    code.asked.clear()
+    assess(Evaluator(ILO), CLAIMS, DRAWS, flips=False, made=read_chunks(paths, "ilo"))
+    assert len(code.asked) == 1 + len(more)
+
+
+def _numbers(one: object) -> range:
+    return range(one.draws + len(one.refused))  # type: ignore[attr-defined]
+
+
+def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path: Path) -> None:
+    """The first one knows that; later ones, which do not wait for it, draw all their numbers."""
+    ends = {name: _numbers(one).stop for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
+    assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS < ends["near the line"]
+    first, second = (json.loads(path.read_text())["claims"] for path in make_all(tmp_path, 2))
+    for name, end in ends.items():
+        assert first[name]["numbers"] == list(range(min(end, 45)))
+        assert second[name]["numbers"] == list(range(45, DRAWS))
+
+
+def test_a_chunk_draws_nothing_of_a_claim_that_kept_draws_decide(
+    code: Code, tmp_path: Path
+) -> None:
+    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
+    chunk = json.loads(make(tmp_path, "50-59", kept).read_text())["claims"]
+    assert chunk["soon decided"]["numbers"] == []
+
+
+@pytest.mark.parametrize("name", ["", "7", "9-2", "1-2-3", "-1-5", "0-1e3"])
+def test_a_chunk_is_named_by_two_rising_numbers(name: str) -> None:
+    with pytest.raises(InputError, match=r"^chunk: .* must be two rising numbers, as 50-99$"):
+        numbers_of(name)
+
+
+def test_a_chunk_that_is_made_again_is_the_same(code: Code, tmp_path: Path) -> None:
+    paths = make_all(tmp_path, 5)
+    before = [path.read_bytes() for path in paths]
+    for chunk in reversed(chunks_of(DRAWS, 5)):
+        make(tmp_path, chunk)
+    assert [path.read_bytes() for path in paths] == before
+
+
+def test_chunks_serve_more_draws(code: Code, tmp_path: Path) -> None:
+    paths = make_all(tmp_path, 5)
+    assert gathered(paths, draws=2 * DRAWS) == gathered(draws=2 * DRAWS)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.001])
+def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
+    code: Code, tmp_path: Path, factor: float
+) -> None:
+    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, 40).items()}
+    code.factor = factor
+    paths = make_all(tmp_path, 5, kept)
+    assert gathered(paths, kept) == gathered(kept=kept)
+    drawn = json.loads(paths[1].read_text())["claims"]["near the line"]["numbers"]
+    assert bool(drawn) == (factor != 1)
+
+
+def test_chunks_of_other_ledgers_and_claims_are_not_taken(code: Code, tmp_path: Path) -> None:
+    paths = make_all(tmp_path, 2)
+    other = replace(CLAIMS[0], checks=(Check.parse({"value": "fig1 a gain", "above": 621}),))
+    alone = assess(Evaluator(ILO), [other], 20)
+    code.factor = 2.0  # so that draws of before would show
+    fresh = assess(Evaluator(ILO), [other], 20, made=read_chunks(paths, "ilo"))
+    assert fresh == assess(Evaluator(ILO), [other], 20) != alone
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("paper",), "lie", "is of lie, must be of ilo"),
+        (("claims", "soon decided", "numbers", 0), 7, "must be numbers of draws, rising"),
+        (("claims", "soon decided", "numbers"), [1], "must be 1"),
+        (("claims", "soon decided", "draws", 0), "1 a", "must be numbers"),
+        (("claims", "soon decided", "basis"), None, "basis"),
+    ],
+)
+def test_a_damaged_chunk_is_told(
+    code: Code, tmp_path: Path, path: tuple[str | int, ...], value: object, said: str
+) -> None:
+    chunk = make(tmp_path, "0-5")
+    stored = json.loads(chunk.read_text())
+    place = stored
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    chunk.write_text(json.dumps(stored))
+    with pytest.raises(InputError, match=said) as caught:
+        read_chunks([chunk], "ilo")
+    assert str(chunk) in str(caught.value)

@@ -1,0 +1,189 @@
+"""Draws that are kept: taken where nothing has moved, made again where anything has."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from reobserve.core.errors import DivergenceError, InputError, ReobserveError
+from reobserve.replication.claims import draws_command as commands
+from reobserve.replication.claims import outcomes
+from reobserve.replication.claims.checks import Check
+from reobserve.replication.claims.choices import find_choice
+from reobserve.replication.claims.draws_command import draws_command, keep
+from reobserve.replication.claims.kept_draws import KeptDraws, alike, read_kept
+from reobserve.replication.claims.registry import Claim, Registry, read_registry
+from reobserve.replication.claims.robustness import Robustness, assess
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.metrics.metrics import Metric
+from reobserve.replication.parameters.ledger import Ledger, default_ledger
+from reobserve.replication.parameters.names import samples_path
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000
+
+
+class Code:
+    """Stands for what computes the numbers: the gain, times a factor; some are refused or lost."""
+
+    def __init__(self) -> None:
+        self.factor, self.calls = 1.0, 0
+
+    def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
+        """The numbers behind any figure."""
+        self.calls += 1
+        gain = evaluator.ledger.section("observers")["continuous"]["K2"]
+        if 600 < gain < 700:
+            raise InputError("K2", "must not be between 600 and 700")
+        if 900 < gain < 1000:
+            raise DivergenceError("it", 1.0)
+        return [Metric("a", "gain", self.factor * gain, "1")]
+
+
+@pytest.fixture
+def code(monkeypatch: pytest.MonkeyPatch) -> Code:
+    """What computes, to be changed."""
+    instead = Code()
+    monkeypatch.setattr(outcomes, "metrics_of", instead)
+    return instead
+
+
+def claim(above: float = 1000) -> Claim:
+    checks = (Check.parse({"value": "fig1 a gain", "above": above}),)
+    return Claim("ilo", "it", checks=checks, choices=(find_choice(ILO, GAIN),))
+
+
+def found(
+    one: Claim, kept: dict[str, KeptDraws] | None = None, draws: int = 40, ledger: Ledger = ILO
+) -> Robustness:
+    return assess(Evaluator(ledger), [one], draws, kept=kept)["it"]
+
+
+def as_made(one: Robustness) -> Robustness:
+    """The same, all of it made in one go."""
+    return replace(one, kept=0)
+
+
+@pytest.fixture
+def first(code: Code) -> Robustness:
+    """Drawn from nothing; the claim is near the line, so that no draws decide."""
+    one = found(claim(620), draws=60)
+    assert one.draws == 60
+    assert one.refused
+    assert one.diverged
+    code.calls = 0
+    return one
+
+
+def test_what_is_kept_is_what_would_be_drawn(code: Code, first: Robustness) -> None:
+    again = found(claim(620), {"it": first.to_keep}, draws=60)
+    assert as_made(again) == first
+    assert code.calls == 1 + 2  # as stated, and the first two draws
+    assert again.kept == 58 or first.refused[0] < 2
+
+
+def test_more_are_drawn_than_are_kept(code: Code, first: Robustness) -> None:
+    longer = found(claim(620), {"it": first.to_keep}, draws=80)
+    assert longer.draws == 80
+    assert longer.trials[:60] == first.trials
+    assert as_made(longer) == found(claim(620), draws=80)
+
+
+def test_fewer_draws_than_are_kept_lose_none(first: Robustness) -> None:
+    assert as_made(found(claim(620), {"it": first.to_keep}, draws=20)) == first
+
+
+def test_a_change_of_the_code_is_noticed(code: Code, first: Robustness) -> None:
+    code.factor = 1.001
+    moved = found(claim(620), {"it": first.to_keep}, draws=60)
+    assert moved.kept == 0
+    assert moved == found(claim(620), draws=60)
+    code.factor = 1 + 1e-9  # rounding on another machine
+    assert found(claim(620), {"it": first.to_keep}, draws=60).kept > 50
+
+
+@pytest.mark.parametrize("what", ["bound", "seed", "value"])
+def test_other_claims_and_ledgers_take_nothing(code: Code, first: Robustness, what: str) -> None:
+    ledger = ILO
+    if what == "seed":
+        ledger = Ledger("ilo", ILO.tree, 2)
+    if what == "value":
+        ledger = Ledger.load(ROOT, "ilo", {"observers": {"sampled": {"K2": 4000}}}, seed=1)
+    one = claim(621 if what == "bound" else 620)
+    assert found(one, {"it": first.to_keep}, 60, ledger).kept == 0
+
+
+def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -> None:
+    path = tmp_path / samples_path("ilo")
+    keep(tmp_path, "ilo", {"it": first})
+    assert read_kept(path, "ilo") == {"it": first.to_keep}
+    with pytest.raises(InputError, match="is of ilo, must be of lie"):
+        read_kept(path, "lie")
+    stored = json.loads(path.read_text())
+    stored["claims"]["it"]["draws"][3] = "12 a"
+    path.write_text(json.dumps(stored))
+    with pytest.raises(InputError, match=r"draws\.3: '12 a' must be numbers"):
+        read_kept(path, "ilo")
+
+
+def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None:
+    silent = assess(Evaluator(ILO), [claim()], 20, flips=False)
+    keep(tmp_path, "ilo", silent)
+    assert read_kept(tmp_path / samples_path("ilo"), "ilo") == {}
+    looked = found(claim(), {"it": silent["it"].to_keep}, 20)
+    assert looked.kept > 10
+    assert looked.flip is not None
+
+
+def test_draws_are_alike_but_for_rounding() -> None:
+    assert alike((1.0, float("nan"), float("inf")), (1.0 + 1e-9, float("nan"), float("inf")))
+    assert not alike((1.0,), (1.0 + 1e-5,))
+    assert not alike((), None)
+    assert not alike((), (1.0,))
+    assert alike(None, None)
+    assert alike((), ())
+
+
+@pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
+def test_draws_are_kept_of_every_claim_as_it_is(paper: str) -> None:
+    """Where this fails, `make draws` makes those that are missing."""
+    ledger = default_ledger(ROOT, paper)
+    claims = [one for one in read_registry(ROOT, ledger).claims if one.checks and one.choices]
+    kept, here = read_kept(ROOT / samples_path(paper), paper), Evaluator(ledger)
+    assert {name: one.basis for name, one in kept.items()} == {
+        claim.name: outcomes.basis_of(here, claim) for claim in claims
+    }
+
+
+def test_the_command_goes_on_and_checks(
+    code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project = tmp_path / "project"
+    shutil.copytree(ROOT / "config", project / "config")
+    shutil.copytree(ROOT / "workflow", project / "workflow")
+    (project / samples_path("ilo")).unlink(missing_ok=True)
+    near = Registry(claims=[claim(620), replace(claim(5000), name="never")])
+    monkeypatch.setattr(commands, "read_registry", lambda *_: near)
+    draws_command(project, ["ilo"], 100, check=False)
+    told = capsys.readouterr().out.splitlines()
+    assert [line.split(", ")[1] for line in told] == ["1 of 2 claims undecided"] * 3
+    kept = read_kept(project / samples_path("ilo"), "ilo")
+    assert [len([d for d in one.draws if d is not None]) for one in kept.values()] == [100, 36]
+    draws_command(project, ["ilo"], 100, check=True)
+    other = [claim(621), near.claims[1], replace(claim(5000), name="new")]
+    monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=other))
+    with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
+        draws_command(project, ["ilo"], 30, check=True)
+    assert capsys.readouterr().out.splitlines() == [
+        f"claims.ilo.{name}: no draws are kept of it as it is" for name in ("it", "new")
+    ]
+    monkeypatch.setattr(commands, "read_registry", lambda *_: near)
+    code.factor = 1.01
+    with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
+        draws_command(project, ["ilo"], 30, check=True)
+    assert "the first is 0: " in capsys.readouterr().out

@@ -1,0 +1,133 @@
+"""What the draws show, where it is known which choice decides and how far a bound may move."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from reobserve.replication.claims.bounds import rooms, tell_rooms
+from reobserve.replication.claims.checks import Check
+from reobserve.replication.claims.outcomes import Outcome
+from reobserve.replication.claims.plot import sensitivity_bars, specification_curves
+from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.robustness import Robustness, Trial
+from reobserve.replication.claims.sensitivity import deciding_check, influences
+
+BELOW = Check.parse({"value": "fig1 a error", "below": 0.5})
+ABOVE = Check.parse({"value": "fig1 a gain", "above": -1.0})
+NAMES = ("a.strong", "a.weak", "a.word", "seed")
+
+
+def claim(*checks: Check, headline: bool = True) -> Claim:
+    return Claim("ilo", "it_is_small", checks=checks, headline=headline)
+
+
+def drawn(draws: int = 40) -> Robustness:
+    """The error falls and rises with the first choice, hardly moves with the others."""
+    stream = np.random.default_rng(3)
+    trials = []
+    for k in range(draws):
+        strong, weak = stream.random(2)
+        error = abs(2 * strong - 1) + 0.01 * weak
+        values = (strong, weak, ("x", "y")[k % 2], k)
+        trials.append(Trial(values, Outcome(bool(error < 0.5), (error, 1.0))))
+    return Robustness(Outcome(True, (0.2, 1.0)), NAMES, trials)
+
+
+def test_the_choice_that_decides_explains_nearly_all() -> None:
+    """It neither rises nor falls, which a correlation would not see; the seed has no place."""
+    found = influences(claim(BELOW, ABOVE), drawn(200))
+    assert found[0].name == "a.strong"
+    assert {one.name for one in found} == set(NAMES) - {"seed"}
+    assert found[0].share > 0.9
+    assert found[0].chance < 1e-6
+    assert all(abs(one.share) < 0.2 for one in found[1:])
+
+
+def test_the_measure_is_chatterjees() -> None:
+    """By its formula: 1 - 3 sum |r_i+1 - r_i| / (n^2 - 1), in the order of the choice."""
+    one = drawn(30)
+    order = sorted(one.trials, key=lambda trial: trial.values[1])
+    errors = [-trial.outcome.numbers[0] for trial in order]
+    ranks = [sorted(errors).index(error) for error in errors]
+    expected = 1 - 3 * sum(abs(b - a) for a, b in pairwise(ranks)) / 899
+    found = {each.name: each.share for each in influences(claim(BELOW, ABOVE), one)}
+    assert found["a.weak"] == pytest.approx(expected)
+
+
+def test_few_draws_tell_of_no_choice() -> None:
+    assert influences(claim(BELOW, ABOVE), drawn(15)) == []
+
+
+def test_the_check_that_fails_most_decides() -> None:
+    never = Check.parse({"value": "fig1 a gain", "above": 2.0})
+    assert deciding_check(claim(BELOW, ABOVE), drawn()) == 0
+    assert deciding_check(claim(BELOW, never), drawn()) == 1
+
+
+def test_what_diverges_fails_worst() -> None:
+    one = drawn()
+    lost = [trial for trial in one.trials if trial.values[0] > 0.5]
+    for trial in lost:
+        one.trials[one.trials.index(trial)] = Trial(trial.values, Outcome(False))
+    found = influences(claim(BELOW, ABOVE), one)
+    assert found[0].name == "a.strong"
+    assert found[0].share > 0.6
+
+
+def test_how_far_a_bound_may_move() -> None:
+    """All of 40 draws lie between 0.1 and 0.49; the 36th in order is what 0.9 hangs on."""
+    numbers = [0.1 + 0.01 * k for k in range(40)]
+    outcomes = [Outcome(True, (number,)) for number in numbers]
+    found = rooms(claim(BELOW), Outcome(True, (0.2,)), outcomes)
+    # One of 40 that fails leaves it undecided: the bound may fall to the greatest number.
+    assert found == {BELOW: (pytest.approx(0.49), math.inf)}
+    assert tell_rooms(found) == "below 0.5 could be 0.49 or more"
+    # Without draws only the number itself decides.
+    assert rooms(claim(BELOW), Outcome(True, (0.2,))) == {BELOW: (0.2, math.inf)}
+    assert rooms(claim(BELOW), Outcome(False, (0.7,))) == {BELOW: (-math.inf, 0.7)}
+    assert tell_rooms({BELOW: (-math.inf, 0.7)}) == "below 0.5 could be 0.7 or less"
+    assert tell_rooms({BELOW: (0.1, 0.7)}) == "below 0.5 could be 0.1 to 0.7"
+    assert tell_rooms({BELOW: (-math.inf, math.inf)}) == "below 0.5 could be any"
+    # Where it fails, in all draws, too, the bound may rise to the least of the numbers.
+    outcomes = [Outcome(False, (number + 0.5,)) for number in numbers]
+    found = rooms(claim(BELOW), Outcome(False, (0.8,)), outcomes)
+    assert found == {BELOW: (-math.inf, pytest.approx(0.6))}
+    # A check that fails whatever the other's bound leaves that free.
+    never = Check.parse({"value": "fig1 a gain", "above": 2.0})
+    both = rooms(claim(BELOW, never), Outcome(False, (0.2, 1.0)))
+    assert both == {BELOW: (-math.inf, math.inf), never: (1.0, math.inf)}
+
+
+def test_a_curve_has_all_draws_in_order() -> None:
+    one = drawn()
+    figure = specification_curves([claim(BELOW, ABOVE)], {"it_is_small": one})
+    curve, choices = figure.axes
+    shown = {line.get_label(): line for line in curve.lines}
+    held, failed = shown["claim holds"], shown["claim fails"]
+    numbers = sorted(trial.outcome.numbers[0] for trial in one.trials)
+    for line in (held, failed):
+        for place, number in zip(line.get_xdata(), line.get_ydata(), strict=True):
+            assert numbers[int(place)] == number
+    assert len(held.get_xdata()) == one.held
+    assert len(failed.get_xdata()) == one.draws - one.held
+    assert max(held.get_ydata()) < 0.5 <= min(failed.get_ydata())
+    assert [label.get_text() for label in choices.get_yticklabels()] == list(NAMES)
+
+
+def test_bars_are_of_claims_that_turn_over() -> None:
+    one = drawn()
+    figure = sensitivity_bars([claim(BELOW, ABOVE)], {"it_is_small": one})
+    (axes,) = figure.axes
+    widths = [bar.get_width() for bar in axes.patches]
+    assert widths == sorted(widths, reverse=True)
+    assert axes.get_title(loc="left") == f"it is small: held in {one.held} of 40 draws"
+
+
+def test_where_nothing_is_to_draw_a_sentence_says_so() -> None:
+    for draw in (specification_curves, sensitivity_bars):
+        (text,) = draw([claim(BELOW)], {}).texts
+        assert text.get_text().startswith("No ")

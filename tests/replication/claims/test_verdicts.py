@@ -1,0 +1,307 @@
+"""Verdicts: the rule, the table, the counts; and every claim of the papers flips as it must."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from reobserve.cli.stages.claims import HEADER
+from reobserve.cli.stages.verdicts import run as count_verdicts
+from reobserve.core.errors import InputError, ReobserveError
+from reobserve.core.files import read_table, write_table
+from reobserve.replication.claims.checks import Check, Reference
+from reobserve.replication.claims.choices import find_choice
+from reobserve.replication.claims.flips import Flip
+from reobserve.replication.claims.outcomes import Outcome, outcome
+from reobserve.replication.claims.registry import Claim, read_registry
+from reobserve.replication.claims.robustness import Robustness, Trial
+from reobserve.replication.claims.robustness_file import read_robustness, to_data
+from reobserve.replication.claims.table import row, tell_flip
+from reobserve.replication.claims.verdict_table import put_into
+from reobserve.replication.claims.verdicts import count, replicated, title_margin, verdict
+from reobserve.replication.parameters.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+ILO = Ledger.load(ROOT, "ilo", seed=1)
+GAIN = "observers.sampled.K2"
+
+
+def marked() -> Ledger:
+    """The ledger with the gain chosen for a claim."""
+    tree = copy.deepcopy(ILO.tree)
+    tree["observers"]["sampled"]["K2"]["chosen_for"] = "it, found by trying"
+    return Ledger("ilo", tree, 1)
+
+
+DEPENDENT = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
+FREE = Claim("ilo", "it")
+
+
+def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Robustness:
+    """Draws of one choice and one check, of which the first ones held."""
+    trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(draws)]
+    return Robustness(Outcome(stated, (number,)), (GAIN,), trials)
+
+
+@pytest.mark.parametrize(
+    ("claim", "ledger", "held", "share", "word"),
+    [
+        (FREE, ILO, True, None, "reproduced"),
+        (FREE, ILO, False, None, "contradicted"),
+        (DEPENDENT, ILO, True, (36, 36), "reproduced"),
+        (DEPENDENT, ILO, True, (35, 35), "undecided"),
+        (DEPENDENT, ILO, True, (70, 71), "reproduced"),
+        (DEPENDENT, ILO, True, (69, 70), "undecided"),
+        (DEPENDENT, ILO, True, (90, 100), "undecided"),
+        (DEPENDENT, ILO, True, (10, 20), "depends on unstated choices"),
+        (DEPENDENT, ILO, True, (0, 2), "depends on unstated choices"),
+        (DEPENDENT, ILO, True, (0, 1), "undecided"),
+        (DEPENDENT, ILO, False, (0, 36), "contradicted"),
+        (DEPENDENT, ILO, False, (1, 71), "contradicted"),
+        (DEPENDENT, ILO, False, (0, 35), "undecided"),
+        (DEPENDENT, ILO, False, (10, 20), "depends on unstated choices"),
+        (DEPENDENT, marked(), True, (36, 36), "reproduced only by calibration"),
+        (DEPENDENT, marked(), True, (0, 36), "reproduced only by calibration"),
+        (DEPENDENT, marked(), False, (0, 36), "contradicted"),
+        (DEPENDENT, marked(), False, (20, 40), "depends on unstated choices"),
+        (replace(FREE, testable=False), ILO, True, None, "not testable"),
+    ],
+)
+def test_the_verdict_follows_the_rule(
+    claim: Claim, ledger: Ledger, held: bool, share: tuple[int, int] | None, word: str
+) -> None:
+    robustness = None if share is None else drawn(*share, stated=held)
+    assert verdict(claim, ledger, held, robustness) == word
+
+
+def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
+    checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
+    claim = replace(DEPENDENT, checks=checks, says="It is small.", why="A twentieth.")
+    flip = Flip(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
+    stands = replace(drawn(70, 71), flip=flip)
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
+    assert told["verdict"] == "reproduced"
+    assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
+    assert (told["draws"], told["held"], told["share"]) == (71, 70, "0.9859")
+    assert (told["low"], told["high"]) == ("0.9011", "1")
+    assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
+    assert told["holds"] == "no"
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
+    assert told["verdict"] == "depends on unstated choices"
+    same = replace(stands, trials=stands.trials[:1] * 8)
+    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
+    assert told["verdict"] == "broken"
+    assert told["problem"] == (
+        "claims.ilo.it: all 8 draws give the same numbers, must name a choice that reaches them "
+        "or depend on nothing"
+    )
+    told = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
+    assert told["verdict"] == "broken"
+    assert told["problem"] == (
+        "claims.ilo.it: metric: fig1 has no 'error' of a; did you mean 'errors'?"
+    )
+    assert tell_flip(Flip("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
+    assert tell_flip(Flip("a.b", "word", True, False, 1.0)) == "a.b from True to False"
+    assert tell_flip(None) == ""
+    pair = Flip("a.b.1", "V, A", 1.0, 2.0, 0.5)
+    assert tell_flip(pair) == "a.b.1 from 1 to 2 A (50 % of its range)"
+    assert tell_flip(replace(pair, key="a.b", unit="1")) == "a.b from 1 to 2 (50 % of its range)"
+    slow, fast, step = (
+        [{"kind": "prbs", "size": 1.5}],
+        [{"kind": "prbs", "size": 47}],
+        [{"kind": "step"}],
+    )
+    assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
+    assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
+    path, told = tmp_path / "robustness.json", {"a": to_data(stands)}
+    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "draws": 40, "claims": told}))
+    assert read_robustness(path, "ilo") == {"a": stands}
+
+
+def made(*verdicts: str, headline: Iterable[int] = ()) -> list[dict[str, str]]:
+    return [
+        {"paper": "a", "claim": str(k), "verdict": word, "headline": "yes" * (k in headline)}
+        for k, word in enumerate(verdicts)
+    ]
+
+
+def test_a_replication_stands_or_falls_with_its_headlines() -> None:
+    good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
+    assert replicated(made(good, good, bad, headline=[0, 1]))
+    assert replicated(made(good, good, other, headline=[0, 1, 2]))
+    assert not replicated(made(good, other, headline=[0, 1]))  # no more than half
+    assert not replicated(made(good, good, bad, headline=[0, 1, 2]))
+    assert not replicated(made(good, good, "broken", headline=[0, 1, 2]))
+    assert not replicated(made(good))
+    assert title_margin(made(good)) == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "rrr",
+            "3 of 3 headline claims are reproduced and 0 contradicted; it would be [¬Re] with one "
+            "contradicted or 2 fewer reproduced",
+        ),
+        (
+            "rrc",
+            "2 of 3 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "fewer contradicted",
+        ),
+        (
+            "rddc",
+            "1 of 4 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "fewer contradicted and 2 more reproduced",
+        ),
+    ],
+)
+def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
+    spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
+    rows = made(*(spelled[word] for word in words), headline=range(len(words)))
+    assert title_margin(rows) == said
+
+
+def test_broken_claims_count() -> None:
+    good, bad = "reproduced", "contradicted"
+    assert count(made(good, bad, bad))["a"]["contradicted"] == 2
+
+
+def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
+    rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
+    rows[0] |= {"headline": "yes", "figures": "fig1 theory"}
+    rows = [row | {"paper": "ilo"} for row in rows]
+    write_table(tmp_path / "claims.csv", rows, HEADER)
+    count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md")
+    written = (tmp_path / "verdicts.md").read_text().splitlines()
+    assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 |"
+    assert len(written) == 3
+    wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
+    rows.append(dict.fromkeys(HEADER, "") | wrong)
+    write_table(tmp_path / "claims.csv", rows, HEADER)
+    with pytest.raises(ReobserveError, match=r"^No x\.$"):
+        count_verdicts(tmp_path / "claims.csv", tmp_path / "none.md")
+    assert not (tmp_path / "none.md").exists()
+    assert len(read_table(tmp_path / "claims.csv", HEADER)) == 3
+
+
+# Every claim of the papers, fed with results.
+
+Numbers = dict[str, dict[tuple[str, str], float]]
+PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
+LEDGERS = {paper: Ledger.load(ROOT, paper) for paper in PAPERS}
+CLAIMS = [
+    pytest.param(claim, id=f"{paper}-{claim.name}")
+    for paper in PAPERS
+    for claim in read_registry(ROOT, LEDGERS[paper]).claims
+    if claim.checks
+]
+
+
+def fed(claim: Claim, broken: Check | None = None) -> Numbers:
+    """Results that satisfy every check but ``broken``: one at a time may contradict another."""
+    numbers: Numbers = {}
+
+    def put(reference: Reference, value: float) -> None:
+        numbers.setdefault(reference.figure, {})[reference[1:]] = value
+
+    checks = [check for check in claim.checks if check is not broken]
+    for check in [broken, *checks] if broken else checks:
+        if check is not broken and broken and set(check.references) & set(broken.references):
+            continue
+        for k, (reference, value) in enumerate(zip(check.value, goal(check), strict=True)):
+            if check.how:
+                put(check.other[k], 1.0 if check.how == "over" else 0.0)
+            put(reference, wrong(check, k, value) if check is broken else value)
+    for reference in (ref for check in claim.checks for ref in check.references):
+        numbers.setdefault(reference.figure, {}).setdefault(reference[1:], 1.0)
+    return numbers
+
+
+def goal(check: Check) -> list[float]:
+    """Numbers that satisfy a check by itself, against one or nothing."""
+    count = len(check.value)
+    if check.relation in ("rising", "falling"):
+        return [float(k if check.relation == "rising" else -k) for k in range(count)]
+    if check.relation == "within":
+        return [sum(check.bound) / 2] * count
+    if check.relation == "exists":
+        return [1.0 if check.bound else math.nan] * count
+    return [check.bound - 1.0 if check.relation == "below" else check.bound + 1.0] * count
+
+
+def wrong(check: Check, k: int, value: float) -> float:
+    """The same for a check that must fail: just beyond its bound, or the sequence upside down."""
+    if check.relation in ("rising", "falling"):
+        return -value
+    if check.relation == "within":
+        return math.nextafter(check.bound[k % 2], -math.inf if k % 2 == 0 else math.inf)
+    if check.relation == "exists":
+        return math.nan if check.bound else 1.0
+    return float(check.bound)
+
+
+def satisfied(claim: Claim, numbers: Numbers) -> list[bool]:
+    return [check.holds(numbers) for check in claim.checks]
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
+    """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
+    for check in claim.checks:
+        alone = replace(claim, checks=(check,), choices=())
+        ledger = LEDGERS[claim.paper]
+        good, bad = fed(alone), fed(alone, check)
+        assert outcome(alone, good).held
+        assert not outcome(alone, bad).held
+        assert row(alone, ledger, good, None)["verdict"] == "reproduced"
+        assert row(alone, ledger, bad, None)["verdict"] == "contradicted"
+        # With all checks of the claim: one that fails is enough.
+        whole = fed(claim, check)
+        assert satisfied(claim, whole)[claim.checks.index(check)] is False
+        assert not outcome(claim, whole).held
+
+
+def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> None:
+    readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
+    readme.write_text("before\n<!-- verdicts -->\nold\n<!-- end -->\nafter\n")
+    verdicts.write_text("| new |\n")
+    for _ in range(2):
+        put_into(readme, verdicts)
+        told = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
+        assert readme.read_text() == told
+    readme.write_text("before\n<!-- verdicts -->\nold\n")
+    with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
+        put_into(readme, verdicts)
+    assert readme.read_text() == "before\n<!-- verdicts -->\nold\n"
+
+
+TOLD = """| paper | claims |
+|---|---|
+| `a` | 3 |
+| `b` | 4 |
+"""
+
+
+def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path: Path) -> None:
+    readme, verdicts = tmp_path / "README.md", tmp_path / "verdicts.md"
+    readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
+    verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
+    put_into(readme, verdicts, ["a", "b", "c"])
+    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n<!-- end -->\n"
+    put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
+
+
+@pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
+def test_a_place_beyond_the_units_has_none(place: int, unit: str) -> None:
+    flip = Flip(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
+    assert tell_flip(flip) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"

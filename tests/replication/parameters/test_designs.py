@@ -1,0 +1,138 @@
+"""Designs and tables in the ledger: who may name one, what a job sees of it, what it is called."""
+
+from __future__ import annotations
+
+import copy
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from reobserve.core.documents import read_yaml
+from reobserve.core.errors import InputError
+from reobserve.replication.parameters.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    return tmp_path
+
+
+def number(value: float) -> dict[str, Any]:
+    return {"value": value, "unit": "1", "source": "(1)"}
+
+
+@pytest.fixture
+def designed(project: Path) -> dict[str, Any]:
+    """The tree of `ilo` with two designs, which an observer, the study and a table name."""
+    tree = read_yaml(project / "config/papers/ilo.yaml")
+    tree["designs"] = {
+        name: {"title": f"the {name} gains", "pole": number(pole)}
+        for name, pole in (("high", 9.0), ("low", 2.0))
+    }
+    tree["tables"] = {
+        "table1": {"title": "T", "source": "Table 1", "design": "low", "digits": number(3)}
+    }
+    tree["observers"]["forgetting"]["design"] = "high"
+    tree["studies"]["matching"]["design"] = "low"
+    return tree
+
+
+def load_tree(
+    project: Path, tree: dict[str, Any], overrides: dict[str, Any] | None = None
+) -> Ledger:
+    (project / "config/papers/ilo.yaml").write_text(yaml.safe_dump(tree))
+    return Ledger.load(project, "ilo", overrides)
+
+
+def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str, Any]) -> None:
+    ledger = load_tree(project, designed)
+    high, low = {"pole": 9.0}, {"pole": 2.0}
+    plant = ledger.section("plant")
+    assert ledger.settings("design", "high") == {"plant": plant, "design": high}
+    assert ledger.settings("table", "table1") == {
+        "plant": plant, "design": low, "table": {"design": "low", "digits": 3},
+    }  # fmt: skip
+    assert ledger.settings("observe", "forgetting")["design"] == high
+    assert set(ledger.settings("observe", "sampled")) == {"plant", "observer"}
+    # Fig. 1 shows the observer; Fig. 4 neither it nor the study; the other both.
+    assert ledger.settings("metrics", "fig1")["designs"] == {"high": high}
+    assert "designs" not in ledger.settings("metrics", "fig4")
+    assert ledger.settings("metrics", "fig4_matched")["designs"] == {"high": high, "low": low}
+    assert ledger.settings("study", "matching")["designs"] == {"high": high, "low": low}
+    # A figure also sees the designs of observers that only its study runs.
+    designed["figures"]["fig4_matched"]["observers"] = ["sampled"]
+    seen = load_tree(project, designed).settings("plot", "fig4_matched")["designs"]
+    assert {name: body["title"] for name, body in seen.items()} == {
+        "low": "the low gains", "high": "the high gains",
+    }  # fmt: skip
+
+
+def test_a_paper_without_designs_has_no_word_of_them() -> None:
+    ledger = Ledger.load(ROOT, "ilo")
+    for stage, name in (("study", "matching"), ("metrics", "fig4_matched"), ("plot", "fig1")):
+        assert "designs" not in ledger.settings(stage, name)
+    with pytest.raises(InputError, match="ilo: there is no 'designs'"):
+        ledger.settings("design", "high")
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "key"),
+    [
+        ("observers", "forgetting", "design"),
+        ("studies", "matching", "design"),
+        ("tables", "table1", "design"),
+        ("studies", "matching", "scenario"),
+        ("figures", "fig4_matched", "study"),
+    ],
+)
+def test_what_is_named_must_exist(
+    project: Path, designed: dict[str, Any], section: str, name: str, key: str
+) -> None:
+    right = designed[section][name][key]
+    designed[section][name][key] = f"{right}x"
+    with pytest.raises(InputError, match=rf"^ilo\.{section}\.{name}: .*did you mean '{right}'"):
+        load_tree(project, designed)
+
+
+@pytest.mark.parametrize(
+    ("section", "wrong"),
+    [
+        ("designs", "high.old"),
+        ("designs", "a/b"),
+        ("designs", "title"),
+        ("observers", "plant"),
+        ("observers", "source"),
+        ("tables", "Table1"),
+        ("tables", "table1.metrics"),
+    ],
+)
+def test_a_name_must_serve_as_part_of_a_file_name(
+    project: Path, designed: dict[str, Any], section: str, wrong: str
+) -> None:
+    designed[section][wrong] = copy.deepcopy(next(iter(designed[section].values())))
+    with pytest.raises(InputError, match=rf"^ilo\.{section}\.{wrong}: '{wrong}' "):
+        load_tree(project, designed)
+
+
+def test_designs_and_tables_can_be_added_and_changed(
+    project: Path, designed: dict[str, Any]
+) -> None:
+    ledger = load_tree(
+        project,
+        designed,
+        {
+            "designs": {"mine": {"like": "high", "pole": 5}},
+            "tables": {"table_mine": {"like": "table1", "design": "mine"}},
+            "observers": {"forgetting": {"design": "mine"}},
+        },
+    )
+    assert ledger.settings("observe", "forgetting")["design"] == {"pole": 5}
+    assert ledger.settings("table", "table_mine")["design"] == {"pole": 5}
+    with pytest.raises(InputError, match="forgetting: there is no 'mien' in designs"):
+        load_tree(project, designed, {"observers": {"forgetting": {"design": "mien"}}})

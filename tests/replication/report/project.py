@@ -1,0 +1,130 @@
+"""A made-up build for tests: the paper `toy` of the pipeline's tests, without its builds."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from reobserve.core.files import write_table
+from reobserve.replication.claims.table import HEADER
+from reobserve.replication.metrics.metrics import Metric, write_metrics
+from reobserve.replication.parameters.ledger import Ledger
+
+ROOT = Path(__file__).parents[3]
+TOY = ROOT / "tests" / "pipeline" / "toy"
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="300pt" height="150pt" viewBox="0 0 300 150">
+<rect width="300" height="150" fill="#fff"/><path d="M0 150L300 0" stroke="#000"/></svg>
+"""
+
+CAPTION = """**A disturbance estimated** (Example 2000, Fig. 1). (a) The estimate errs by 0.1 %.
+It lags.
+
+**Left open by the paper**: the gains of *slow* <and more>. ``reobserve params toy`` has them.
+"""
+
+_DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
+
+CLAIMS = [
+    {
+        "claim": "double_pole", "headline": "yes", "place": "(3)",
+        "says": "Both poles are in one place.", "verdict": "reproduced", "holds": "yes",
+        "measured": "theory gains discriminant = 0, within [-1e-09, 1e-09]", "why": "Rounding.",
+        "figures": "theory",
+    },
+    {
+        "claim": "placed_is_better", "headline": "yes", "place": "Fig. 1",
+        "says": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
+        "holds": "yes", "why": "What better means.", "figures": "fig1",
+        "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
+        "fig1 slow late_rms_error = 0.4, must be below 1",
+        "depends_on": "observers.slow.gains", **_DRAWN, "threshold": "after",
+        "room": "below 1 could be any",
+        "flip": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
+    },
+    {
+        "claim": "tuned", "place": "Fig. 1", "says": "It is <script>alert(1)</script> tuned.",
+        "verdict": "reproduced only by calibration", "holds": "yes", "figures": "fig1",
+        "measured": "fig1 slow late_rms_error = 0.4, must be below 1", "why": "As `chosen`.",
+        "depends_on": "observers.slow.gains seed", **_DRAWN,
+    },
+    {
+        "claim": "slow_is_good", "place": "Section 3", "says": "The slow observer is good, too.",
+        "verdict": "contradicted", "holds": "no", "figures": "fig1",
+        "measured": "fig1 slow late_rms_error = 0.4, must be below 0.002", "why": "A thousandth.",
+    },
+    {
+        "claim": "measured", "place": "Section 4", "says": "It works in the laboratory.",
+        "verdict": "not testable", "why": "There is no laboratory here.",
+    },
+]  # fmt: skip
+
+BROKEN = {
+    "claim": "amiss", "place": "Fig. 3", "says": "Something else.", "verdict": "broken",
+    "problem": "claims.toy.amiss: figure: there is no 'fig3'; did you mean 'fig1'?",
+}  # fmt: skip
+
+
+MEANINGS = {
+    "late_<score>": "a score of the last second",
+    "late_rms_error": "of the last second, |e|",
+}
+
+
+def configure(folder: Path, papers: str, formats: str) -> None:
+    """Write a configuration of these papers and formats."""
+    rest = "seed: 1\ndraws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    (folder / "config/config.yaml").write_text(f"papers: {papers}\nformats: {formats}\n{rest}")
+
+
+def write_claims(folder: Path, rows: list[dict[str, object]]) -> None:
+    """The table of claims as the build writes it."""
+    full = [{**dict.fromkeys(HEADER, ""), "paper": "toy", **row} for row in rows]
+    write_table(folder / "results/claims.csv", full, HEADER)
+
+
+def make_project(folder: Path) -> Path:
+    """All that a report reads, and nothing amiss."""
+    built = folder / "results" / "toy"
+    for name in ("config/papers", "config/claims", "config/errata", "workflow/report/toy"):
+        (folder / name).mkdir(parents=True)
+    built.mkdir(parents=True)
+    configure(folder, "[toy]", "[svg]")
+    shutil.copy(TOY / "toy.yaml", folder / "config/papers")
+    shutil.copy(TOY / "claims.yaml", folder / "config/claims/toy.yaml")
+    shutil.copy(TOY / "errata.yaml", folder / "config/errata/toy.yaml")
+    shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
+    shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
+    shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
+    (built / "parameters.json").write_text(Ledger.load(folder, "toy", seed=1).text())
+    for picture in ("fig1", "specification", "sensitivity"):
+        (built / f"{picture}.svg").write_text(SVG)
+    (built / "fig1.caption.rst").write_text(CAPTION)
+    numbers = [Metric("placed", "late_rms_error", 0.001, "1/s")]
+    numbers += [
+        Metric("slow", "late_rms_error", 0.4, "1/s"),
+        Metric("slow", "lag", float("nan"), "s"),
+    ]
+    write_metrics(built / "fig1.metrics.csv", numbers)
+    write_metrics(built / "theory.metrics.csv", [Metric("gains", "discriminant", -0.0, "1/s^2")])
+    (built / "table1.csv").write_text("gain,computed,printed\nl1,7.5,7.5\nl2,16.0,15.9\n")
+    write_claims(folder, CLAIMS)
+    held = {"held": True, "numbers": ["0.4"]}
+    failed = {"held": False, "numbers": ["1.5"]}
+    lost = {"held": False, "numbers": []}
+    trials = [
+        {"values": [k], **one} for k, one in enumerate([held] * 30 + [failed] * 8 + [lost] * 2)
+    ]
+    drawn = {
+        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [7],
+        "looked": True, "flip": None, "basis": "", "kept": 38,
+    }  # fmt: skip
+    drawn_of = {"placed_is_better": drawn, "tuned": drawn}
+    stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}
+    (built / "robustness.json").write_text(json.dumps(stored))
+    for name in ("fig1.plot", "theory"):
+        log = folder / "logs" / "toy" / f"{name}.log"
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text("+ reobserve stage\n")
+    return folder

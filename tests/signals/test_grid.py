@@ -1,0 +1,15 @@
+"""Intervals and steps: how many, and the most that there may be."""
+
+from __future__ import annotations
+
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.signals.grid import MOST_STEPS, multiple
+
+
+def test_the_most_steps_of_an_interval() -> None:
+    assert multiple("horizon", float(MOST_STEPS), 1.0, "the step") == MOST_STEPS
+    with pytest.raises(InputError) as error:
+        multiple("horizon", MOST_STEPS + 1.0, 1.0, "the step")
+    assert str(error.value) == "horizon: 1e+08 s is 1e+08 steps, must be 1e+08 at most"

@@ -1,0 +1,67 @@
+"""Euler's equation by hand and against cross products; bodies that cannot be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reobserve.core.errors import InputError
+from reobserve.plants.satellite import Satellite
+from reobserve.systems.rigid_body import RigidBody
+from reobserve.systems.rigid_body_arithmetic import acceleration, product
+
+
+def test_acceleration_by_hand() -> None:
+    # w x J w = (1, 1, 1) x (1, 2, 3) = (1, -2, 1); its sign decides that of every component.
+    inertia = np.diag([1.0, 2.0, 3.0])
+    found = acceleration(inertia, np.linalg.inv(inertia), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+    assert found == pytest.approx((-1.0, 1.0, -1.0 / 3.0), abs=1e-15)
+
+
+def test_kernels_against_cross_products() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        root = rng.normal(size=(3, 3))
+        inertia = root @ root.T + np.eye(3)
+        rate, torque = rng.normal(size=(2, 3))
+        assert product(root, *rate) == pytest.approx(root @ rate, rel=1e-12, abs=1e-12)
+        expected = np.linalg.solve(inertia, torque - np.cross(rate, inertia @ rate))
+        found = acceleration(inertia, np.linalg.inv(inertia), tuple(rate), tuple(torque))
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+SHAPE = r"has shape \({}\), must be one number \(times the identity\), 3 numbers .* 3 x 3"
+BAD_BODIES: list[tuple[Any, str]] = [
+    (
+        np.diag([1.0, 2.0, -3.0]),
+        r"^inertia: must be positive definite, .* eigenvalues are -3, 1, 2$",
+    ),
+    (np.diag([1.0, 2.0, 0.0]), r"^inertia: must be positive definite, .* eigenvalues are 0, 1, 2$"),
+    ([[2, 1, 0], [0, 2, 0], [0, 0, 2]], r"^inertia: \[\[2.0, 1.0, 0.0\].* must be symmetric$"),
+    (np.eye(2), "^inertia: " + SHAPE.format("2, 2")),
+    ([1.0, 2.0], "^inertia: " + SHAPE.format("2,")),
+    ([[1, 2, 3], [4, 5]], r"^inertia: .* is not a number or an array of numbers$"),
+    ("heavy", r"^inertia: 'heavy' is not a number"),
+    ([1.0, np.inf, 1.0], r"^inertia: \[1.0, inf, 1.0\] has an entry that is not finite$"),
+]
+
+
+@pytest.mark.parametrize(("inertia", "sentence"), BAD_BODIES)
+@pytest.mark.parametrize("kind", [RigidBody, Satellite])
+def test_bad_inertia(kind: type[RigidBody], inertia: Any, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        kind(inertia)
+
+
+@pytest.mark.parametrize(
+    ("matrices", "sentence"),
+    [
+        ((np.ones((3, 2)),), "^input_matrix: " + SHAPE.format("3, 2")),
+        ((1.0, np.ones(4)), "^fault_matrix: " + SHAPE.format("4,")),
+    ],
+)
+def test_bad_matrices(matrices: tuple[Any, ...], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        RigidBody([36.0, 17.0, 26.0], *matrices)
