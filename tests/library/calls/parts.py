@@ -60,7 +60,7 @@ def _models() -> Iterator[Call]:
         "signals.inputs.Signal.parse": ("fault", TERMS, 1),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
-            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2, [[0.0]], False,
+            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], [[0.0]], 1e-4, 1e-2,
         ),
         "systems.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
         "systems.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
