@@ -13,10 +13,10 @@ from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
 from reobserve.estimation.designs.poles import parse_poles
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.ilo.lyapunov import gyroscopic_eta
+from reobserve.papers.ilo.theorem import certify
 from reobserve.papers.imm.keys import bounds
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
-from reobserve.synthesis.ilo_theorem import certify
 from reobserve.systems.rigid_body import RigidBody
 
 KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], Q=1.0, R=1.0, sampling_period=0.1))
