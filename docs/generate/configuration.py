@@ -10,10 +10,10 @@ from typing import Any
 from docs.generate.markdown import block, code, plain, table
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
-from reobserve.estimation.designs.file import KINDS, kind_of
-from reobserve.estimation.examples import NAMES, specification_text
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.examples import NAMES, specification_text
 from reobserve.replication.parameters.parameter_file import Configuration
-from reobserve.replication.schemas import KINDS as KINDS_OF_FILES
+from reobserve.replication.schemas import FAMILIES as KINDS_OF_FILES
 
 
 def keys_of_a_build(root: Path) -> str:
@@ -110,7 +110,7 @@ def specifications() -> str:
 
 def models() -> str:
     """The examples of `reobserve design`."""
-    return "\n".join(_example(name, kind_of(name).example, 2) for name in KINDS)
+    return "\n".join(_example(name, family(name).example, 2) for name in FAMILIES)
 
 
 def _example(name: str, text: str, level: int) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reobserve.core.errors import DivergenceError, InputError
-    from reobserve.estimation.designs.loading import load_design
+    from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
     from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
@@ -70,7 +70,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "estimation.designs.loading": ("load_design",),
+    "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),
     "systems.polynomial": ("PolynomialSystem",),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
-from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
@@ -165,7 +165,7 @@ CASES: dict[str, Callable[[], Made]] = {
 
 def designed(kind: str) -> Any:
     """The design of the example of a kind, certified."""
-    made: Any = kind_of(kind)
+    made: Any = family(kind)
     found = made.designed(parse_yaml(made.example, "model.yaml"))
     return found, found.start()
 
@@ -186,4 +186,4 @@ def columns_of(name: str, observer: Any) -> tuple[int, int]:
     return (1, 1) if "alone" in name else (observer.measurements, observer.inputs)
 
 
-NAMES = (*CASES, *(f"example-{kind}" for kind in KINDS))
+NAMES = (*CASES, *(f"example-{kind}" for kind in FAMILIES))

@@ -10,7 +10,7 @@ import pytest
 
 from reobserve.codegen.program_of import program_of
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.export_command import exported
+from reobserve.estimation.families.export_command import exported
 from reobserve.observers.kalman import KalmanFilter
 from tests.codegen import cases
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reobserve.cli.estimation import _MORE
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.example_records import _followed
-from reobserve.estimation.examples import NAMES, simulated
+from reobserve.estimation.families.examples import NAMES, simulated
 from tests.estimation.by_hand import BY_HAND
 from tests.estimation.records import read_results, specification, write_record
 

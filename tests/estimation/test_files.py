@@ -18,9 +18,9 @@ from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.estimation.commands import estimate_file
-from reobserve.estimation.designs.file import load_design
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
+from reobserve.estimation.families.file import load_design
 from reobserve.estimation.reading import File
 from reobserve.estimation.specification import LearnedThreshold, Specification, read_specification
 from reobserve.estimation.writing import KEY
@@ -302,7 +302,7 @@ def test_bad_records_are_refused_in_a_sentence(content: bytes, said: str, tmp_pa
 def test_bad_specifications_are_refused_by_their_key(
     change: str, said: str, tmp_path: Path
 ) -> None:
-    from reobserve.estimation.examples import specification_text
+    from reobserve.estimation.families.examples import specification_text
 
     old, _, new = change.partition(">")
     text = specification_text("kalman")

@@ -14,7 +14,7 @@ from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated, specification_text
+from reobserve.estimation.families.examples import simulated, specification_text
 from tests.estimation.by_hand import motor_model
 from tests.estimation.records import read_results, specification, write_record
 

@@ -11,7 +11,7 @@ import pytest
 from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
 from tests.estimation.records import specification
 
 

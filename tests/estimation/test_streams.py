@@ -19,7 +19,7 @@ from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import NAMES, simulated, specification_text
+from reobserve.estimation.families.examples import NAMES, simulated, specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.state_file import load_state, save_state

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli.main import main
-from reobserve.estimation.designs.file import KINDS
+from reobserve.estimation.families import FAMILIES
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def test_a_model_becomes_a_design_and_that_becomes_code(
     assert told["constants"]["L"] == json.loads((empty / "swing.json").read_text())["gains"]["gain"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FAMILIES)
 def test_equations_are_balanced_and_tables_are_booktabs(kind: str, empty: Path) -> None:
     assert main(["design", kind, "--example", "m.yaml"]) == 0
     assert main(["design", kind, "m.yaml", "--out", "m.json"]) == 0

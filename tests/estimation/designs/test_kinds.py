@@ -11,21 +11,21 @@ from scipy.linalg import expm
 
 from reobserve.core.documents import Tree, parse_yaml
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.design import Design
-from reobserve.estimation.designs.file import kind_of
-from reobserve.estimation.designs.poles import parse_poles
-from reobserve.estimation.designs.signals import product
+from reobserve.estimation.families import family
+from reobserve.estimation.families.design import Design
+from reobserve.estimation.families.poles import parse_poles
+from reobserve.estimation.families.signals import product
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 
 
 def model(kind: str, **changed: Any) -> Tree:
     """The example of a kind, with other values."""
-    tree: Tree = parse_yaml(kind_of(kind).example, "model.yaml")
+    tree: Tree = parse_yaml(family(kind).example, "model.yaml")
     return {**tree, **changed}
 
 
 def design(kind: str, options: dict[str, Any] | None = None, **changed: Any) -> Any:
-    made: Any = kind_of(kind)
+    made: Any = family(kind)
     found: Design = made.designed(model(kind, **changed), **(options or {}))
     return found
 

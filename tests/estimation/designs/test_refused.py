@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.file import KINDS, load_design, save_design
-from tests.estimation.designs.test_kinds import design
+from reobserve.estimation.families.file import load_design, save_design
+from tests.estimation.families.test_kinds import design
 
 SAME = {"transition": [[0.5, 0.5], [0.5, 0.5]]}
 SQUARE = {"angle": "rad", "rate": "rad/s"}
@@ -47,7 +47,7 @@ def test_a_model_is_refused_by_its_key(kind: str, changed: dict[str, Any], said:
     assert str(error.value).startswith(said)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FAMILIES)
 def test_a_period_that_is_not_positive_is_refused_by_its_key(kind: str) -> None:
     with pytest.raises(InputError, match=r"^sampling_period: 0 must be greater than zero$"):
         design(kind, sampling_period=0.0)

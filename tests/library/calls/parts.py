@@ -11,7 +11,7 @@ import numpy as np
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
-from reobserve.estimation.designs.file import kind_of, load_design, save_design
+from reobserve.estimation.families.file import load_design, save_design
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.plants.delayed_input import DelayedInputPlant
 from reobserve.plants.first_order_lag import first_order_lag
@@ -171,7 +171,7 @@ def _synthesis() -> Iterator[Call]:
 
 def _designs() -> Iterator[Call]:
     system, found = models.augmented(), models.gains()
-    kind: Any = kind_of("luenberger")
+    kind: Any = family("luenberger")
     path = Path(mkdtemp()) / "design.json"
     save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
     matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
@@ -187,8 +187,8 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.pd_pi.design": (system, 1.05),
         "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
         "synthesis.extended_state.structured.design": (system, 1.05),
-        "estimation.designs.file.load_design": (path,),
-        "estimation.designs.file.save_design": (Path("again.json"), load_design(path)),
-        "estimation.designs.file.kind_of": ("luenberger",),
-        "estimation.designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+        "estimation.families.file.load_design": (path,),
+        "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
+        "estimation.families.file.family": ("luenberger",),
+        "estimation.families.poles.parse_poles": ("-2, -1+3j, -1-3j",),
     })  # fmt: skip
