@@ -71,7 +71,7 @@ class LinearSystem(System):
         """The sampled model; `InputError` if it is none that filters can have."""
         A, B = self.sampled(np.zeros((len(self.A), 0)) if self.B is None else self.B)
         return LinearModel(
-            A, B, self.C, self.Q, self.R, self.D,
+            A, B, self.C, self.D, self.Q, self.R,
             unusual=self.unusual or self.time == "continuous",
             sampling_period=self.sampling_period,
         )  # fmt: skip
@@ -130,7 +130,7 @@ class FilterDesign(Design):
 
 def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
     """Sentences on modes whose estimate stays that of the start."""
-    hidden = undetectable_modes(model.A, model.H)
+    hidden = undetectable_modes(model.A, model.C)
     if not len(hidden):
         return ()
     return (
