@@ -11,9 +11,9 @@ from docs.generate.markdown import block, code, plain, table
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
 from reobserve.estimation.families import FAMILIES, family
-from reobserve.estimation.families.examples import NAMES, specification_text
+from reobserve.estimation.families.examples import examples, specification_text
 from reobserve.replication.parameters.parameter_file import Configuration
-from reobserve.replication.schemas import FAMILIES as KINDS_OF_FILES
+from reobserve.replication.schemas import KINDS as KINDS_OF_FILES
 
 
 def keys_of_a_build(root: Path) -> str:
@@ -105,7 +105,7 @@ def _keys(found: Mapping[str, Any]) -> str:
 
 def specifications() -> str:
     """The examples of `reobserve estimate`."""
-    return "\n".join(_example(name, specification_text(name), 3) for name in NAMES)
+    return "\n".join(_example(name, specification_text(name), 3) for name in examples())
 
 
 def models() -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import parse_yaml, read_yaml
+from reobserve.estimation.families import family
 from reobserve.estimation.families.examples import simulated, specification_text
 from reobserve.estimation.families.file import save_design
 from reobserve.replication.golden.files import read_metrics

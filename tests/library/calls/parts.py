@@ -11,6 +11,7 @@ import numpy as np
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
+from reobserve.estimation.families import family
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.plants.delayed_input import DelayedInputPlant
@@ -189,6 +190,6 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.structured.design": (system, 1.05),
         "estimation.families.file.load_design": (path,),
         "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
-        "estimation.families.file.family": ("luenberger",),
-        "estimation.families.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+        "estimation.families.family": ("luenberger",),
+        "estimation.families.poles.as_pole_list": ("poles", [-2, "-1+3j", "-1-3j"]),
     })  # fmt: skip

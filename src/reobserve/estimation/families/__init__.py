@@ -10,7 +10,7 @@ from __future__ import annotations
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, shown
 
 if TYPE_CHECKING:
     from reobserve.estimation.families.design import Design
@@ -65,7 +65,7 @@ def family(name: Any, place: str = "kind") -> type[Design]:
             found = entry.load()
             return found
     names = (*FAMILIES, *(entry.name for entry in added))
-    problem = f"{shown(name)} must be one of {', '.join(names)}{nearest(name, names)}"
+    problem = f"{shown(name)} must be one of {', '.join(names)}"
     raise InputError(place, problem)
 
 

@@ -104,5 +104,6 @@ class AdaptiveDesign(BodyDesign):
         """Poles."""
         return [
             "adaptive observer with a proportional-integral fault estimate",
-            f"poles: {pole_text(self.certificate['poles'])} 1/s, of errors of rate and fault at rest",
+            f"poles: {pole_text(self.certificate['poles'])} 1/s, of errors of rate and fault at "
+            "rest",
         ]

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.families.design import Certificate, Example, pairs
 from reobserve.estimation.families.kalman import MOTOR, NOISE
@@ -77,6 +76,10 @@ class AugmentedKalmanDesign(FilterDesign):
     system: AugmentedSystem
     gains: None = None
 
+    keys: ClassVar = {
+        "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix",
+        "walk": "random_walk",
+    }  # fmt: skip
     example: ClassVar[str] = EXAMPLE
     records: ClassVar = {
         "augmented-kalman": Example(
@@ -101,14 +104,9 @@ class AugmentedKalmanDesign(FilterDesign):
         E = system.fault_matrix
         if E.ndim == 2 and len(E) == len(system.A):
             E = system.sampled(E)[1]
-        try:
-            return AugmentedKalmanFilter(
-                system.model, E, system.random_walk, system.output_fault_matrix
-            )
-        except InputError as error:
-            key = _KEYS.get(error.parameter, error.parameter)
-            problem = error.problem.replace("and output_matrix", "and output_fault_matrix")
-            raise InputError(key, problem) from None
+        return AugmentedKalmanFilter(
+            system.model, E, system.random_walk, system.output_fault_matrix
+        )
 
     @property
     def unknown_inputs(self) -> tuple[Signal, ...]:
@@ -159,8 +157,3 @@ class AugmentedKalmanDesign(FilterDesign):
             "Kalman filter of state and unknown inputs",
             *decay_sentences(self.certificate, period),
         ]
-
-
-_KEYS = {
-    "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix", "walk": "random_walk",
-}  # fmt: skip

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import NoneType
-from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
 
 import numpy as np
 
@@ -40,6 +42,13 @@ _RENAMED = {
     "output_matrix": "output_fault_matrix",
     "filter": "gains.filter",
 }
+
+
+# Parameters of observers, and the keys that state them.
+_KEYS = {
+    "mean": "initial_state", "state": "initial_state", "covariance": "initial_covariance",
+    "delay": "initial_delay", "probabilities": "initial_probabilities",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,6 +86,22 @@ class Design(ABC):
 
     example: ClassVar[str]  # the text of a model's file that can be designed as it is
     records: ClassVar[Mapping[str, Example]] = {}  # by name: NAME or NAME-VARIANT
+    keys: ClassVar[Mapping[str, str]] = {}  # of parameters of the observer under other names
+
+    @classmethod
+    @contextmanager
+    def keyed(cls) -> Iterator[None]:
+        """Let an `InputError` of an observer's parameter name the key that states it."""
+        try:
+            yield
+        except InputError as error:
+            name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
+            rest = error.parameter[len(name) :]
+            gains = get_type_hints(cls)["gains"]
+            if name in {each.name for kind in _kinds(gains) for each in fields(kind)}:
+                raise InputError(f"gains.{name}{rest}", error.problem) from None
+            key = {**_KEYS, **cls.keys}.get(name, name)
+            raise InputError(f"{key}{rest}", error.problem) from None
 
     @classmethod
     def read(cls, tree: Tree) -> tuple[Any, Any]:
@@ -201,6 +226,11 @@ class Design(ABC):
             found = self.certify()
         _compare("certificate", self.certificate, found)
         return self
+
+
+def _kinds(hint: Any) -> list[Any]:
+    """The dataclasses that a type may be."""
+    return [kind for kind in get_args(hint) or [hint] if is_dataclass(kind)]
 
 
 def check_renamed(tree: Tree, system: Any, place: str = "") -> None:

@@ -43,7 +43,8 @@ class Stated:
 
     def set_up(self, period: float) -> Setup:
         """The observer; gains that are not stated are found."""
-        return self.kind.of(self.system, self.gains).set_up()
+        with self.kind.keyed():
+            return self.kind.of(self.system, self.gains).set_up()
 
 
 def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
+from reobserve.estimation.families import FAMILIES
 from reobserve.estimation.families.file import load_design, save_design
 from tests.estimation.families.test_kinds import design
 
@@ -18,13 +19,13 @@ MODELS: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", {"B": None}, "B: is missing, must have shape (2, 1), as there are inputs"),
     ("kalman", {"states": {"1st": "rad", "rate": "rad/s"}}, "states: '1st' must be letters,"),
     ("kalman", {"states": {f"x{k}": "1" for k in range(101)}}, "states: names 101 signals, must"),
-    ("luenberger", {"poles": None}, "poles: are missing; the model or the command line states"),
-    ("normal-form", {"poles": None}, "poles: are missing; the model or the command line"),
+    ("luenberger", {"poles": None}, "poles: are missing, and so are gains; one of them must"),
+    ("normal-form", {"poles": None}, "poles: are missing, and so are gains; one of them"),
     ("normal-form", {"inputs": {"angle": "rad"}}, "inputs.angle: is the name of a state, too"),
     ("normal-form", {"dynamics": {"angle": "rate"}}, "dynamics.rate: is missing; each signal"),
     ("normal-form", {"injection": {"spin": "y1"}}, "injection.spin: is of no state; there are:"),
     ("levant", {"measurements": SQUARE}, "measurements: name 2 signals, must be the one to differ"),
-    ("imm", {"modes": {}}, "modes: are 0, must be 1 to 50"),
+    ("imm", {"modes": {}}, "modes: has 0 modes, must have 1 to 50"),
     ("imm", {"gains": {"filter": "kalman", "memory": 0.1, **SAME}}, "gains.memory: must be left"),
     ("imm", {"gains": {"filter": "svsf", "memory": 0.1, **SAME}}, "gains.boundary_layer: is"),
     ("high-gain", {"inputs": {"a": "V", "b": "V"}}, "inputs: name 2 signals, must name one"),
@@ -54,8 +55,8 @@ def test_a_period_that_is_not_positive_is_refused_by_its_key(kind: str) -> None:
 
 
 def test_a_decay_goes_without_a_bound() -> None:
-    with pytest.raises(InputError, match="decay: is a criterion of its own, for PI, and"):
-        design("eso", {"decay": 1.0, "bound": 2.0})
+    with pytest.raises(InputError, match="decay: is a criterion of its own, for the"):
+        design("eso", structure="pi", decay=1.0, bound=2.0)
 
 
 FILES: list[tuple[str, Any, str]] = [

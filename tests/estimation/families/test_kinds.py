@@ -13,7 +13,7 @@ from reobserve.core.documents import Tree, parse_yaml
 from reobserve.core.errors import InputError
 from reobserve.estimation.families import family
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.families.poles import parse_poles
+from reobserve.estimation.families.poles import as_pole_list
 from reobserve.estimation.families.signals import product
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 
@@ -24,9 +24,9 @@ def model(kind: str, **changed: Any) -> Tree:
     return {**tree, **changed}
 
 
-def design(kind: str, options: dict[str, Any] | None = None, **changed: Any) -> Any:
+def design(kind: str, **changed: Any) -> Any:
     made: Any = family(kind)
-    found: Design = made.designed(model(kind, **changed), **(options or {}))
+    found: Design = made.designed(model(kind, **changed))
     return found
 
 
@@ -35,15 +35,15 @@ def poles(design: Design) -> Any:
 
 
 def test_complex_poles_of_continuous_time_are_placed_sampled() -> None:
-    placed = design("luenberger", {"poles": "-3+1j, -3-1j"})
+    placed = design("luenberger", poles=["-3+1j", "-3-1j"])
     expected = np.sort_complex(np.exp(0.01 * np.array([-3 + 1j, -3 - 1j])))
     assert poles(placed) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_discrete_model_is_taken_as_it_stands() -> None:
     A, B = [[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]]
-    placed = design("luenberger", {"poles": "0.5 0.6"}, time="discrete", A=A, B=B)
-    # (z - 0.5)(z - 0.6) = det(z I - A + L H A), with H A = [1, 0.1].
+    placed = design("luenberger", poles=[0.5, 0.6], time="discrete", A=A, B=B)
+    # (z - 0.5)(z - 0.6) = det(z I - A + L C A), with C A = [1, 0.1].
     L = placed.gains.gain
     error = np.array(A) - L @ np.array([[1.0, 0.1]])
     assert np.sort(np.linalg.eigvals(error).real) == pytest.approx([0.5, 0.6])
@@ -207,7 +207,7 @@ def test_modes_of_a_bank_are_sampled_each_by_itself() -> None:
     built = replace(built, certificate=built.certify())
     assert built.summary()[-1] == "worn: stays for 10 s on average"
     names = [signal.name for signal in built.estimates["probability"]]
-    assert names == ["sound_probability", "worn_probability"]
+    assert names == ["probability_sound", "probability_worn"]
     with pytest.raises(InputError, match=r"modes.worn.A: has shape \(1, 1\), must be \(2, 2\)"):
         design("imm", modes={"sound": {}, "worn": {"A": [[1]]}}).certify()
 
@@ -224,5 +224,5 @@ def test_units_of_products_are_reduced() -> None:
 @pytest.mark.parametrize("text", ["-1x", "1+2", "j", "nan", "1e400", "--1", "1+2j+3"])
 def test_what_is_no_pole_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"must be a number, or one like -1|must be finite"):
-        parse_poles(f"-2, {text}")
-    assert parse_poles("-2, .5e1-3.25j -1+2i") == [-2, 5 - 3.25j, -1 + 2j]
+        as_pole_list("poles", ["-2", text])
+    assert as_pole_list("", [-2, ".5e1-3.25j", "-1+2i"]) == [-2, 5 - 3.25j, -1 + 2j]

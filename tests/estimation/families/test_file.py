@@ -13,6 +13,7 @@ from scipy.signal import place_poles
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import InputError
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design, save_design
 from reobserve.synthesis.extended_state import pd_pi
@@ -23,13 +24,13 @@ PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))
 @pytest.fixture(scope="module")
 def designs() -> dict[str, Design]:
     chosen: dict[str, tuple[str, dict[str, Any]]] = {
-        "steady": ("kalman", {}), "varying": ("kalman", {"varying": True}),
+        "steady": ("kalman", {}), "varying": ("kalman", {"gain": "varying"}),
         **{name: (name, {}) for name in FAMILIES if name != "kalman"},
     }  # fmt: skip
     found = {}
     for name, (kind, options) in chosen.items():
         made: Any = family(kind)
-        found[name] = made.designed(parse_yaml(made.example, "model.yaml"), **options)
+        found[name] = made.designed({**parse_yaml(made.example, "model.yaml"), **options})
     return found
 
 
@@ -80,7 +81,7 @@ def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
 
 def test_an_eso_with_a_bound_of_its_poles_has_the_least_gamma_of_all_that_are_stable() -> None:
     eso: Any = family("eso")
-    design = eso.designed(parse_yaml(eso.example, "model.yaml"), bound=50.0)
+    design = eso.designed({**parse_yaml(eso.example, "model.yaml"), "bound": 50.0})
     expected = pd_pi.design_least_gamma(design.system.augmented, decay=0.0, bound=50.0)
     assert np.array_equal(design.gains.L, expected.gains.L)
     assert design.gains.gamma == expected.gamma
