@@ -87,21 +87,6 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
 
-def delay(kind: Callable[..., Any], *names: str, **options: Any) -> Callable[[Columns], Run[Any]]:
-    """Of a level and a valve in percent, and their rates."""
-
-    def run(columns: Columns) -> Run[Any]:
-        observer = kind(
-            decay=1.0, input_gain=1.0, delay_bounds=(0.0, 1.5), sampling_period=PERIOD, **options
-        )
-        y = read(columns, "%", "1", *names)
-        past = np.full(observer.history_steps + 1, 0.29)
-        state = observer.init(y[0, 0], 0.3, past)
-        return observer.run(y, read(columns, "%", "1", "valve", "valve_rate"), state=state)
-
-    return run
-
-
 def levant(columns: Columns) -> Run[Any]:
     return ro.LevantDifferentiator(1.5, PERIOD).run(read(columns, "mV", "V", "voltage"))
 
@@ -134,16 +119,6 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "normal-form-transformed": pendulum(order=4, form="transformed"),
     "high-gain": high_gain,
     "extended-high-gain": extended_high_gain,
-    "delay-adaptive": delay(
-        ro.AdaptiveDelayEstimator, "level", filter_time=0.05, forgetting=1.0, adaptation_gain=100.0
-    ),
-    "delay-least-squares": delay(
-        ro.LeastSquaresDelayEstimator, "level", initial_covariance=1000.0, forgetting=0.1
-    ),
-    "delay-variable-structure": delay(
-        ro.VariableStructureDelayEstimator, "level", "level_rate", relay_gain=0.5,
-        relay_on="inverse",
-    ),
     "levant": levant,
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(

@@ -234,7 +234,6 @@ STARTS = [
     ("augmented-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
     ("imm-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be (2,) or (2, 2)"),
     ("imm-svsf", {"probabilities": [0.5, 0.6]}, "probabilities: [0.5, 0.6] must be 0 or more"),
-    ("delay-adaptive", {"delay": 30.0}, "delay: 30 s must be from 0 to 1.5 s"),
     ("eso", {"estimate": [0.0]}, "estimate: has shape (1,), must be a list of 6 numbers"),
     ("high-gain", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
     ("extended-high-gain", {"delay": 30.0}, "delay: 30 s must be inside its bounds, [0, 1.5] s"),

@@ -55,12 +55,12 @@ def _add_export(commands: Any) -> None:
         commands,
         "export",
         "estimation.designs.export_command:run",
-        "write a design as code",
+        "write a design as C code",
     )
     export.add_argument("design", type=Path, help="a file made by `reobserve design`")
     export.add_argument(
-        "--to", choices=("c", "python", "latex", "json"), required=True,
-        help="c: a step function without allocation, and its test",
+        "--to", choices=("c",), default="c",
+        help="c: a step function without allocation, and its test (default: c)",
     )  # fmt: skip
     export.add_argument(
         "--out",
@@ -80,9 +80,6 @@ _CHOSEN = {
     "imm": "a bank of filters, one for each mode of a plant",
     "high-gain": "a high-gain observer, from right-hand sides as text: poles, decay",
     "extended-high-gain": "the same, which also estimates the delay of its input",
-    "delay-least-squares": "a delay estimator by recursive least squares: poles for a ramp",
-    "delay-adaptive": "a delay estimator by filtered regressors: poles, decay for a ramp",
-    "delay-variable-structure": "a delay estimator by a relay: speed, chatter",
 }
 
 

@@ -15,7 +15,6 @@ examples, each a specification and a record to run it on:
   ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, pi,
   normal-form-constant, normal-form-identity, normal-form-transformed,
   high-gain, extended-high-gain, levant,
-  delay-adaptive, delay-least-squares, delay-variable-structure,
   kalman, augmented-kalman, svsf, imm-kalman, imm-svsf,
   fixed-gain, luenberger, steady-kalman, eso
 

@@ -41,9 +41,6 @@ KINDS = {
     "imm": "imm.ImmDesign",
     "high-gain": "high_gain.HighGainDesign",
     "extended-high-gain": "extended_high_gain.ExtendedHighGainDesign",
-    "delay-least-squares": "delays.LeastSquaresDelayDesign",
-    "delay-adaptive": "delays.AdaptiveDelayDesign",
-    "delay-variable-structure": "delays.VariableStructureDelayDesign",
 }
 DesignKind = TypeVar("DesignKind", bound=Design)
 

@@ -6,11 +6,6 @@ from typing import Annotated
 
 from pydantic import Field
 
-from reobserve.estimation.kinds.delays import (
-    AdaptiveDelay,
-    LeastSquaresDelay,
-    VariableStructureDelay,
-)
 from reobserve.estimation.kinds.design_file import DesignFile
 from reobserve.estimation.kinds.extended_state import Eso
 from reobserve.estimation.kinds.linear import (
@@ -36,9 +31,6 @@ Observer = Annotated[
     | NormalForm
     | HighGain
     | ExtendedHighGain
-    | AdaptiveDelay
-    | VariableStructureDelay
-    | LeastSquaresDelay
     | Levant
     | Kalman
     | AugmentedKalman

@@ -11,7 +11,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray
 from reobserve.estimation.designs.design import Design
 from reobserve.estimation.designs.file import load_design
-from reobserve.estimation.kinds.delays import delay_setup
 from reobserve.estimation.kinds.extended_state import eso_residual
 from reobserve.estimation.kinds.linear import imm_setup, linear_setup
 from reobserve.estimation.kinds.nonlinear import (
@@ -22,7 +21,6 @@ from reobserve.estimation.kinds.nonlinear import (
 )
 from reobserve.estimation.kinds.rigid_body import rigid_body_setup
 from reobserve.estimation.kinds.setup import Setup
-from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.high_gain import HighGainObserver
@@ -91,5 +89,4 @@ _SETUPS: tuple[tuple[type, Callable[..., Setup]], ...] = (
     (ExtendedStateObserver, _eso_setup),
     (HighGainObserver, high_gain_setup),
     (ExtendedHighGainObserver, extended_high_gain_setup),
-    (DelayEstimator, delay_setup),
 )
