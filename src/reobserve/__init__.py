@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-    from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-    from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-    from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
     from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
     from reobserve.observers.extended_state import ExtendedStateObserver
     from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
@@ -39,7 +36,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ILO",
     "IMM",
-    "AdaptiveDelayEstimator",
     "AdaptiveObserver",
     "AugmentedKalmanFilter",
     "DivergenceError",
@@ -51,7 +47,6 @@ __all__ = [
     "IdentityObserver",
     "InputError",
     "KalmanFilter",
-    "LeastSquaresDelayEstimator",
     "LevantDifferentiator",
     "LinearModel",
     "PolynomialSystem",
@@ -61,7 +56,6 @@ __all__ = [
     "SmoothVariableStructureFilter",
     "TransformedObserver",
     "TriangularModel",
-    "VariableStructureDelayEstimator",
     "load_design",
     "luenberger",
     "normal_form_observer",
@@ -78,9 +72,6 @@ _HOMES = {
     "systems.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
     "observers.augmented_kalman": ("AugmentedKalmanFilter",),
-    "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
-    "observers.delay_least_squares": ("LeastSquaresDelayEstimator",),
-    "observers.delay_variable_structure": ("VariableStructureDelayEstimator",),
     "observers.extended_high_gain": ("ExtendedHighGainObserver",),
     "observers.extended_state": ("ExtendedStateObserver",),
     "observers.fixed_gain": ("FixedGainObserver", "luenberger", "steady_kalman"),

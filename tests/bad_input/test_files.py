@@ -169,7 +169,7 @@ def record(name: str) -> dict[str, bytes]:
     return {"r.csv": valid.csv_record(name)}
 
 
-EXAMPLES = ("kalman", "levant", "eso", "pi", "fixed-gain", "delay-least-squares", "svsf")
+EXAMPLES = ("kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf")
 QUICK = [kind for kind in FAMILIES if kind != "eso"]  # others take a solver seconds
 READERS: dict[Callable[..., Reader], list[Any]] = {
     parameter_file: [*valid.PAPERS],

@@ -315,9 +315,8 @@ def test_bad_specifications_are_refused_by_their_key(
 
 @pytest.mark.parametrize(
     "kind",
-    ["luenberger", "high-gain", "extended-high-gain", "delay-least-squares", "delay-adaptive",
-     "delay-variable-structure"],
-)  # fmt: skip
+    ["luenberger", "high-gain", "extended-high-gain"],
+)
 def test_a_design_file_brings_observer_names_and_units(kind: str, tmp_path: Path) -> None:
     """That of an example, on a record of its signals."""
     design = tmp_path / "design.json"

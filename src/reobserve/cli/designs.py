@@ -40,12 +40,12 @@ def add_designs(commands: Any) -> None:
         help='keys of the model to replace or add, such as "poles=[-1+2j, -1-2j]"',
     )  # fmt: skip
     export = add_command(
-        commands, "export", "estimation.families.export_command:run", "write a design as code"
+        commands, "export", "estimation.families.export_command:run", "write a design as C code"
     )
     export.add_argument("design", type=Path, help="a file made by `reobserve design`")
     export.add_argument(
-        "--to", choices=("c", "python", "latex", "json"), required=True,
-        help="c: a step function without allocation, and its test",
+        "--to", choices=("c",), default="c",
+        help="c: a step function without allocation, and its test (default: c)",
     )  # fmt: skip
     export.add_argument(
         "--out", type=Path, default=Path(), metavar="FOLDER",

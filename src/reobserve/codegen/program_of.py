@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.codegen.statements import Program
+from reobserve.codegen.program import Program
 from reobserve.core.errors import InputError, shown
 from reobserve.observers.contract import Observer
 
@@ -27,19 +27,11 @@ _PROGRAMS = {
     "TransformedObserver": "normal_form:transformed",
     "HighGainObserver": "high_gain:standard",
     "ExtendedHighGainObserver": "extended_high_gain:extended",
-    "LeastSquaresDelayEstimator": "delays:least_squares",
-    "AdaptiveDelayEstimator": "delays:adaptive",
-    "VariableStructureDelayEstimator": "delays:relay",
 }
-# What finds derivatives from samples, or takes them in columns of their own.
-_DIFFERENTIATING = (
-    "ExtendedHighGainObserver", "LeastSquaresDelayEstimator", "AdaptiveDelayEstimator",
-    "VariableStructureDelayEstimator",
-)  # fmt: skip
-# What must be given a state.
+# Observers that must be given a state.
 _STARTED = (
     "FixedGainObserver", "KalmanFilter", "SmoothVariableStructureFilter", "AugmentedKalmanFilter",
-    "IMM", "HighGainObserver", *_DIFFERENTIATING,
+    "IMM", "HighGainObserver", "ExtendedHighGainObserver",
 )  # fmt: skip
 
 
@@ -76,7 +68,7 @@ def program_of(
     make = getattr(import_module(f"reobserve.codegen.programs.{module}"), function)
     all_of_them = (observer.measurements, observer.inputs)
     given = all_of_them if columns is None else columns
-    alone = name in _DIFFERENTIATING
+    alone = name == "ExtendedHighGainObserver"  # takes its input without derivatives, too
     for one, most in zip(given, all_of_them, strict=True):
         if one != most and not (alone and one == 1):
             raise InputError("columns", f"{shown(given)} must be {all_of_them}, or 1 for signals")

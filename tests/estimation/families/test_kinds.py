@@ -140,47 +140,6 @@ def test_an_extended_high_gain_observer_is_judged_by_its_linear_part() -> None:
         design("extended-high-gain", lipschitz={})
 
 
-@pytest.mark.parametrize("slope", [0.5, -0.7])
-def test_a_delay_settles_on_a_ramp_as_fast_as_its_design_says(slope: float) -> None:
-    """Errors are small, so that the law of least squares is linear in them, too."""
-    h, delay, gone = 0.01, 0.6, 3000
-    time = h * np.arange(gone + 201)
-    past, y = slope * h * np.arange(-200.0, 1.0), slope * (time - delay - 1.0)  # settled
-    slowest_first = np.array([[-0.2, 0.0], [-0.8, 0.0]])  # of s^2 + s + 0.16
-    gains: dict[str, dict[str, float]] = {
-        "delay-least-squares": {"initial_covariance": 100.0, "forgetting": 0.16},
-        "delay-adaptive": {"filter_time": 0.05, "forgetting": 1.0, "adaptation_gain": 1.0},
-    }
-    for kind, chosen in gains.items():
-        built = design(kind, gains=chosen)
-        certificate = built.certify()
-        if kind == "delay-adaptive":
-            assert certificate["poles"] == [[-1.0, 0.0], [-20.0, 0.0]]
-            decay = certificate["decay_per_squared_slope"] * slope**2
-        else:
-            assert np.array(certificate["poles"]) == pytest.approx(slowest_first)
-            decay = 0.2
-        start = built.observer.init(y[0], 0.59, past)
-        error = built.observer.run(y, slope * time, state=start)["delay"] - delay
-        assert np.log(error[gone + 200] / error[gone]) == pytest.approx(-2.0 * decay, rel=0.03)
-
-
-def test_a_relay_chatters_as_far_as_its_design_says() -> None:
-    """Around a constant delay, peak to peak by M theta^2 h: here by the greatest, at a bound."""
-    built = design("delay-variable-structure")
-    assert built.certify() == {
-        "least_speed": 0.0, "greatest_speed": pytest.approx(0.4 * 1.5**2),
-        "chatter": pytest.approx(0.4 * 1.5**2 * 0.01),
-    }  # fmt: skip
-    with pytest.raises(InputError, match=r"measurements: name 3 signals, must name 1 or 2"):
-        design("delay-variable-structure", measurements=dict.fromkeys("abc", "m"))
-    with pytest.raises(InputError, match=r"delay_bounds: reach to 1000 s, must be 20000 sampling"):
-        design("delay-adaptive", delay_bounds=[0, 1000])
-    with pytest.raises(InputError, match=r"initial_state: is missing: without a decay nothing"):
-        design("delay-adaptive", decay=0, past_input=1).start()
-    assert design("delay-adaptive", past_input=3).start().values[1] == 3.0
-
-
 def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
     """K1 = I, held: w~ -> a w~ - b v, v -> v + K2 w~ a sample later, with a = exp(-l tau / j)."""
     j, damping, K2, tau = 20.0, 500.0, 500.0, 0.01

@@ -20,7 +20,6 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
-from reobserve.signals.input_history import InputHistory
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Channel
 from reobserve.synthesis.floquet import limit_cycle
@@ -54,10 +53,7 @@ def _basics() -> Iterator[Call]:
 
 def _models() -> Iterator[Call]:
     time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
-    samples = np.column_stack([np.sin(time), np.cos(time)])
-    history = InputHistory(0.02, samples, samples)
     yield from called({
-        "signals.input_history.InputHistory": (0.02, samples, samples),
         "signals.inputs.Signal.parse": ("fault", TERMS, 1),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
@@ -69,9 +65,6 @@ def _models() -> Iterator[Call]:
         "systems.polynomial.PolynomialSystem": (system.dynamics, system.output),
         "systems.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
     })  # fmt: skip
-    yield method(history, "at", [0.0, 0.05])
-    yield method(history, "latest", 3)
-    yield method(history, "followed_by", samples, samples)
     yield method(signal(), "__call__", time)
     yield method(signal(), "check_grid", "fault", 0.01, 1.0)
     for term in TERMS:  # each value of a term by itself

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.signals.input_history import InputHistory, past_input
+from reobserve.papers.delay.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

@@ -41,10 +41,10 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive, as_scalar
-from reobserve.observers.delay_estimator import DelayEstimator, check_rate
-from reobserve.observers.delay_estimator_loop import law, run_law
-from reobserve.observers.fixed_step import Samples
-from reobserve.signals.input_history import InputHistory
+from reobserve.observers.fixed_step import Samples, check_rate
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_loop import law, run_law
+from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
 

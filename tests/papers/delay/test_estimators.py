@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
+from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
 from tests.observers.halves import past_of
-from tests.observers.scalar_plant import (
+from tests.papers.delay.scalar_plant import (
     BOUNDS,
     FAST,
     SMOOTH,

@@ -25,12 +25,9 @@ from reobserve.observers.contract import Record, Rows, check_state
 from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps, steps_between
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest, rows_before
 from reobserve.observers.value import Value
-from reobserve.signals.input_history import InputHistory
+from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
-
-# The classical Runge-Kutta method is stable for x' = -r x up to r h = 2.785.
-STABLE_STEP = 2.78
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -271,19 +268,3 @@ class DelayEstimator(FixedStepObserver[State]):
         finer = replace(self, sampling_period=0.5 * self.sampling_period)
         history = state.history.halved().latest(finer.history_steps)
         return finer, replace(state, history=history, count=2 * state.count)
-
-
-def check_rate(name: str, rate: float, step: float) -> None:
-    """Refuse a rate [1/s] of the estimator's own that the Runge-Kutta method cannot follow.
-
-    Raises
-    ------
-    InputError
-        If the step is above the method's limit of stability.
-    """
-    if rate * step > STABLE_STEP:
-        raise InputError(
-            name,
-            f"makes a rate of {rate:g} 1/s, which with steps of {step:g} s is unstable; "
-            f"rate times step must be {STABLE_STEP:g} or less",
-        )

@@ -46,9 +46,9 @@ from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive
-from reobserve.observers.delay_estimator import DelayEstimator, State
 from reobserve.observers.fixed_step import Samples
-from reobserve.signals.input_history import InputHistory, past_input
+from reobserve.papers.delay.estimator import DelayEstimator, State
+from reobserve.papers.delay.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

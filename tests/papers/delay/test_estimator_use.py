@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator, State
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.delay.estimator import DelayEstimator, State
+from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
 from tests.observers.halves import past_of, rows_of, stepped
-from tests.observers.scalar_plant import (
+from tests.papers.delay.scalar_plant import (
     ALL,
     BOUNDS,
     FAST,

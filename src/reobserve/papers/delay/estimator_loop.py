@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import Law, kernel
-from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.fixed_step import Samples
-from reobserve.signals.input_history import InputHistory, past_input
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 

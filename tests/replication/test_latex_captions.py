@@ -8,8 +8,8 @@ import pytest
 from pylatexenc.latex2text import LatexNodes2Text
 
 from reobserve.core.errors import InputError
-from reobserve.plotting.latex_captions import caption_in_latex
 from reobserve.replication.captions import with_note
+from reobserve.replication.latex_captions import caption_in_latex
 
 CAPTION = """\
 **A fault of 5 % & more** (Fig. 3), scenario ``a_b``. RMS error of *x̂₁* is 1.2e-07 at ρ = 3. More.

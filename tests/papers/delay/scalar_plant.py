@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator, State
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
+from reobserve.papers.delay.estimator import DelayEstimator, State
+from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
+from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
 from tests.observers.halves import past_of
 
 Array = NDArray[np.float64]
