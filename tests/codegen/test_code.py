@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from reobserve.codegen import c_code, c_test
-from reobserve.codegen.program_of import program_of
 from reobserve.codegen.record import test_run as run_record
 from reobserve.core.errors import InputError
+from reobserve.estimation.families.program import program_of
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.plants.pendulum import pendulum
 from reobserve.systems.triangular_text import triangular_model

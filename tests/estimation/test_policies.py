@@ -10,11 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.families.examples import simulated, specification_text
+from reobserve.estimation.families.examples import simulated
 from tests.estimation.by_hand import motor_model
 from tests.estimation.records import read_results, specification, write_record
 
@@ -251,9 +250,8 @@ def test_a_wrong_start_is_refused_by_its_key_before_any_row(
     name: str, start: dict[str, Any], said: str
 ) -> None:
     changed = {f"initial_{key}": value for key, value in start.items()}
-    with pytest.raises(InputError) as error:
-        chosen = specification(name, observer=changed)
-        Estimation(chosen, list(simulated(name).record()), "the record")
+    with pytest.raises(InputError) as error:  # as it is read, or as the observer is made
+        Estimation(specification(name, observer=changed), list(simulated(name).record()), "it")
     assert str(error.value).startswith(f"observer.initial_{said}")
 
 

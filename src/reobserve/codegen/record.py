@@ -31,7 +31,7 @@ def test_run(
 ) -> tuple[Array, Array, Run[Any]]:
     """Measurements, inputs and the estimates of the library, one row a sample.
 
-    ``columns`` are as `reobserve.codegen.program_of.program_of` has them.
+    ``columns`` are as `reobserve.estimation.families.program.program_of` has them.
 
     Raises
     ------

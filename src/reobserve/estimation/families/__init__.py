@@ -53,7 +53,7 @@ def family(name: Any, place: str = "kind") -> type[Design]:
         If there is none of that name.
     """
     if isinstance(name, str) and name in _RENAMED:
-        raise InputError(place, f"{name} is now called {_RENAMED[name]}")
+        raise InputError(place, f"{name} is now {_RENAMED[name]}")
     found: type[Design]
     if isinstance(name, str) and name in FAMILIES:
         module, _, attribute = FAMILIES[name].partition(":")

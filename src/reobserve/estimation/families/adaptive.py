@@ -46,6 +46,7 @@ class AdaptiveDesign(BodyDesign):
     gains: AdaptiveGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {AdaptiveObserver: "rigid_body:adaptive"}
     records: ClassVar = {
         "adaptive": Example(
             "satellite",

@@ -78,9 +78,11 @@ class AugmentedKalmanDesign(FilterDesign):
 
     keys: ClassVar = {
         "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix",
-        "walk": "random_walk",
+        "walk": "random_walk", "unknown_input": "initial_unknown_input",
+        "unknown_input_covariance": "initial_unknown_input_covariance",
     }  # fmt: skip
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {AugmentedKalmanFilter: "linear:augmented"}
     records: ClassVar = {
         "augmented-kalman": Example(
             "weak_motor",

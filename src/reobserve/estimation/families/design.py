@@ -86,6 +86,8 @@ class Design(ABC):
 
     example: ClassVar[str]  # the text of a model's file that can be designed as it is
     records: ClassVar[Mapping[str, Example]] = {}  # by name: NAME or NAME-VARIANT
+    programs: ClassVar[Mapping[type, Any]] = {}  # of observers: functions, or "module:function"
+    differentiates: ClassVar[bool] = False  # whether it finds derivatives of its signals itself
     keys: ClassVar[Mapping[str, str]] = {}  # of parameters of the observer under other names
 
     @classmethod

@@ -153,6 +153,7 @@ class EsoDesign(Design):
     gains: EsoGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {ExtendedStateObserver: "eso:extended_state"}
     records: ClassVar = {"eso": Example("faulty_motor", _RECORD, _ALARM)}
 
     @classmethod

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import reobserve.codegen.record as records
 from reobserve.codegen import c_code, c_test
-from reobserve.codegen.program_of import program_of
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import write_text
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design
+from reobserve.estimation.families.program import program_of
 from reobserve.estimation.families.signals import Signal
 
 # Words of C, and what the code itself includes.
@@ -59,7 +59,7 @@ def exported(design: Design, name: str) -> dict[str, str]:
         raise InputError("name", f"{shown(name)} must be an identifier of C")
     state = design.start()
     columns = len(design.measurements), len(design.inputs)
-    program = program_of(design.observer, state, columns)
+    program = program_of(design.observer, state, columns, type(design))
     signals = listed(design.measurements), listed(design.inputs)
     about = "It estimates " + "; ".join(
         f"{each}: {listed(design.estimates[each])}" for each in program.estimates

@@ -85,6 +85,8 @@ class ExtendedHighGainDesign(Design):
     gains: ExtendedGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {ExtendedHighGainObserver: "extended_high_gain:extended"}
+    differentiates: ClassVar[bool] = True
     records: ClassVar = {"extended-high-gain": Example("lag", _RECORD)}
 
     def __post_init__(self) -> None:

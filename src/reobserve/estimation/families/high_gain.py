@@ -62,6 +62,7 @@ class HighGainDesign(Design):
     gains: HighGain
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {HighGainObserver: "high_gain:standard"}
     records: ClassVar = {"high-gain": Example("driven_pendulum", _RECORD)}
 
     def __post_init__(self) -> None:

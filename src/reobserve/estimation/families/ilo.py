@@ -90,6 +90,7 @@ class IloDesign(BodyDesign):
     gains: LearningGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {SampledILO: "rigid_body:sampled", ILO: "rigid_body:continuous"}
     records: ClassVar = {
         f"ilo-{reading}": Example("satellite", _RECORD.format(reading, about, body=BODY, K1=K1),
                                   ALARMS)

@@ -131,6 +131,7 @@ class ImmDesign(Design):
     gains: BankGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {IMM: "bank:bank"}
     records: ClassVar = {
         "imm-kalman": Example(
             "worn_motor", "# Bank of Kalman filters: which of several models does the record "

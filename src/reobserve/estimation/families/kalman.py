@@ -80,6 +80,7 @@ class KalmanDesign(FilterDesign):
     gains: KalmanGains | None = None
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {KalmanFilter: "linear:kalman", FixedGainObserver: "linear:fixed_gain"}
     records: ClassVar = {
         "kalman": Example(
             "motor", "# Kalman filter.\nobserver:\n  kind: kalman\n" + MOTOR + NOISE,

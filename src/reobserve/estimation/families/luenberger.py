@@ -61,6 +61,7 @@ class LuenbergerDesign(FilterDesign):
     gains: LuenbergerGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {FixedGainObserver: "linear:fixed_gain"}
     records: ClassVar = {
         "luenberger": Example(
             "motor", "# A Luenberger observer.\nobserver:\n  kind: luenberger\n" + MOTOR

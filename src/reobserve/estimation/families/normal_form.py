@@ -25,7 +25,9 @@ from reobserve.estimation.families.poles import Poles, stable_poles
 from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import Signal, numbered
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_transformed import TransformedObserver
 
 Array = FloatArray
 Form = Literal["identity", "transformed"]
@@ -144,6 +146,9 @@ class NormalFormDesign(Design):
     gains: NormalFormGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {
+        IdentityObserver: "normal_form:identity", TransformedObserver: "normal_form:transformed",
+    }  # fmt: skip
     records: ClassVar = {
         "normal-form-constant": Example("pendulum", _record("of constant gain", """\
   order: 0                   # a constant gain

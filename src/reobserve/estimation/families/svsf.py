@@ -52,6 +52,7 @@ class SvsfDesign(FilterDesign):
     gains: SwitchingGains
 
     example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {SmoothVariableStructureFilter: "linear:smooth"}
     records: ClassVar = {
         "svsf": Example(
             "motor", "# Smooth variable structure filter.\nobserver:\n  kind: svsf\n"
