@@ -87,21 +87,6 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
 
-def delay(kind: Callable[..., Any], *names: str, **options: Any) -> Callable[[Columns], Run[Any]]:
-    """Of a level and a valve in percent, and their rates."""
-
-    def run(columns: Columns) -> Run[Any]:
-        observer = kind(
-            decay=1.0, input_gain=1.0, delay_bounds=(0.0, 1.5), sampling_period=PERIOD, **options
-        )
-        y = read(columns, "%", "1", *names)
-        past = np.full(observer.history_steps + 1, 0.29)
-        state = observer.init(y[0, 0], 0.3, past)
-        return observer.run(y, read(columns, "%", "1", "valve", "valve_rate"), state=state)
-
-    return run
-
-
 def levant(columns: Columns) -> Run[Any]:
     return ro.LevantDifferentiator(1.5, PERIOD).run(read(columns, "mV", "V", "voltage"))
 
@@ -128,26 +113,16 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "ilo-continuous": rigid(lambda: ro.ILO(BODY, PERIOD, 1.0, 20.0, 100.0, PERIOD)),
     "ilo-forgetting": rigid(lambda: ro.ILO(BODY, PERIOD, 0.99, 20.0, 100.0, PERIOD)),
     "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 100.0, 0.0)),
-    "pi": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 200.0, 30.0)),
+    "adaptive-pi": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 200.0, 30.0)),
     "normal-form-constant": pendulum(order=0),
     "normal-form-identity": pendulum(order=4),
     "normal-form-transformed": pendulum(order=4, form="transformed"),
     "high-gain": high_gain,
     "extended-high-gain": extended_high_gain,
-    "delay-adaptive": delay(
-        ro.AdaptiveDelayEstimator, "level", filter_time=0.05, forgetting=1.0, adaptation_gain=100.0
-    ),
-    "delay-least-squares": delay(
-        ro.LeastSquaresDelayEstimator, "level", initial_covariance=1000.0, forgetting=0.1
-    ),
-    "delay-variable-structure": delay(
-        ro.VariableStructureDelayEstimator, "level", "level_rate", relay_gain=0.5,
-        relay_on="inverse",
-    ),
     "levant": levant,
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(
-        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.03622], [0.18122]], 1e-3)
+        lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
     ),
     "svsf": motor(svsf),
     "imm-kalman": motor(
@@ -155,9 +130,9 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     ),
     "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
     "eso": motor(eso, lambda observer: observer.init()),
-    "fixed-gain": motor(
+    "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
     ),
-    "luenberger": motor(lambda: ro.luenberger(motor_model(), [0.5, 0.6])),
-    "steady-kalman": motor(lambda: ro.steady_kalman(motor_model())),
+    "luenberger": motor(lambda: ro.luenberger(motor_model(), np.exp([-0.7, -0.5]))),
+    "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.validation import parse
-from reobserve.estimation.examples import specification_text
+from reobserve.estimation.families.examples import specification_text
 from reobserve.estimation.specification import Specification
 
 Array = NDArray[np.float64]

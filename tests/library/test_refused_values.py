@@ -11,7 +11,7 @@ import pytest
 
 from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.poles import parse_poles
+from reobserve.estimation.families.poles import parse_poles
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.ilo.lyapunov import gyroscopic_eta
 from reobserve.papers.ilo.theorem import certify
