@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest
-from reobserve.estimation.account import Account
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.outputs import Output
 from reobserve.estimation.specification import LearnedThreshold, StatedThreshold
 
@@ -46,13 +46,13 @@ class Alarm:
             return None
         return self.rule.sigma * float(np.sqrt(self.squares / (self.learned - 1)))
 
-    def raised(self, time: Array, values: Array, account: Account) -> Array:
+    def raised(self, time: Array, values: Array, report: DataReport) -> Array:
         """1 where the alarm is raised, 0 where not, nan where it is not known yet."""
         if isinstance(self.rule, StatedThreshold):
             found = np.where(np.isnan(values), 0.0, np.abs(values) > self.rule.above)
         else:
             found = self._learned(time, values, self.rule)
-        told = account.alarms.setdefault(
+        told = report.alarms.setdefault(
             self.name, {"rows": 0, "first": None, "unit": self.unit, "mean": None}
         )
         told["threshold"] = self.threshold
@@ -61,7 +61,7 @@ class Alarm:
             if self.threshold is not None:
                 told["mean"] = self.mean
                 if self.learned < FEW:
-                    account.warn(
+                    report.warn(
                         f"alarm {self.name}: its threshold is learned from {self.learned} values, "
                         f"fewer than {FEW}; a longer stretch of rows that are measured sets it well"
                     )

@@ -1,4 +1,4 @@
-"""Stamps that are dates with times of day, as ISO 8601 spells them: ``2026-03-29T01:59:58.250Z``.
+"""Timestamps that are dates with times of day, by ISO 8601 (``2026-03-29T01:59:58.250Z``).
 
 They are read as whole nanoseconds since 1970, and what an observer is given counts from an origin
 near the first of them, so that no digit is lost. In text, digits beyond a microsecond are cut.
@@ -19,7 +19,7 @@ _DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d")  # a day and the beginning of an
 
 
 def nanoseconds(text: str) -> int:
-    """Since 1970; a stamp without an offset from UTC is one of UTC.
+    """Since 1970; a timestamp without an offset from UTC is one of UTC.
 
     Raises
     ------
@@ -35,12 +35,12 @@ def nanoseconds(text: str) -> int:
 
 
 def looks_dated(text: str) -> bool:
-    """Whether a text begins as such a stamp does."""
+    """Whether a text begins as such a timestamp does."""
     return _DATED.match(text) is not None
 
 
-def stamp(cell: str, nothing: tuple[str, ...], title: str, row: int) -> int | None:
-    """The stamp [ns] in a cell; None where it holds one of the words for ``nothing``.
+def timestamp(cell: str, nothing: tuple[str, ...], title: str, row: int) -> int | None:
+    """The timestamp [ns] in a cell; None where it holds one of the words for ``nothing``.
 
     Raises
     ------

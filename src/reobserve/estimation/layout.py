@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.account import Account
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
 from reobserve.estimation.kinds.setup import Setup
 from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
@@ -43,7 +43,7 @@ class Layout:
     decimal: str
     dated: bool = False
 
-    def values(self, raw: Array, account: Account) -> tuple[Array, Array]:
+    def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 
         Raises
@@ -55,23 +55,23 @@ class Layout:
             row, column = np.argwhere(np.isinf(raw))[0]
             raise InputError(
                 self.titles[column],
-                f"row {account.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
+                f"row {report.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
                 "if it is missing",
             )
-        columns = [self._column(raw[:, c].copy(), c, account) for c in range(raw.shape[1])]
+        columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
         values = np.column_stack(columns[self.timed :])
         lost = np.isnan(values).sum(axis=0)
         if lost.any():
             for name, count in zip(self.names[self.timed :], lost, strict=True):
-                account.count(account.missing, name, count)
+                report.count(report.missing, name, count)
         return time, values
 
-    def _column(self, cells: Array, c: int, account: Account) -> Array:
+    def _column(self, cells: Array, c: int, report: DataReport) -> Array:
         limits = self.ranges[c]
         if limits is not None:
             outside = (cells <= limits[0]) | (cells >= limits[1])
-            account.count(account.saturated, self.names[c], outside.sum())
+            report.count(report.saturated, self.names[c], outside.sum())
             if self.lost_at_range[c]:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)

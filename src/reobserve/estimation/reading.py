@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import reason
-from reobserve.estimation.account import Account
-from reobserve.estimation.dates import ISO, SECOND, stamp
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dates import ISO, SECOND, timestamp
 from reobserve.estimation.layout import NOTHING, no_number
 
 Array = NDArray[np.float64]
@@ -70,22 +70,22 @@ class File:
             return titles(bytes(first).partition(b"\n")[0], self.separator, str(self.path))
 
     def blocks(
-        self, columns: Sequence[str], dated: str = "", account: Account | None = None
+        self, columns: Sequence[str], dated: str = "", report: DataReport | None = None
     ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
-        Those of the column ``dated`` are dates, which become times by the clock of the account.
+        Those of the column ``dated`` are dates, which become times by the clock of the report.
 
         Raises
         ------
         InputError
             If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
-        rows, account = 0, account or Account()
+        rows, report = 0, report or DataReport()
         with self._told():
             for batch in self._batches(list(columns), dated):
                 read = [
-                    self._times(batch, name, rows, account)
+                    self._times(batch, name, rows, report)
                     if name == dated
                     else self._floats(batch, name)
                     for name in columns
@@ -126,25 +126,25 @@ class File:
 
         return pa.input_stream(str(self.path), compression="detect")
 
-    def _times(self, batch: Any, name: str, rows: int, account: Account) -> Array:
+    def _times(self, batch: Any, name: str, rows: int, report: DataReport) -> Array:
         import pyarrow as pa
         import pyarrow.compute as compute
 
         column = batch.column(name)
         if pa.types.is_timestamp(column.type):
             ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
-            stamps = ticks.to_numpy(zero_copy_only=False)
+            timestamps = ticks.to_numpy(zero_copy_only=False)
             known = column.is_valid().to_numpy(zero_copy_only=False)
             if not known.any():
                 return np.full(len(known), np.nan)
-            account.clock(int(stamps[known.argmax()]))
-            assert account.origin is not None
-            return np.where(known, (stamps - account.origin * SECOND) / SECOND, np.nan)
+            report.clock(int(timestamps[known.argmax()]))
+            assert report.origin is not None
+            return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)
         if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
             problem = f"column {shown(name)} is of the type {column.type}, must be dates"
             raise InputError(str(self.path), problem)
         cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
-        return np.array([account.clock(stamp(cell, NOTHING, name, row)) for row, cell in cells])
+        return np.array([report.clock(timestamp(cell, NOTHING, name, row)) for row, cell in cells])
 
     def _floats(self, batch: Any, name: str) -> Array:
         import pyarrow as pa
@@ -152,7 +152,7 @@ class File:
         column = batch.column(name)
         kind = column.type
         if pa.types.is_timestamp(kind):
-            problem = f"column {shown(name)} holds dates; as stamps their unit is {ISO}"
+            problem = f"column {shown(name)} holds dates; as timestamps their unit is {ISO}"
             raise InputError(str(self.path), problem)
         if not (
             pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)

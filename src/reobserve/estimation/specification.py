@@ -49,7 +49,7 @@ Few = checked(_few)
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The stamps; without ``column`` there are none, and rows are a sampling period apart.
+    """The timestamps; without ``column`` there are none, and rows are a sampling period apart.
 
     The ``unit`` is one of time, or iso8601 for dates with times of day.
     """
@@ -112,12 +112,13 @@ class Columns:
 class Sampling:
     """The period [s], and the policies where a record does not keep to it.
 
-    ``uneven``: stamps off their place by more than ``jitter`` periods are refused, or all rows are
-    resampled: measurements by straight lines, the value before or a monotone cubic (pchip), inputs
-    held. ``missing``: samples that were lost are refused, filled likewise (straight lines where
-    ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or
-    skipped is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it,
-    or coasts over it with predictions.
+    ``jitter`` is the largest offset of a timestamp from its place on the grid, in periods. What is
+    farther off is refused where ``uneven`` is refuse; else all rows are resampled: measurements by
+    straight lines, the value before or a monotone cubic (pchip), inputs held.
+    ``missing``: samples that were lost are refused, filled likewise (straight lines where
+    ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or skipped
+    is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it, or
+    coasts over it with predictions.
     """
 
     period: Positive

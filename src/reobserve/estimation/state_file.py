@@ -15,7 +15,7 @@ from reobserve.core.documents import parse_json
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
 from reobserve.core.validation import parse
-from reobserve.estimation.account import Account
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 
 FORMAT = "reobserve estimate state"
@@ -42,8 +42,9 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         "specification": digest,
         "offset": offset,
         "observer": _plain(estimation.state),
-        "begun": estimation.stamps.begun,
-        "account": _plain(estimation.account),
+        "begun": estimation.timestamps.begun,
+        "grid": _plain(estimation.timestamps.grid),
+        "report": _plain(estimation.report),
         "alarms": [_parts(alarm, _ALARM) for alarm in estimation.alarms],
         "gaps": _parts(estimation.gaps, _GAPS),
         "interpolation": _parts(estimation.interpolation, _INTERPOLATION),
@@ -71,12 +72,13 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
         estimation.state = None if state is None else _like(estimation.template, state)
         if estimation.state is not None:
             estimation.observer._checked(estimation.state)
-        estimation.stamps.begun[:] = parse(list[float], tree["begun"], "begun")
+        estimation.timestamps.begun[:] = parse(list[float], tree["begun"], "begun")
+        estimation.timestamps.grid[:] = _value(tree["grid"])
         for alarm, saved in zip(estimation.alarms, tree["alarms"], strict=True):
             _fill(alarm, _ALARM, saved)
         _fill(estimation.gaps, _GAPS, tree["gaps"])
-        account = parse(Account, _value(tree["account"]), "account")
-        vars(estimation.account).update(vars(account))
+        report = parse(DataReport, _value(tree["report"]), "report")
+        vars(estimation.report).update(vars(report))
         _interpolation(estimation, tree["interpolation"])
         if estimation.gaps.started and estimation.state is None:
             raise TypeError

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from reobserve.estimation.account import MOST_LISTED, Account, as_table
+from reobserve.estimation.data_report import MOST_LISTED, DataReport, as_table
 
 
 def test_a_whole_record_takes_four_lines() -> None:
-    account = Account(rows=101, first=0.0, last=1.0, intervals=100, estimates=101)
-    assert as_table(account, 0.01).splitlines() == [
+    report = DataReport(rows=101, first=0.0, last=1.0, intervals=100, estimates=101)
+    assert as_table(report, 0.01).splitlines() == [
         "  rows read        101",
         "  time             0 to 1 s",
-        "  sampling period  0.01 s, stamps say 0.01 s on average",
+        "  sampling period  0.01 s, timestamps say 0.01 s on average",
         "  estimates        101",
     ]
 
 
 def test_of_many_gaps_the_first_are_listed_and_all_are_counted() -> None:
-    account = Account(rows=700, first=0.0, last=9.9, intervals=690, lost=300, estimates=690)
+    report = DataReport(rows=700, first=0.0, last=9.9, intervals=690, lost=300, estimates=690)
     for k in range(MOST_LISTED + 10):
-        account.open_gap(float(k))
-        account.close_gap(k + 0.5)
-    assert len(account.gaps) == MOST_LISTED
-    account.restarts, account.repeated, account.jitter = 60, 2, 0.25
-    account.count(account.missing, "speed", 3)
-    account.count(account.missing, "current", 0)
-    account.statuses = {"measured": 630, "restarted": 60}
-    account.warnings.append("one")
-    assert [line.split("  ")[-1].strip() for line in as_table(account, 0.01).splitlines()[3:]] == [
+        report.open_gap(float(k))
+        report.close_gap(k + 0.5)
+    assert len(report.gaps) == MOST_LISTED
+    report.restarts, report.repeated, report.jitter = 60, 2, 0.25
+    report.count(report.missing, "speed", 3)
+    report.count(report.missing, "current", 0)
+    report.statuses = {"measured": 630, "restarted": 60}
+    report.warnings.append("one")
+    assert [line.split("  ")[-1].strip() for line in as_table(report, 0.01).splitlines()[3:]] == [
         "25 % of a period", "300", "2", "speed 3",
         *(f"{k} s to {k}.5 s" for k in range(5)), str(MOST_LISTED + 10), "60",
         "690: 630 measured, 60 restarted", "warning: one",
@@ -47,8 +47,8 @@ def test_what_an_alarm_found() -> None:
     early = {"rows": 0, "first": None, "unit": "V", "mean": None, "threshold": None}
     blind = {**early, "learned": 1, "ready": True}
     listed = {"odd": told, "quiet": quiet, "early": early, "blind": blind}
-    account = Account(rows=1, alarms=listed)
-    assert [line.split("  ")[-1].strip() for line in as_table(account, 0.1).splitlines()[2:]] == [
+    report = DataReport(rows=1, alarms=listed)
+    assert [line.split("  ")[-1].strip() for line in as_table(report, 0.1).splitlines()[2:]] == [
         "4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25, from 40 values",
         "none; threshold 0.5",
         "no threshold yet: the record ends before the stretch that sets it does",
@@ -57,8 +57,8 @@ def test_what_an_alarm_found() -> None:
 
 
 def test_stamps_since_1970_are_told_to_the_millisecond() -> None:
-    account = Account(rows=2, first=1774749598.25, last=1774749599.75)
-    account.open_gap(1774749598.5)
-    told = as_table(account, 0.1)
+    report = DataReport(rows=2, first=1774749598.25, last=1774749599.75)
+    report.open_gap(1774749598.5)
+    told = as_table(report, 0.1)
     assert "1774749598.250 to 1774749599.750 s" in told
     assert "1774749598.500 s to the end" in told

@@ -1,8 +1,8 @@
-"""A picture of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
+"""A plot of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
 
 It remembers no more than some thousand points of a record, however long that is: of more it keeps
 the least and the greatest value of as many rows as must share a point. matplotlib is imported when
-the picture is drawn.
+the plot is drawn.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#7f6000")
 _FORMATS = (".png", ".pdf", ".svg")
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a name that says no format of pictures, before there is one to draw.
+def check_plot(path: Path) -> None:
+    """Refuse a name that says no format of plots, before there is one to draw.
 
     Raises
     ------
@@ -39,10 +39,10 @@ def check_picture(path: Path) -> None:
     """
     if path.suffix not in _FORMATS:
         raise InputError(str(path), f"must end with {', '.join(_FORMATS)}")
-    package("matplotlib", "draw a picture")
+    package("matplotlib", "draw a plot")
 
 
-class Picture:
+class Plot:
     """Collects results, and draws them."""
 
     def __init__(self, estimation: Estimation) -> None:
@@ -96,9 +96,9 @@ class Picture:
             "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",
             "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
         }  # fmt: skip
-        matplotlib = package("matplotlib", "draw a picture")
+        matplotlib = package("matplotlib", "draw a plot")
         with matplotlib.rc_context(style):
-            figure = self._figure(package("matplotlib.figure", "draw a picture"))
+            figure = self._figure(package("matplotlib.figure", "draw a plot"))
             metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
             write_whole(
                 path,
@@ -123,7 +123,7 @@ class Picture:
             self._grey(ax)
         if len(self.time):
             axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
-        origin = self.estimation.account.origin
+        origin = self.estimation.report.origin
         axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
         figure.align_ylabels()
         return figure
@@ -188,7 +188,7 @@ class Picture:
         )  # fmt: skip
 
     def _grey(self, ax: Any) -> None:
-        for start, end in self.estimation.account.gaps:
+        for start, end in self.estimation.report.gaps:
             last = self.time[-1] if end is None and len(self.time) else end
             ax.axvspan(start, last, color="0.88", linewidth=0, zorder=0)
 

@@ -1,4 +1,4 @@
-"""What became of a record: counted on the way, told as a table and as JSON."""
+"""The data report: what was done to a record and what the alarms found, as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ MOST_LISTED = 50  # gaps and other events that are told one by one
 
 
 @dataclass
-class Account:
+class DataReport:
     """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
 
-    ``intervals`` are those between stamps that follow one another, ``jitter`` the farthest that
-    one was off its place, in sampling periods. ``origin`` [s since 1970] is what times count from
-    if stamps are dates: the whole second at or before the first one.
+    ``intervals`` are those between timestamps that follow one another, ``jitter`` the largest
+    offset of one from its place on the grid, in sampling periods.
+    ``origin`` [s since 1970] is what times count from if timestamps are dates: the whole second at
+    or before the first one.
     """
 
     rows: int = 0
@@ -27,7 +28,7 @@ class Account:
     intervals: int = 0
     single: int = 0  # intervals of one period
     jitter: float = 0.0
-    lost: int = 0  # rows that the stamps say are missing
+    lost: int = 0  # rows that the timestamps say are missing
     repeated: int = 0
     unstamped: int = 0
     before_start: int = 0
@@ -45,13 +46,13 @@ class Account:
     warnings: list[str] = field(default_factory=list)
     origin: int | None = None
 
-    def clock(self, stamp: int | None) -> float:
-        """The time [s] of a stamp [ns since 1970], nan for none; the first one sets the origin."""
-        if stamp is None:
+    def clock(self, timestamp: int | None) -> float:
+        """The time [s] of a timestamp [ns since 1970], nan for none; the first sets the origin."""
+        if timestamp is None:
             return math.nan
         if self.origin is None:
-            self.origin = stamp // SECOND
-        return (stamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
+            self.origin = timestamp // SECOND
+        return (timestamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
 
     def count(self, table: dict[str, int], name: str, more: int) -> None:
         """Add to one of the tables."""
@@ -83,60 +84,60 @@ class Account:
         return (self.last - self.first) / slots
 
 
-def as_json(account: Account, about: Mapping[str, Any]) -> dict[str, Any]:
-    """The whole account, with what else is known ``about`` the run."""
-    told = {name: value for name, value in vars(account).items() if name != "single"}
-    told["origin"] = None if account.origin is None else spelled(account.origin)
-    return {**about, "mean_interval": account.mean_interval, **told}
+def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole report, with what else is known ``about`` the run."""
+    told = {name: value for name, value in vars(report).items() if name != "single"}
+    told["origin"] = None if report.origin is None else spelled(report.origin)
+    return {**about, "mean_interval": report.mean_interval, **told}
 
 
-def as_table(account: Account, period: float) -> str:
+def as_table(report: DataReport, period: float) -> str:
     """A few lines for a terminal: only what there is to tell."""
-    lines = [("rows read", f"{account.rows}")]
-    if account.first is not None and account.last is not None:
-        since = "" if account.origin is None else f" after {spelled(account.origin)}"
-        lines.append(("time", f"{_time(account.first)} to {_time(account.last)} s{since}"))
-    if account.mean_interval is not None:
-        told = f"{period:g} s, stamps say {account.mean_interval:.6g} s on average"
+    lines = [("rows read", f"{report.rows}")]
+    if report.first is not None and report.last is not None:
+        since = "" if report.origin is None else f" after {spelled(report.origin)}"
+        lines.append(("time", f"{_time(report.first)} to {_time(report.last)} s{since}"))
+    if report.mean_interval is not None:
+        told = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
         lines.append(("sampling period", told))
-        if account.jitter > 1e-9:
-            lines.append(("greatest jitter", f"{100 * account.jitter:.3g} % of a period"))
+        if report.jitter > 1e-9:
+            lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
     for name, value in (
-        ("samples lost", account.lost),
-        ("stamps repeated, left out", account.repeated),
-        ("rows without stamp, left out", account.unstamped),
-        ("rows before all is measured", account.before_start),
-        ("rows after all was measured", account.after_end),
+        ("samples lost", report.lost),
+        ("timestamps repeated, left out", report.repeated),
+        ("rows without timestamp, left out", report.unstamped),
+        ("rows before all is measured", report.before_start),
+        ("rows after all was measured", report.after_end),
     ):
         if value:
             lines.append((name, str(value)))
     for name, table in (
-        ("values missing", account.missing),
-        ("values filled", account.filled),
-        ("values saturated", account.saturated),
+        ("values missing", report.missing),
+        ("values filled", report.filled),
+        ("values saturated", report.saturated),
     ):
         if table:
             listed = ", ".join(f"{column} {count}" for column, count in table.items())
             lines.append((name, listed))
-    for start, end in account.gaps[:5]:
+    for start, end in report.gaps[:5]:
         begun = "the start" if start is None else f"{_time(start)} s"
         ending = "the end" if end is None else f"{_time(end)} s"
         lines.append(("gap", f"{begun} to {ending}"))
-    if account.gap_count > 5:
-        lines.append(("gaps in all", str(account.gap_count)))
-    if account.restarts:
-        lines.append(("restarts", str(account.restarts)))
-    listed = ", ".join(f"{count} {word}" for word, count in account.statuses.items())
-    lines.append(("estimates", f"{account.estimates}" + (f": {listed}" if listed else "")))
-    for name, alarm in account.alarms.items():
+    if report.gap_count > 5:
+        lines.append(("gaps in all", str(report.gap_count)))
+    if report.restarts:
+        lines.append(("restarts", str(report.restarts)))
+    listed = ", ".join(f"{count} {word}" for word, count in report.statuses.items())
+    lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
+    for name, alarm in report.alarms.items():
         lines.append((f"alarm {name}", _told(alarm)))
     width = max(len(name) for name, _ in lines)
     said = [f"  {name:<{width}}  {value}" for name, value in lines]
-    return "\n".join(said + [f"  warning: {warning}" for warning in account.warnings])
+    return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
 
 
 def _time(seconds: float) -> str:
-    """Six digits, or milliseconds where those of seconds are more: stamps may count since 1970."""
+    """Six digits, or milliseconds where timestamps count from 1970."""
     return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
 
 

@@ -23,18 +23,22 @@ than a hundredth of its greatest value is left).
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
-from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.head import Head
+from reobserve.estimation.gaps import Stretch
 from reobserve.estimation.outputs import RESIDUAL
+
+if TYPE_CHECKING:
+    from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
+MOST_ROWS = 4000  # of a record that are kept
 _LEAST_ROWS = 40
 _SHARE_OF_NOISE = 0.5
 _APART = 0.05
@@ -44,12 +48,33 @@ _LEFT = 0.01
 _SEED = 20
 
 
-def misleading(estimation: Estimation, head: Head) -> list[str]:
+@dataclass
+class FirstRows:
+    """The first rows of a record up to a break, however it comes in blocks."""
+
+    y: list[Array] = field(default_factory=list)
+    u: list[Array] = field(default_factory=list)
+    rows: int = 0
+    closed: bool = False
+
+    def take(self, stretch: Stretch) -> None:
+        """Keep rows as long as they are the first ones."""
+        if self.closed or (stretch.fresh and self.rows):
+            self.closed = True
+            return
+        room = MOST_ROWS - self.rows
+        self.y.append(stretch.y[:room])
+        self.u.append(stretch.u[:room])
+        self.rows += len(self.y[-1])
+        self.closed = self.rows >= MOST_ROWS
+
+
+def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
     """Sentences on what would mislead in these results; none if nothing does."""
-    if head.rows < _LEAST_ROWS:
-        told = f"too few rows to judge noise or settling by: {head.rows} in the first stretch"
-        return [told] if head.rows else []
-    y, u = np.concatenate(head.y), np.concatenate(head.u)
+    if first_rows.rows < _LEAST_ROWS:
+        told = f"too few rows to judge noise or settling by: {first_rows.rows} in the first stretch"
+        return [told] if first_rows.rows else []
+    y, u = np.concatenate(first_rows.y), np.concatenate(first_rows.u)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
