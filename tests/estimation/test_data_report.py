@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from reobserve.estimation.data_report import MOST_LISTED, DataReport, as_table
+from reobserve.estimation.data_report import (
+    MOST_LISTED,
+    AlarmReport,
+    DataReport,
+    Interval,
+    as_table,
+)
 
 
 def test_a_whole_record_takes_four_lines() -> None:
@@ -34,22 +40,20 @@ def test_of_many_gaps_the_first_are_listed_and_all_are_counted() -> None:
 
 
 def test_what_an_alarm_found() -> None:
-    told = {
-        "rows": 4,
-        "first": 1.5,
-        "unit": "rad/s",
-        "mean": 0.25,
-        "threshold": 0.75,
-        "learned": 40,
-        "ready": True,
-    }
-    quiet = {"rows": 0, "first": None, "unit": "1", "mean": None, "threshold": 0.5}
-    early = {"rows": 0, "first": None, "unit": "V", "mean": None, "threshold": None}
-    blind = {**early, "learned": 1, "ready": True}
-    listed = {"odd": told, "quiet": quiet, "early": early, "blind": blind}
+    odd = AlarmReport("rad/s", 0.5, True, 0.75, rows=4, first=1.5, learned=40, mean=0.25)
+    odd.current = Interval(1.5, 1.8)
+    for value in (1.0, 2.0, -3.0, 2.0):
+        odd.current.add(value, 0.25, 0.25)
+    quiet = AlarmReport("1", 0.0, threshold=0.5)
+    early = AlarmReport("V", 0.0, True)
+    blind = AlarmReport("V", 0.0, True, learned=1, ready=True)
+    listed = {"odd": odd, "quiet": quiet, "early": early, "blind": blind}
     report = DataReport(rows=1, alarms=listed)
     assert [line.split("  ")[-1].strip() for line in as_table(report, 0.1).splitlines()[2:]] == [
-        "4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25, from 40 values",
+        "once, 4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25, from 40 values; not raised "
+        "in the first 0.5 s after a start",
+        "1.5 to 1.8 s: mean 0.5 rad/s, standard deviation 2.4 (by the observer 0.25), "
+        "peak -3 rad/s",
         "none; threshold 0.5",
         "no threshold yet: the record ends before the stretch that sets it does",
         "no threshold: 1 values in the stretch that sets it, 2 needed",

@@ -111,7 +111,7 @@ def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_fo
             assert set(map(abs, bounds)) == {0.2}
         elif "residual" in label:
             for bound in bounds:
-                assert abs(bound - odd["mean"]) == pytest.approx(odd["threshold"], rel=1e-9)
+                assert abs(bound - odd.mean) == pytest.approx(odd.threshold, rel=1e-9)
         else:
             assert not bounds
     assert dashed["fault"]

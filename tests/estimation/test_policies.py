@@ -16,7 +16,7 @@ from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.examples import simulated, specification_text
 from tests.estimation.by_hand import motor_model
-from tests.estimation.records import read_results, specification, write_record
+from tests.estimation.records import read_results, specification, streamed, write_record
 
 Array = NDArray[np.float64]
 
@@ -298,3 +298,41 @@ def test_saturated_values_are_counted_and_may_be_missing(tmp_path: Path) -> None
     assert [word == "partial" for word in status] == high.tolist()
     truth = simulated("kalman").at("speed", found["time"])
     assert np.abs(found["speed"] - truth)[high].max() < 0.2  # 350 rpm are 0.9 rad/s off
+
+
+def test_deviations_from_an_operating_point_are_what_an_observer_reads(tmp_path: Path) -> None:
+    """Columns with offsets give the bits of a record of deviations; residuals as of levels."""
+    at = {"speed": 1500.0, "current": 250.0, "voltage": 24.0}
+    levels = {name: values + at.get(name, 0.0) for name, values in EVEN.items()}
+    less = {name: values - at.get(name, 0.0) for name, values in levels.items()}
+    _, expected, _ = kalman(less, tmp_path)
+    columns = {
+        "time": {"column": "t", "unit": "ms"},
+        "measurements": [
+            {"column": "speed", "unit": "rpm", "model_unit": "rad/s", "offset": 1500.0},
+            {"column": "current", "unit": "mA", "model_unit": "A", "offset": 250.0},
+        ],
+        "inputs": [{"column": "voltage", "unit": "V", "offset": 24.0}],
+    }
+    chosen = specification("kalman", columns=columns)
+    estimate_file(chosen, write_record(tmp_path / "r.csv", levels), tmp_path / "e.csv")
+    found, _ = read_results(tmp_path / "e.csv")
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        assert np.array_equal(found[name], values, equal_nan=True), name
+    assert streamed(chosen, tmp_path / "r.csv") == (tmp_path / "e.csv").read_text()
+
+
+def test_the_zero_of_a_scale_cancels_in_a_deviation(tmp_path: Path) -> None:
+    columns = {
+        "time": {"column": "t"},
+        "measurements": [
+            {"column": "warm", "unit": "degC", "model_unit": "kelvin", "offset": 20.0}
+        ],
+    }
+    record = {"t": 0.01 * np.arange(30), "warm": np.full(30, 21.5)}
+    sampling = {"missing": "refuse", "at_gap": "refuse"}
+    chosen = specification("levant", columns=columns, sampling=sampling, estimates={})
+    estimate_file(chosen, write_record(tmp_path / "r.csv", record), tmp_path / "e.csv")
+    found, _ = read_results(tmp_path / "e.csv")
+    assert (found["derivatives_1"] + found["residual warm"]) == pytest.approx(1.5)

@@ -13,6 +13,89 @@ MOST_LISTED = 50  # gaps and other events that are told one by one
 
 
 @dataclass
+class Interval:
+    """A time over which an alarm is raised, and how large its column is there.
+
+    ``mean`` and ``standard_deviation`` are those of the column's values, ``sigma`` is the standard
+    deviation by the observer (root mean square), ``peak`` the value that is farthest off normal.
+    """
+
+    start: float
+    end: float
+    values: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    variances: float | None = None
+    peak: float = 0.0
+
+    def add(self, value: float, sigma: float | None, normal: float) -> None:
+        """Take a value, by Welford's sums."""
+        self.values += 1
+        off = value - self.mean
+        self.mean += off / self.values
+        self.squares += off * (value - self.mean)
+        if sigma is not None:
+            self.variances = (self.variances or 0.0) + sigma**2
+        if self.values == 1 or abs(value - normal) > abs(self.peak - normal):
+            self.peak = value
+
+    def summary(self) -> dict[str, float | None]:
+        """As the report has it."""
+        spread = None if self.values < 2 else math.sqrt(self.squares / (self.values - 1))
+        sigma = None if self.variances is None else math.sqrt(self.variances / self.values)
+        return {
+            "start": self.start, "end": self.end, "mean": self.mean,
+            "standard_deviation": spread, "sigma": sigma, "peak": self.peak,
+        }  # fmt: skip
+
+
+@dataclass
+class AlarmReport:
+    """What an alarm found: whether, when and how large; and what its threshold is learned from.
+
+    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised. ``current``
+    is the latest interval, ``waiting`` values with their sigmas belong to it if it goes on.
+    """
+
+    unit: str
+    start_up: float
+    learns: bool = False
+    threshold: float | None = None
+    rows: int = 0
+    first: float | None = None
+    intervals: list[Interval] = field(default_factory=list)
+    interval_count: int = 0  # before the current one
+    current: Interval | None = None
+    waiting: list[list[float | None]] = field(default_factory=list)
+    started: float | None = None
+    origin: float | None = None  # the time of the first estimate
+    learned: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    ready: bool = False
+
+    def close(self) -> None:
+        """End the current interval."""
+        if self.current is not None:
+            self.interval_count += 1
+            if len(self.intervals) < MOST_LISTED:
+                self.intervals.append(self.current)
+        self.current = None
+        self.waiting.clear()
+
+    def summary(self) -> dict[str, Any]:
+        """As the report has it."""
+        listed = self.intervals + ([] if self.current is None else [self.current])
+        learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
+        return {
+            "unit": self.unit, "threshold": self.threshold, **learned, "start_up": self.start_up,
+            "rows": self.rows, "first": self.first,
+            "interval_count": self.interval_count + (self.current is not None),
+            "intervals": [interval.summary() for interval in listed[:MOST_LISTED]],
+        }  # fmt: skip
+
+
+@dataclass
 class DataReport:
     """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
 
@@ -42,7 +125,7 @@ class DataReport:
     restarts: int = 0
     statuses: dict[str, int] = field(default_factory=dict)
     estimates: int = 0
-    alarms: dict[str, dict[str, Any]] = field(default_factory=dict)
+    alarms: dict[str, AlarmReport] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     origin: int | None = None
 
@@ -87,6 +170,7 @@ class DataReport:
 def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole report, with what else is known ``about`` the run."""
     told = {name: value for name, value in vars(report).items() if name != "single"}
+    told["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
     told["origin"] = None if report.origin is None else spelled(report.origin)
     return {**about, "mean_interval": report.mean_interval, **told}
 
@@ -131,6 +215,7 @@ def as_table(report: DataReport, period: float) -> str:
     lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
     for name, alarm in report.alarms.items():
         lines.append((f"alarm {name}", _told(alarm)))
+        lines += [("", _size(one, alarm.unit)) for one in alarm.summary()["intervals"][:5]]
     width = max(len(name) for name, _ in lines)
     said = [f"  {name:<{width}}  {value}" for name, value in lines]
     return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
@@ -141,15 +226,33 @@ def _time(seconds: float) -> str:
     return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
 
 
-def _told(alarm: Mapping[str, Any]) -> str:
-    if alarm.get("threshold") is None:
-        if alarm.get("ready"):
-            return f"no threshold: {alarm['learned']} values in the stretch that sets it, 2 needed"
+def _told(alarm: AlarmReport) -> str:
+    if alarm.threshold is None:
+        if alarm.ready:
+            return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
         return "no threshold yet: the record ends before the stretch that sets it does"
-    unit = alarm["unit"] if alarm["unit"] != "1" else ""
-    origin = f"threshold {alarm['threshold']:.4g} {unit}".rstrip()
-    if alarm.get("mean") is not None:
-        origin += f" off {alarm['mean']:.4g}, from {alarm['learned']} values"
-    if alarm.get("first") is None:
-        return f"none; {origin}"
-    return f"{alarm['rows']} rows, first at {_time(alarm['first'])} s; {origin}"
+    said = f"threshold {_amount(alarm.threshold, alarm.unit)}"
+    if alarm.learns:
+        said += f" off {alarm.mean:.4g}, from {alarm.learned} values"
+    if alarm.start_up:
+        said += f"; not raised in the first {_time(alarm.start_up)} s after a start"
+    if alarm.first is None:
+        return f"none; {said}"
+    found = alarm.summary()["interval_count"]
+    times = "once" if found == 1 else f"{found} times"
+    return f"{times}, {alarm.rows} rows, first at {_time(alarm.first)} s; {said}"
+
+
+def _size(interval: Mapping[str, Any], unit: str) -> str:
+    """When, and how large."""
+    said = f"{_time(interval['start'])} to {_time(interval['end'])} s: mean "
+    said += _amount(interval["mean"], unit)
+    if interval["standard_deviation"] is not None:
+        said += f", standard deviation {interval['standard_deviation']:.2g}"
+    if interval["sigma"] is not None:
+        said += f" (by the observer {interval['sigma']:.2g})"
+    return f"{said}, peak {_amount(interval['peak'], unit)}"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit if unit != '1' else ''}".rstrip()

@@ -13,9 +13,9 @@ Settling: the observer starts a second time, as after a gap, in the middle of th
 two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
 than three times what noise does, the record is too short to forget how it began.
 
-Consistency: a filter foretells how far its innovations spread. Where they spread over the second
+Consistency: a filter predicts how far its innovations spread. Where they spread over the second
 half, in the root mean square, more than five times as far, the record contradicts the model. Where
-an observer foretells no spread, its residual is compared with what is measured: it contradicts the
+an observer predicts no spread, its residual is compared with what is measured: it contradicts the
 model if it is more than half of that, more than five times the noise, and does not die away (more
 than a hundredth of its greatest value is left).
 """
@@ -129,7 +129,7 @@ def _unsettled(
 
 
 def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
-    """A sentence for each measurement that is far from what the observer foretold."""
+    """A sentence for each measurement that is far from what the observer predicted."""
     setup, layout = estimation.setup, estimation.layout
     if setup.residual is None:
         return []
@@ -142,7 +142,7 @@ def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
         off = _size(residual[half:, c])
         if spread is not None:
             contradicted = off > _SPREADS * spread[c]
-            than = f"{off / spread[c]:.0f} times what the filter foretells"
+            than = f"{off / spread[c]:.0f} times what the filter predicts"
         else:
             measured = _size(y[half:, c])
             greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
@@ -152,7 +152,8 @@ def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
         if contradicted:
             found.append(
                 f"residual {name}: it is {than} in the second half of the first {len(y)} rows; a "
-                "unit, a sign, the model or the sensor is wrong, or there is a fault from early on"
+                "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
+                "from early on"
             )
     return found
 

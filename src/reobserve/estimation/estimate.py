@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.alarms import alarms
+from reobserve.estimation.alarms import alarms, start_up
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.gaps import Gaps, Stretch
@@ -82,7 +82,10 @@ class Estimation:
         self.outputs: Outputs = outputs(
             self.setup, self.layout, self.sample, specification.estimates
         )
-        self.alarms = alarms(specification.alarms, self.outputs.columns)
+        self.start_up: list[float] | None = None
+        self.alarms = alarms(
+            specification.alarms, self.outputs.columns, self.report, period, self._start_up
+        )
         self.report.warnings += self.setup.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
@@ -92,6 +95,21 @@ class Estimation:
         run = self.observer.run(y, np.zeros((1, inputs)), state=state)
         self.template = run.state
         return run.estimates
+
+    def _start_up(self, column: int) -> float:
+        """How long [s] a column needs to forget how the observer started."""
+        if self.start_up is None:
+            inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
+
+            def run(y: Array) -> Array:
+                state, u = self.setup.start(y[0]), np.zeros((len(y), inputs))
+                return self.outputs.numbers(y, self.observer.run(y, u, state=state).estimates)
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                rows = start_up(run, self.layout.measurements, len(self.outputs.columns))
+            self.start_up = (self.specification.sampling.period * rows).tolist()
+        return self.start_up[column]
 
     def feed(self, raw: Array) -> Estimated:
         """The estimates that are settled with these rows, cells in the order of the layout.
@@ -137,6 +155,8 @@ class Estimation:
             self.first_rows.take(stretch)
         if stretch.fresh:
             self.state = self.setup.start(stretch.y[0])
+            for found in self.report.alarms.values():
+                found.started = float(stretch.time[0])
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():
@@ -160,7 +180,7 @@ class Estimation:
         numbers = self.outputs.numbers(y, estimates)
         raised = np.empty((len(time), len(self.alarms)))
         for k, alarm in enumerate(self.alarms):
-            raised[:, k] = alarm.raised(time, numbers[:, alarm.column], self.report)
+            raised[:, k] = alarm.raised(time, numbers, self.report)
         self.report.estimates += len(time)
         return Estimated(time, numbers, raised, status)
 

@@ -181,6 +181,7 @@ def _find(
         problem = f"{column.model_unit} must be {fixed}, in which this observer reads"
         raise InputError(f"{at}.model_unit", problem)
     model = fixed or column.model_unit
-    if not model or not unit:
-        return title, SAME, model or unit
-    return title, conversion(f"{at}.unit", unit, model), model
+    way = conversion(f"{at}.unit", unit, model) if model and unit else SAME
+    if column.offset is not None:  # of a deviation, a scale's own zero cancels
+        way = Conversion(way.factor, 0.0, column.offset)
+    return title, way, model or unit

@@ -149,15 +149,18 @@ class Plot:
             else:
                 ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=every[c].name)
             self._band(ax, c, colour)
+        self._limit(ax, columns)
         for alarm in self.estimation.alarms:
-            if alarm.column in columns and alarm.threshold is not None:
+            found = self.estimation.report.alarms[alarm.name]
+            if alarm.column in columns and found.threshold is not None:
                 _, low, high = self._broken(alarm.column)
-                reached = np.nanmin(low) < alarm.mean, np.nanmax(high) > alarm.mean
+                reached = np.nanmin(low) < found.mean, np.nanmax(high) > found.mean
                 for side, there in zip((-1, 1), reached, strict=True):
-                    bound, (bottom, top) = alarm.mean + side * alarm.threshold, ax.get_ylim()
+                    bound, (bottom, top) = found.mean + side * found.threshold, ax.get_ylim()
                     # A probability has no bound below zero; one far off would flatten the curves.
                     if there and 2 * bottom - top <= bound <= 2 * top - bottom:
                         ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
+                        ax.set_ylim(min(bottom, bound), max(top, bound))
         first = every[columns[0]]
         name = first.name if len(columns) == 1 else first.estimate.replace("_", " ")
         ax.set_ylabel(f"{name}\n[{first.unit}]" if first.unit else name)
@@ -173,6 +176,19 @@ class Plot:
             _, _, sigma = self._broken(c + 1)
             ax.fill_between(time, low - 2 * sigma, high + 2 * sigma, color=colour, alpha=0.2,
                             linewidth=0)  # fmt: skip
+
+    def _limit(self, ax: Any, columns: list[int]) -> None:
+        """Let the axis follow the estimates and their usual bands, and not the first band."""
+        every, low, high = self.estimation.outputs.columns, np.inf, -np.inf
+        for c in columns:
+            band = 0.0
+            if c + 1 < len(every) and every[c + 1].deviation:
+                sigma = self.greatest[:, c + 1]
+                band = 2.0 * float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 0.0
+            low = min(low, float(np.nanmin(self.least[:, c], initial=np.inf)) - band)
+            high = max(high, float(np.nanmax(self.greatest[:, c], initial=-np.inf)) + band)
+        if np.isfinite(high - low) and high > low:
+            ax.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
 
     def _jumps(self) -> NDArray[np.int_]:
         """Before which points there is a gap."""

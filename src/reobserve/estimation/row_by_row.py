@@ -101,12 +101,8 @@ class RowByRow:
             with made.dated(time, begun):
                 raise
         found = made.outputs.row(y, estimates)
-        raised = []
-        for alarm in made.alarms:
-            one = alarm.raised(
-                np.array([time]), np.array([found[alarm.column]]), report
-            )  # fmt: skip
-            raised.append(float(one[0]))
+        at, row = np.array([time]), np.array([found])
+        raised = [float(alarm.raised(at, row, report)[0]) for alarm in made.alarms]
         return line(time, found, raised, MEASURED)
 
     def settle(self) -> None:

@@ -68,6 +68,8 @@ class Column:
 
     Without units, the header's is taken, ``name [unit]``, or else the model's. At ``range``, or
     beyond, the sensor is saturated: such values are counted, and kept or taken for missing.
+    ``offset`` is the column's value at the operating point of a model that is linearised there, in
+    ``unit``: the observer reads (column - offset), and estimates deviations from that point.
     """
 
     column: Name
@@ -75,6 +77,7 @@ class Column:
     model_unit: str = ""
     range: tuple[float, float] | None = None
     saturated: Literal["keep", "missing"] = "keep"
+    offset: float | None = None
 
     def __post_init__(self) -> None:
         for place in ("unit", "model_unit"):
@@ -143,18 +146,24 @@ class Sampling:
 
 @dataclass(frozen=True)
 class StatedThreshold:
-    """An alarm where the size of an output column is ``above`` a value that is stated."""
+    """An alarm where the size of an output column is ``above`` a value that is stated.
+
+    It is not raised within ``start_up`` [s] of a start of the observer. Left out, that is how long
+    the observer needs to forget its start, `reobserve.estimation.alarms`; the report has it.
+    """
 
     name: Name
     of: Name
     above: Positive
+    start_up: NotNegative | None = None
 
 
 @dataclass(frozen=True)
 class LearnedThreshold:
     """An alarm ``sigma`` standard deviations off the mean, both of a stretch that is stated [s].
 
-    ``since`` and ``until`` [s] count from the first estimate.
+    ``since`` and ``until`` [s] count from the first estimate; ``start_up`` is as for thresholds
+    that are stated.
     """
 
     name: Name
@@ -162,6 +171,7 @@ class LearnedThreshold:
     sigma: Positive
     until: Positive
     since: NotNegative = 0.0
+    start_up: NotNegative | None = None
 
     def __post_init__(self) -> None:
         if not self.since < self.until:
