@@ -32,31 +32,29 @@ from reobserve.polynomials.univariate import DIGITS, power, taylor
 # A product of two series takes as many steps as there are products of their monomials, and a system
 # some thousand products: above this they take minutes.
 _MOST_PRODUCTS = 2_000_000
-# Of all series of a call, some seconds; a product of fractions takes twenty times as long.
+# Of all series of a call, some seconds.
 _MOST_STEPS = 200_000_000
-_EXACT_STEPS = 20
 _HIGHEST_DEGREE = 100
 _LONGEST_WHOLE = 1024  # bits
 
 
 def from_expressions(
-    name: str, expressions: Sequence[Any], variables: Sequence[Any], degree: int, *,
-    exact: bool = False,
-) -> PolynomialMap:  # fmt: skip
+    name: str, expressions: Sequence[Any], variables: Sequence[Any], degree: int
+) -> PolynomialMap:
     """The Taylor polynomials of ``expressions`` in the symbols ``variables`` up to a degree.
 
-    Expressions may be of sympy or text in the grammar of `reobserve.polynomials.grammar`. With
-    ``exact`` coefficients are kept as fractions.
+    Expressions may be of sympy or text in the grammar of `reobserve.polynomials.grammar`.
 
     Raises
     ------
     InputError
         That names the component of ``name`` and the part of it that has no Taylor series at the
-        origin, is no known function, holds an unknown symbol or (if exact) is not rational; or
-        what is too long, too deep, too high or too large to be worked with.
+        origin, is no known function or holds an unknown symbol; or what is too long, too deep, too
+        high or too large to be worked with.
     """
     package("mpmath", "expand expressions")  # first, as sympy does not load without it
     sympy = package("sympy", "expand expressions")
+    package("flint", "expand expressions", "symbolic")
     for what, given in ((name, expressions), ("variables", variables)):
         if not isinstance(given, list | tuple):
             raise InputError(what, f"{shown(given)} must be a list")
@@ -71,15 +69,15 @@ def from_expressions(
     if comb(2 * len(symbols) + degree, degree) > _MOST_PRODUCTS:
         raise InputError("degree", f"{degree} is too high for series in {len(symbols)} variables")
     basis = monomials(len(symbols), degree)
-    rows, steps = [], comb(2 * len(symbols) + degree, degree) * (_EXACT_STEPS if exact else 1)
-    left = iter(range(_MOST_STEPS // steps))
+    rows = []
+    left = iter(range(_MOST_STEPS // comb(2 * len(symbols) + degree, degree)))
     for k, expression in enumerate(expressions):
-        walk = _Walk(f"{name}[{k}]", basis, symbols, exact, left)
+        walk = _Walk(f"{name}[{k}]", basis, symbols, left)
         read = _read(walk.place, expression, names)
         check_size(walk.place, read)
         check_values(walk.place, read, symbols)
         rows.append(walk.series(read))
-    return PolynomialMap(basis, np.array(rows, dtype=object if exact else np.float64))
+    return PolynomialMap(basis, np.array(rows))
 
 
 def _read(place: str, expression: Any, names: Mapping[str, Any]) -> Any:
@@ -111,10 +109,9 @@ class _Walk:
     """
 
     def __init__(
-        self, place: str, basis: Monomials, symbols: Sequence[Any], exact: bool, left: Iterator[int]
+        self, place: str, basis: Monomials, symbols: Sequence[Any], left: Iterator[int]
     ) -> None:
-        self.place, self.basis, self.symbols, self.exact = place, basis, symbols, exact
-        self.left = left
+        self.place, self.basis, self.symbols, self.left = place, basis, symbols, left
 
     def series(self, expression: Any) -> Coefficients:
         """The coefficients of an expression, shape (N,)."""
@@ -155,16 +152,16 @@ class _Walk:
         centre = argument.subs(dict.fromkeys(self.symbols, 0))
         if centre.free_symbols:
             self._number(centre, expression)
-        numbers = (self._exact if self.exact else self._rounded)(centre, expression)
+        numbers = self._taylor(centre, expression)
         inner = self.series(argument)
-        inner[0] = 0 * inner[0]
+        inner[0] = 0.0
         total = self._constant(numbers[-1])
         for number in numbers[-2::-1]:
             total = self._times(total, inner)
             total[0] += number
         return total
 
-    def _rounded(self, centre: Any, expression: Any) -> list[float]:
+    def _taylor(self, centre: Any, expression: Any) -> list[float]:
         """The coefficients of g as floats."""
         degree = len(self.basis.first) - 2
         value = centre.evalf(degree + DIGITS)
@@ -184,29 +181,6 @@ class _Walk:
             )
         return numbers
 
-    def _exact(self, centre: Any, expression: Any) -> list[Any]:
-        """The coefficients of g as fractions, by sympy."""
-        import sympy
-
-        t = sympy.Dummy("t")  # no symbol of the user's
-        degree = len(self.basis.first) - 2
-        whole = expression.func(centre + t, *expression.args[1:])
-        start = whole.subs(t, 0)  # asked first: the series of what has none may take minutes
-        if start.is_number and start.is_finite and not start.is_Rational:
-            self._number(start, expression)
-        try:
-            taylor = sympy.series(whole, t, 0, degree + 1).removeO()
-            found = sympy.Poly(taylor, t).all_coeffs()[::-1]
-        except (
-            sympy.PolynomialError,
-            ValueError,
-            NotImplementedError,
-            TypeError,
-            ZeroDivisionError,
-        ):
-            raise self._no_series(expression) from None
-        return [self._number(value, expression) for value in found[: degree + 1]]
-
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
         if next(self.left, None) is None:
             raise InputError(
@@ -223,16 +197,14 @@ class _Walk:
 
     def _constant(self, value: Any, variable: int | None = None) -> Coefficients:
         """A constant, or one of the variables."""
-        row = np.zeros(len(self.basis.exponents), dtype=object if self.exact else np.float64)
-        if self.exact:
-            row += Fraction(0)
+        row = np.zeros(len(self.basis.exponents))
         if variable is None:
             row[0] = value
         else:
-            row[1 + variable] = Fraction(1) if self.exact else 1.0
+            row[1 + variable] = 1.0
         return row
 
-    def _number(self, value: Any, expression: Any) -> Any:
+    def _number(self, value: Any, expression: Any) -> float:
         unknown = sorted(map(str, value.free_symbols))
         if unknown:
             raise InputError(
@@ -241,22 +213,13 @@ class _Walk:
             )
         if not value.is_finite or not value.is_real:
             raise self._no_series(expression)
-        if not self.exact:
-            try:
-                number = float(value)
-            except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
-                raise self._no_series(expression) from None
-            if not np.isfinite(number):
-                raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
-            return number
-        if value.is_Float:
-            return Fraction(str(value))
-        if not value.is_Rational:
-            raise InputError(
-                self.place,
-                f"{_text(expression)} has the coefficient {_text(value)}, not rational",
-            )
-        return Fraction(int(value.p), int(value.q))
+        try:
+            number = float(value)
+        except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
+            raise self._no_series(expression) from None
+        if not np.isfinite(number):
+            raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
+        return number
 
     def _no_series(self, expression: Any) -> InputError:
         return InputError(self.place, f"{_text(expression)} has no Taylor series at the origin")

@@ -49,7 +49,12 @@ def parse(place: str, text: str, variables: Mapping[str, Any]) -> Any:
     if len(text) > _LONGEST:
         raise InputError(place, f"has {len(text)} characters, must have {_LONGEST} or fewer")
     parser = _Parser(place, text, variables)
-    expression = parser.sum()
+    try:
+        expression = parser.sum()
+    except InputError:
+        raise
+    except (ArithmeticError, TypeError, ValueError):  # sympy's, of 1e-308/0.0 and the like
+        raise InputError(place, f"{shown(text)} holds a part without a value") from None
     if parser.here[0] != "end":
         raise parser.wrong()
     return expression
