@@ -112,7 +112,7 @@ def test_semicolons_and_decimal_commas_are_read(expected: bytes, tmp_path: Path)
     text = write_record(tmp_path / "r.csv", EVEN).read_text()
     (tmp_path / "r.csv").write_text("\ufeff" + text.replace(",", ";").replace(".", ","))
     tree: Any = {
-        "time": {"column": "t", "unit": "ms"}, "separator": ";", "decimal": ",",
+        "time": {"column": "t", "unit": "ms"}, "delimiter": ";", "decimal": ",",
         "measurements": [{"column": "speed", "unit": "rpm", "model_unit": "rad/s"},
                          {"column": "current", "unit": "mA", "model_unit": "A"}],
         "inputs": [{"column": "voltage", "unit": "V"}],

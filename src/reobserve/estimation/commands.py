@@ -19,7 +19,7 @@ from reobserve.estimation.dates import spelled
 from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.estimate import Estimated, Estimation
 from reobserve.estimation.plot import Plot, check_plot
-from reobserve.estimation.reading import BLOCK, File, titles
+from reobserve.estimation.reading import BLOCK, File, states_delimiter, titles
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
@@ -109,7 +109,9 @@ def estimate_file(
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
     columns = specification.columns
-    file = File(data, columns.separator, columns.decimal, block)
+    file = File(
+        data, columns.delimiter, columns.decimal, columns.encoding, columns.time.format, block
+    )
     estimation = Estimation(specification, file.header(), str(data))
     curves = None if plot is None else Plot(estimation)
 
@@ -193,17 +195,23 @@ def estimate_stream(
         if data is not None:
             stream = held.enter_context(open_file(data, 0))
         held.enter_context(stop.listening())
-        lines = Lines(stream, stop, place, idle if data is not None else 0.0)
+        text = specification.columns
+        idle = idle if data is not None else 0.0
+        lines = Lines(stream, stop, place, idle, text.encoding)
         first = next(iter(lines), "")
+        if states_delimiter(first.encode(), text.delimiter):
+            first = next(iter(lines), "")
         if not first:
             raise InputError(place, "is empty, must begin with the titles of the columns")
-        columns = titles(first.encode(), specification.columns.separator, place)
+        columns = titles(first.encode(), text.delimiter, place)
         estimation = Estimation(specification, columns, place)
         rows = RowByRow(estimation, columns)
         if resumed and state is not None:
             offset = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:
-                lines = Lines(held.enter_context(open_file(data, offset)), stop, place, idle)
+                lines = Lines(
+                    held.enter_context(open_file(data, offset)), stop, place, idle, text.encoding
+                )
                 lines.offset = offset
         else:
             _put(header(estimation.titles))

@@ -31,7 +31,7 @@ class RowByRow:
         self.places = [header.index(title) for title in layout.titles]
         readers = [self._time if layout.dated else float] + [float] * len(self.places)
         self.cells = list(zip(readers, self.places, strict=False))
-        self.separator = estimation.specification.columns.separator
+        self.delimiter = estimation.specification.columns.delimiter
         self.short = (
             sampling.uneven == "refuse" and layout.timed and layout.decimal == "."
             and not any(layout.ranges)
@@ -50,7 +50,7 @@ class RowByRow:
         DivergenceError
             If the observer diverges.
         """
-        cells = row.rstrip("\r\n").split(self.separator)
+        cells = row.rstrip("\r\n").split(self.delimiter)
         if len(cells) != self.width:
             at = self.estimation.report.rows + 1
             problem = f"row {at} has {len(cells)} cells, the header has {self.width}"
@@ -65,7 +65,7 @@ class RowByRow:
         return self._long(cells)
 
     def _time(self, cell: str) -> float:
-        return self.estimation.report.clock(nanoseconds(cell))
+        return self.estimation.report.clock(nanoseconds(cell, self.estimation.layout.format))
 
     def _regular(self, numbers: list[float]) -> bool:
         """Whether a row stands a period after the one before, and all of it was measured."""
@@ -123,7 +123,7 @@ class RowByRow:
             for column, place in enumerate(self.places[dated:], dated)
         ]
         if dated:
-            read = timestamp(cells[self.places[0]], NOTHING, layout.titles[0], row)
+            read = timestamp(cells[self.places[0]], NOTHING, layout.titles[0], row, layout.format)
             numbers.insert(0, self.estimation.report.clock(read))
         return text(self.estimation.feed(np.array([numbers])))
 

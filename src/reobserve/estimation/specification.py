@@ -21,7 +21,7 @@ from pydantic import Tag
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, having, parse
-from reobserve.estimation.dates import ISO
+from reobserve.estimation.dates import ISO, check_format
 from reobserve.estimation.kinds import Observer
 from reobserve.estimation.quantities import check_unit, conversion
 
@@ -51,15 +51,26 @@ Few = checked(_few)
 class TimeColumn:
     """The timestamps; without ``column`` there are none, and rows are a sampling period apart.
 
-    The ``unit`` is one of time, or iso8601 for dates with times of day.
+    The ``unit`` is one of time, or iso8601 for dates with times of day; dates of another form have
+    a ``format`` in its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S".
     """
 
     column: str = ""
     unit: str = ""
+    format: str = ""
 
     def __post_init__(self) -> None:
-        if self.unit != ISO:
+        if self.format:
+            check_format("format", self.format)
+            if self.unit:
+                raise InputError("unit", "must be left out where there is a format")
+        elif self.unit != ISO:
             conversion("unit", self.unit or "s", "s")
+
+    @property
+    def dated(self) -> str:
+        """The unit, or what stands in its place."""
+        return ISO if self.format else self.unit
 
 
 @dataclass(frozen=True)
@@ -90,19 +101,20 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """What stands where in a row."""
+    """What stands where in a row, and how the file is written."""
 
     measurements: Annotated[tuple[Column, ...], Few]
     inputs: Annotated[tuple[Column, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
-    separator: Literal[",", ";", "\t"] = ","
+    delimiter: Literal[",", ";", "\t"] = ","
     decimal: Literal[".", ","] = "."
+    encoding: Literal["utf-8", "cp1252", "latin-1"] = "utf-8"
 
     def __post_init__(self) -> None:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
-        if self.separator == self.decimal:
-            raise InputError("decimal", "must be another than the separator")
+        if self.delimiter == self.decimal:
+            raise InputError("decimal", "must be another than the delimiter")
         named = [self.time.column]
         for place in ("measurements", "inputs"):
             for one in getattr(self, place):
