@@ -18,7 +18,7 @@ class RigidBody:
     Parameters
     ----------
     inertia
-        J [kg m^2], 3 x 3, symmetric positive definite.
+        J [kg m^2], 3 x 3, symmetric but for rounding, and positive definite.
     input_matrix, fault_matrix
         B and B_f [1]: a number (times the identity), a diagonal or 3 x 3.
 
