@@ -233,12 +233,32 @@ def as_samples(
     return array
 
 
+def as_sample_rows(
+    name: str, value: ArrayLike, columns: int, *, rows: int | None = None, missing: bool = False
+) -> Matrix:
+    """A record of so many columns; a plain list of numbers will do for one column.
+
+    Raises
+    ------
+    InputError
+        If it is none, has another number of rows or, by the first such row, is not finite.
+    """
+    if columns == 1 and getattr(value, "ndim", None) != 2:
+        try:
+            array = as_numbers(name, value)
+        except InputError:
+            array = None
+        if array is not None and array.ndim == 1:
+            value = array[:, None]
+    return as_samples(name, value, columns, rows=rows, like="y", missing=missing)
+
+
 def as_row(name: str, value: ArrayLike) -> Matrix:
     """One sample as a record of one row, for `as_samples`."""
     try:
         return as_numbers(name, value).reshape(1, -1)
     except InputError:
-        raise InputError(name, "is no array of numbers") from None
+        raise InputError(name, f"{shown(value)} is no array of numbers") from None
 
 
 def spectral_radius(matrix: Matrix) -> float:

@@ -54,7 +54,7 @@ def _basics() -> Iterator[Call]:
 def _models() -> Iterator[Call]:
     time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
     samples = np.column_stack([np.sin(time), np.cos(time)])
-    history = InputHistory(0.02, samples, samples)
+    history = InputHistory(samples, samples, sampling_period=0.02)
     yield from called({
         "signals.input_history.InputHistory": (0.02, samples, samples),
         "signals.signals.Signal.parse": ("fault", TERMS, 1),

@@ -8,7 +8,7 @@ from reobserve.codegen.expressions import Expression, Name
 from reobserve.codegen.programs.sampling import Rows, runge_kutta
 from reobserve.codegen.statements import Program
 from reobserve.observers.adaptive import AdaptiveObserver
-from reobserve.observers.ilo import ILO, IloGains
+from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 
@@ -66,7 +66,7 @@ class _Body:
         return self.B @ self.rows.u_before
 
 
-def _gains(program: Program, observer: IloGains) -> tuple[Name, Name]:
+def _gains(program: Program, observer: ILO | SampledILO) -> tuple[Name, Name]:
     return (
         program.constant("K1", observer.K1, "K_1", gain=True),
         program.constant("K2", observer.K2, "K_2", gain=True),

@@ -149,8 +149,8 @@ class LeastSquaresDelayDesign(DelayDesign):
         """The estimator."""
         system, gains = self.system, self.gains
         return LeastSquaresDelayEstimator(
-            system.decay, system.input_gain, system.delay_bounds, system.sampling_period,
-            gains.initial_covariance, gains.forgetting,
+            system.decay, system.input_gain, system.delay_bounds,
+            gains.initial_covariance, gains.forgetting, sampling_period=system.sampling_period,
         )  # fmt: skip
 
     @property
@@ -212,8 +212,9 @@ class AdaptiveDelayDesign(DelayDesign):
         """The estimator."""
         system, gains = self.system, self.gains
         return AdaptiveDelayEstimator(
-            system.decay, system.input_gain, system.delay_bounds, system.sampling_period,
+            system.decay, system.input_gain, system.delay_bounds,
             gains.filter_time, gains.forgetting, gains.adaptation_gain,
+            sampling_period=system.sampling_period,
         )  # fmt: skip
 
     @property
@@ -277,8 +278,8 @@ class VariableStructureDelayDesign(DelayDesign):
         """The estimator."""
         system, gains = self.system, self.gains
         return VariableStructureDelayEstimator(
-            system.decay, system.input_gain, system.delay_bounds, system.sampling_period,
-            gains.relay_gain, gains.relay_on,
+            system.decay, system.input_gain, system.delay_bounds,
+            gains.relay_gain, gains.relay_on, sampling_period=system.sampling_period,
         )  # fmt: skip
 
     @property

@@ -161,7 +161,9 @@ class EsoDesign(Design):
     def observer(self) -> ExtendedStateObserver:
         """The observer."""
         gains = Gains(self.gains.L, self.gains.Ld)
-        return ExtendedStateObserver(self.system.augmented, self.system.sampling_period, gains)
+        return ExtendedStateObserver(
+            self.system.augmented, gains, sampling_period=self.system.sampling_period
+        )
 
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:

@@ -82,9 +82,13 @@ class IloDesign(BodyDesign):
         kind = SampledILO if self.system.reading == "sampled" else ILO
         gains = self.gains
         return kind(
-            self.system.body, self.system.sampling_period, gains.K1, gains.K2, gains.damping,
+            self.system.body,
+            gains.K1,
+            gains.K2,
+            gains.damping,
             gains.update_interval,
-        )  # fmt: skip
+            sampling_period=self.system.sampling_period,
+        )
 
     def certify(self) -> Certificate:
         """Stability, and the predicted errors of the expected fault [N m]."""

@@ -76,8 +76,8 @@ class AdaptiveDelay(_Delay):
         """The estimator."""
         return self._ready(
             AdaptiveDelayEstimator(
-                self.decay, self.input_gain, self.delay_bounds, period, self.filter_time,
-                self.forgetting, self.adaptation_gain,
+                self.decay, self.input_gain, self.delay_bounds, self.filter_time,
+                self.forgetting, self.adaptation_gain, sampling_period=period,
             )
         )  # fmt: skip
 
@@ -94,8 +94,8 @@ class VariableStructureDelay(_Delay):
         """The estimator."""
         return self._ready(
             VariableStructureDelayEstimator(
-                self.decay, self.input_gain, self.delay_bounds, period, self.relay_gain,
-                self.relay_on,
+                self.decay, self.input_gain, self.delay_bounds, self.relay_gain,
+                self.relay_on, sampling_period=period,
             )
         )  # fmt: skip
 
@@ -112,8 +112,8 @@ class LeastSquaresDelay(_Delay):
         """The estimator."""
         return self._ready(
             LeastSquaresDelayEstimator(
-                self.decay, self.input_gain, self.delay_bounds, period, self.initial_covariance,
-                self.forgetting,
+                self.decay, self.input_gain, self.delay_bounds, self.initial_covariance,
+                self.forgetting, sampling_period=period,
             )
         )  # fmt: skip
 

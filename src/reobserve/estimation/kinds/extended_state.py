@@ -63,7 +63,9 @@ class Eso:
             system = AugmentedSystem(**parts)
         Ld = np.zeros((system.size, system.outputs)) if self.gains.Ld is None else self.gains.Ld
         with located("gains"):
-            observer = ExtendedStateObserver(system, period, Gains(self.gains.L, Ld))
+            observer = ExtendedStateObserver(
+                system, Gains(self.gains.L, Ld), sampling_period=period
+            )
         start = self.start or EsoStart()
         with located("start"):
             observer.init(start.estimate, start.filtered)

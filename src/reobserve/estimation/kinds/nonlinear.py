@@ -100,7 +100,7 @@ class HighGain:
 
     def set_up(self, period: float) -> Setup:
         """The observer."""
-        observer = HighGainObserver(self.model.made(), period, self.rho)
+        observer = HighGainObserver(self.model.made(), self.rho, sampling_period=period)
         with located("start"):
             observer.init(self.start.state)
         made = high_gain_setup(observer, lambda y: observer.init(self.start.state))
@@ -140,8 +140,8 @@ class ExtendedHighGain:
     def set_up(self, period: float) -> Setup:
         """The observer."""
         observer = ExtendedHighGainObserver(
-            self.model.made(), period, self.rho, self.order, self.delay_bounds, self.threshold,
-            self.switched, self.initial_matrix,
+            self.model.made(), self.rho, self.order, self.delay_bounds, self.threshold,
+            self.switched, self.initial_matrix, sampling_period=period,
         )  # fmt: skip
 
         def begin(y: Array | None = None) -> Any:
@@ -187,7 +187,7 @@ class Levant:
 
     def set_up(self, period: float) -> Setup:
         """The differentiator, which starts from the first measurement if nothing is given."""
-        observer = LevantDifferentiator(self.L, period, self.order, self.lambdas)
+        observer = LevantDifferentiator(self.L, self.order, self.lambdas, sampling_period=period)
         if self.start is not None:
             with located("start"):
                 observer.init(self.start.derivatives)

@@ -59,7 +59,9 @@ class Ilo:
         """The observer, which learns once a sampling period if no interval is given."""
         tau = period if self.update_interval is None else self.update_interval
         made = SampledILO if self.reading == "sampled" else ILO
-        observer = made(self.body.made(), period, self.K1, self.K2, self.damping, tau)
+        observer = made(
+            self.body.made(), self.K1, self.K2, self.damping, tau, sampling_period=period
+        )
         radius = spectral_radius(observer.K1)
         if self.reading == "forgetting" and radius >= 1.0:
             problem = f"has the spectral radius {radius:g}; to forget, it must be below 1"
@@ -87,7 +89,7 @@ class Adaptive:
             raise InputError("proportional_gain", wanted)
         gain = 0.0 if self.proportional_gain is None else self.proportional_gain
         observer = AdaptiveObserver(
-            self.body.made(), period, self.damping, self.integral_gain, gain
+            self.body.made(), self.damping, self.integral_gain, gain, sampling_period=period
         )
         return _ready(observer, self.start)
 
