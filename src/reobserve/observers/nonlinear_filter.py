@@ -350,6 +350,7 @@ class NonlinearFilter(Observer[State]):
             states, outputs, self.functions, self.weights, np.concatenate([held[None], noise.Q]),
             noise.R, record.y, np.concatenate([last[None], record.u]), fresh, after.mean,
             after.covariance, means, covariances, innovations, spreads, log_likelihoods,
+            np.empty((m, m)), new_filter_work(n, m),
         )  # fmt: skip
         self.model.raise_problem()
         estimates = {
