@@ -222,8 +222,19 @@ def test_a_run_as_a_data_frame(case: Case) -> None:
     frame = run.to_pandas()
     assert frame.index.name == "time"
     assert np.array_equal(frame.index, run.time)
+    named = case.observer.component_names
     columns = [
-        "_".join((name, *(str(place + 1) for place in index)))
+        "_".join(
+            (
+                name,
+                *(
+                    str(place + 1) if names is None else names[place]
+                    for place, names in zip(
+                        index, named.get(name, (None,) * len(index)), strict=True
+                    )
+                ),
+            )
+        )
         for name in run.estimates
         for index in np.ndindex(run[name].shape[1:])
     ]

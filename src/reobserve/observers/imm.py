@@ -47,6 +47,7 @@ from reobserve.observers.linear_filter import (
     inputs_of_rows,
     sample_before,
 )
+from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.linear import ModelArrays, as_covariance
 
 Array = NDArray[np.float64]
@@ -161,6 +162,14 @@ class IMM(Observer[State]):
     def inputs(self) -> int:
         """How many numbers a row of u has."""
         return _size(self.filters[0])[1]
+
+    @property
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates, by the model of the first filter."""
+        found = names_by_model(self.filters[0].model)
+        if "innovation" in found:
+            found["innovation"] = (None, *found["innovation"])
+        return found
 
     def init(
         self,

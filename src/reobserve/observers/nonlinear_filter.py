@@ -30,6 +30,7 @@ from reobserve.observers.linear_filter import (
     Correction,
     check_belief,
     check_sample,
+    inputs_of_rows,
     sample_before,
 )
 from reobserve.observers.nonlinear_filter_loop import (
@@ -329,6 +330,8 @@ class NonlinearFilter(Observer[State]):
         sample, noise = check_sample(given.sample, m, p), given.process_noise
         if noise is not None:
             noise = as_covariance("state.process_noise", noise, n)
+        elif belief is given.belief and sample is given.sample:
+            return given
         return State(belief, sample, given.count, noise)
 
     def _fill(self, state: State, record: Record) -> Rows:
@@ -343,14 +346,14 @@ class NonlinearFilter(Observer[State]):
         n, m, k = len(states), len(outputs), len(record.y)
         after, fresh, noise = _copy(state.belief), state.sample is None, self._noise
         held = self.model.Q if state.process_noise is None else state.process_noise
-        last = record.u[0] if state.sample is None else state.sample[m:]
         means, covariances = np.empty((k, n)), np.empty((k, n, n))
         innovations, spreads = np.empty((k, m)), np.empty((k, m, m))
         log_likelihoods = np.empty(k)
         good, cause = run_filter(
             states, outputs, self.functions, self.weights, np.concatenate([held[None], noise.Q]),
-            noise.R, record.y, np.concatenate([last[None], record.u]), fresh, after.mean,
+            noise.R, record.y, inputs_of_rows(state.sample, record), fresh, after.mean,
             after.covariance, means, covariances, innovations, spreads, log_likelihoods,
+            np.empty((m, m)), new_filter_work(n, m),
         )  # fmt: skip
         self.model.raise_problem()
         estimates = {
