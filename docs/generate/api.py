@@ -1,4 +1,4 @@
-"""The library: a page for each module that has public names, by the rooms of the house."""
+"""Reference pages of the library: one for each module that has public names."""
 
 from __future__ import annotations
 
@@ -9,36 +9,32 @@ from pathlib import Path
 import reobserve
 from docs.generate.markdown import Page, code, plain, table, ticks
 
-# The rooms that are the library, and what each holds; the others are told of by `house`.
-ROOMS = {
-    "observers": "One algorithm a file, one contract for all",
-    "synthesis": "How gains are found and judged",
-    "models": "What an observer is told of a plant",
-    "plants": "What is simulated",
-    "designs": "Gains with their certificate, as files",
-    "export": "Observers as C, Python and LaTeX",
-    "own_data": "Records of one's own: specification, policies, streams, reports",
-    "replication": "A figure of a paper recomputed in one process",
-    "scoring": "Errors, settling times, tables of studies",
-    "timeseries": "Series and their files, grids, signals, past inputs",
-    "power_series": "Series in several variables",
-    "numerics": "Compiled loops, matrices, sampling",
-    "plain_data": "Files written whole and read as checked values",
-    "errors": "The sentences that users read",
+# The packages that a user of the library imports from.
+PACKAGES = {
+    "observers": "State and fault observers, one algorithm per file, one interface",
+    "systems": "Models that observers are built on: linear, rigid body, polynomial, triangular",
+    "plants": "Simulated plants",
+    "synthesis": "Gains and certificates",
+    "codegen": "C code of observers",
+    "estimation": "Observers on recorded data: specifications, designs, reading, reports",
+    "replication": "Parameters, figures, claims and verdicts of the papers",
+    "signals": "Time series and their files, sampling grids, input signals",
+    "polynomials": "Multivariate polynomial maps, Taylor series, expressions",
+    "core": "Errors, arrays, compiled kernels, random streams, files",
 }
 
 
 def pages(source: Path) -> Iterator[Page]:
     """The pages of the library in the package at ``source``."""
-    for room, told in ROOMS.items():
-        yield from _room(source, room, told)
+    for package, text in PACKAGES.items():
+        yield from _pages_of(source, package, text)
 
 
-def rooms() -> str:
-    """The rooms of the library, with links to their pages."""
+def packages() -> str:
+    """The packages of the library, with links to their pages."""
     return table(
-        ("room", "what it holds"),
-        [(f"[`{room}`]({_of_room(room)})", plain(told)) for room, told in ROOMS.items()],
+        ("package", "contents"),
+        [(f"[`{name}`]({name}/index.md)", plain(text)) for name, text in PACKAGES.items()],
     )
 
 
@@ -60,8 +56,8 @@ def public_names(source: Path) -> str:
 
 
 def is_shown(name: str) -> bool:
-    """Whether a module, named from `reobserve` on, is in a room with pages."""
-    return name.split(".")[1:2] != [] and name.split(".")[1] in ROOMS
+    """Whether a module, named from `reobserve` on, is in a package with pages."""
+    return name.split(".")[1:2] != [] and name.split(".")[1] in PACKAGES
 
 
 def first_sentence(docstring: str | None) -> str:
@@ -69,10 +65,10 @@ def first_sentence(docstring: str | None) -> str:
     return " ".join((docstring or "").partition("\n\n")[0].split())
 
 
-def modules(source: Path, room: str) -> list[tuple[str, ast.Module]]:
-    """The modules of a room that are public, packages before what is in them."""
-    files = [source / f"{room}.py"] if (source / f"{room}.py").is_file() else []
-    files += sorted((source / room).rglob("*.py"))
+def modules(source: Path, package: str) -> list[tuple[str, ast.Module]]:
+    """The public modules of a package, packages before what is in them."""
+    files = [source / f"{package}.py"] if (source / f"{package}.py").is_file() else []
+    files += sorted((source / package).rglob("*.py"))
     found = []
     for file in files:
         parts = file.relative_to(source.parent).with_suffix("").parts
@@ -82,30 +78,23 @@ def modules(source: Path, room: str) -> list[tuple[str, ast.Module]]:
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _of_room(room: str) -> str:
-    return "errors.md" if room == "errors" else f"{room}/index.md"
-
-
-def _room(source: Path, room: str, told: str) -> Iterator[Page]:
-    """The page of a room and those of its modules."""
+def _pages_of(source: Path, package: str, text: str) -> Iterator[Page]:
+    """The page of a package and those of its modules."""
     listed = []
-    for name, tree in modules(source, room):
+    for name, tree in modules(source, package):
+        if name == f"reobserve.{package}" or not _public_names(tree):
+            continue
         page = f"reference/library/{'/'.join(name.split('.')[1:])}"
-        if name == f"reobserve.{room}" and room != "errors":
-            continue
-        if not _public_names(tree):
-            continue
-        short = ".".join(name.split(".")[2:]) or room
+        short = ".".join(name.split(".")[2:])
         summary = ticks(first_sentence(ast.get_docstring(tree)))
         path = f"{page}.md"
         if (source / Path(*name.split(".")[1:])).is_dir():
             path = f"{page}/index.md"
-        target = path.removeprefix(f"reference/library/{room}/")
+        target = path.removeprefix(f"reference/library/{package}/")
         listed.append((f"[{code(short)}]({target})", summary))
-        yield Page(path, short.rpartition(".")[2] or room, f"::: {name}\n")
-    if room != "errors":
-        text = f"# {code(room)}\n\n{told}.\n\n{table(('module', 'what it is'), listed)}"
-        yield Page(f"reference/library/{room}/index.md", room, text)
+        yield Page(path, short.rpartition(".")[2], f"::: {name}\n")
+    body = f"# {code(package)}\n\n{text}.\n\n{table(('module', 'what it is'), listed)}"
+    yield Page(f"reference/library/{package}/index.md", package, body)
 
 
 def _public_names(tree: ast.Module) -> list[str]:

@@ -15,8 +15,8 @@ import yaml
 
 from docs.generate import api, commands, configuration, evidence, findings, gallery, ledgers
 from docs.generate.equations import equations
-from docs.generate.house import rooms_and_modules
 from docs.generate.markdown import Page
+from docs.generate.modules import packages_and_modules
 from docs.generate.navigation import FOLDERS, hand_written, navigation
 from reobserve.core.errors import InputError, nearest
 from reobserve.replication.meanings import list_metrics
@@ -87,7 +87,7 @@ def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
         "figures": lambda: gallery.small(papers),
         "public names": lambda: api.public_names(source),
-        "rooms": api.rooms,
+        "packages": api.packages,
         "commands": commands.commands,
         "make targets": lambda: commands.targets(root),
         "keys of a build": lambda: configuration.keys_of_a_build(root),
@@ -97,7 +97,7 @@ def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[
         "ledgers": lambda: ledgers.counts(papers),
         "metrics": lambda: list_metrics(paper.name for paper in papers),
         "equations": lambda: equations(papers),
-        "modules": lambda: rooms_and_modules(source),
+        "modules": lambda: packages_and_modules(source),
     }
 
 

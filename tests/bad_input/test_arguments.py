@@ -164,7 +164,7 @@ def test_everything_that_the_package_offers_is_called() -> None:
 
 
 HUGE = [[1e308, 1e308], [1e308, 1e308]]
-STIFF = LinearModel([[1e300, 1.0], [0.0, 1e-300]], [[0.0], [1.0]], [[1.0, 0.0]], 1e-4, 1e-2)
+STIFF = LinearModel([[1e300, 1.0], [0.0, 1e-300]], [[0.0], [1.0]], [[1.0, 0.0]], Q=1e-4, R=1e-2)
 REFUSED: dict[str, Callable[[], object]] = {
     "poles: far from the eigenvalues": lambda: luenberger(linear_model(), [1e150, 2e150]),
     "poles: near the largest number": lambda: luenberger(linear_model(), [5e299, 6e299]),

@@ -39,7 +39,7 @@ def model(factor: float = 1.0) -> LinearModel:
     """Three states, two outputs of correlated noise, one of them with feedthrough."""
     A = factor * np.array([[0.9, 0.1, 0], [0, 0.8, 0.1], [0.05, 0, 0.7]])
     return LinearModel(
-        A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], [0.1, 0.2, 0.3], [[1, 0.2], [0.2, 2]],
+        A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], Q=[0.1, 0.2, 0.3], R=[[1, 0.2], [0.2, 2]],
         D=[[0.1 * factor], [0]],
     )  # fmt: skip
 
@@ -47,7 +47,7 @@ def model(factor: float = 1.0) -> LinearModel:
 def free() -> LinearModel:
     """The same without an input."""
     whole = model()
-    return LinearModel(whole.A, np.zeros((3, 0)), whole.H, whole.Q, whole.R)
+    return LinearModel(whole.A, np.zeros((3, 0)), whole.C, Q=whole.Q, R=whole.R)
 
 
 def filtering(made: Any) -> Made:

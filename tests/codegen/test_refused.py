@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.estimation.designs.export_command import exported
 from reobserve.codegen.program_of import program_of
 from reobserve.core.errors import InputError
+from reobserve.estimation.designs.export_command import exported
 from reobserve.observers.kalman import KalmanFilter
 from tests.codegen import cases
 

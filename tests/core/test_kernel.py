@@ -33,7 +33,7 @@ def package(tmp_path: Path) -> Path:
     import reobserve
 
     root = Path(reobserve.__file__).parent
-    for name in ("__init__.py", "numerics/__init__.py", "numerics/kernel.py"):
+    for name in ("__init__.py", "core/__init__.py", "core/kernel.py"):
         copy = tmp_path / "reobserve" / name
         copy.parent.mkdir(exist_ok=True, parents=True)
         copy.write_bytes((root / name).read_bytes())
@@ -67,7 +67,7 @@ def test_an_edit_of_a_kernel_that_is_called_from_another_file_is_compiled(packag
 
 
 def test_folders_that_cannot_be_written_cost_time_only(package: Path) -> None:
-    for name in ("", "numerics/"):
+    for name in ("", "core/"):
         # A file where a folder must be stops root, too.
         (package / f"reobserve/{name}__pycache__").write_text("")
     assert run(package) == "2.0 0\n"

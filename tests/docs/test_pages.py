@@ -12,7 +12,7 @@ from docs.generate.navigation import hand_written, navigation
 from docs.generate.sources import write
 from reobserve.core.errors import InputError
 from tests import FIVE, found
-from tests.test_project import ROOMS
+from tests.test_project import PACKAGES
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs/pages"
@@ -27,12 +27,11 @@ def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
 
 
 @pytest.mark.parametrize("file", ["README.md", "docs/pages/project/index.md"])
-def test_the_floor_plan_has_every_room_in_its_order(file: str) -> None:
-    """From the roof down, one room or several a line."""
+def test_the_list_of_packages_is_complete_and_in_order_of_dependency(file: str) -> None:
     text = (ROOT / file).read_text(encoding="utf-8")
     plan = re.findall(r"```text\n(.*?)```", text, re.DOTALL)[-1]
-    told = [room for line in plan.splitlines() for room in line.partition("  ")[0].split(", ")]
-    assert told == [room for room in ROOMS[::-1] if not room.startswith("__")]
+    listed = [line.partition("  ")[0] for line in plan.splitlines()]
+    assert listed == [name for name in PACKAGES[::-1] if not name.startswith("__")]
 
 
 def test_the_folders_that_are_told_are_there() -> None:

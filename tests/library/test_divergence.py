@@ -256,7 +256,7 @@ def test_a_last_row_that_the_loop_did_not_reach_is_no_end(short: int, reached: b
 # --- Every observer and filter: loud by default, and quiet if asked -------------------------------
 
 UNSEEN = LinearModel(
-    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0, sampling_period=0.5
+    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0, sampling_period=0.5
 )
 NONE = np.zeros((1, 0))
 SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)

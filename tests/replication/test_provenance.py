@@ -38,6 +38,7 @@ def test_the_names_of_an_import(statement: str, path: Path, names: list[str]) ->
 def test_the_closure_holds_what_is_imported_and_what_that_imports() -> None:
     assert provenance.import_closure(["reobserve.core.errors"]) == [
         "reobserve",
+        "reobserve.core",
         "reobserve.core.errors",
     ]
     closure = provenance.import_closure(["reobserve.replication.parameters.config"])

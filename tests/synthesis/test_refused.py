@@ -165,7 +165,7 @@ def test_a_riccati_equation_that_has_no_solution_in_floats(monkeypatch: pytest.M
 
     monkeypatch.setattr(scipy.linalg, "solve_discrete_are", fail)
     with pytest.raises(InputError, match=r"^model: has modes too near to the unit circle, or hid"):
-        steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], 1.0, 1.0))
+        steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], Q=1.0, R=1.0))
 
 
 def test_what_a_solver_cannot_do_is_its_refusal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,10 @@ def add_designs(commands: Any) -> None:
 
 def _add_export(commands: Any) -> None:
     export = add_command(
-        commands, "export", "estimation.designs.export_command:run", "write a design as C99, Python, LaTeX or JSON"
+        commands,
+        "export",
+        "estimation.designs.export_command:run",
+        "write a design as code",
     )
     export.add_argument("design", type=Path, help="a file made by `reobserve design`")
     export.add_argument(

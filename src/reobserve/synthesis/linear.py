@@ -92,22 +92,22 @@ def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
 
 
 def steady_kalman_gain(model: LinearModel) -> Array:
-    """Kalman's gain at rest, shape (n, m): P H' (H P H' + R)^-1 with P of the Riccati equation.
+    """Kalman's gain at rest, shape (n, m): P C' (C P C' + R)^-1 with P of the Riccati equation.
 
     It is the limit of the filter's gain from any positive definite covariance.
 
     Raises
     ------
     InputError
-        If there is none: a mode that does not decay is hidden from H, or one on the unit circle is
+        If there is none: a mode that does not decay is hidden from C, or one on the unit circle is
         not driven by the noise of covariance Q. The mode is named.
     """
     from scipy.linalg import solve_discrete_are
 
-    A, _, H, _, Q, R = as_kind("model", model, LinearModel).arrays
-    hidden = undetectable_modes(A, H)
+    A, _, C, _, Q, R = as_kind("model", model, LinearModel).arrays
+    hidden = undetectable_modes(A, C)
     if len(hidden):
-        said = f"has a mode of the eigenvalue {_told(hidden[0])} that H does not show"
+        said = f"has a mode of the eigenvalue {_told(hidden[0])} that C does not show"
         raise InputError("model", f"{said} and that does not decay: there is no steady gain")
     still = hidden_modes(A.T, Q)
     still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
@@ -115,11 +115,11 @@ def steady_kalman_gain(model: LinearModel) -> Array:
         said = f"has a mode of the eigenvalue {_told(still[0])} on the unit circle"
         raise InputError("model", f"{said} that Q does not drive: there is no steady gain")
     try:
-        P = solve_discrete_are(A.T, H.T, Q, R)
+        P = solve_discrete_are(A.T, C.T, Q, R)
     except (ValueError, np.linalg.LinAlgError):  # ValueError: scipy's, of eigenvalues far apart
         said = "has modes too near to the unit circle, or hidden too well, for a steady gain"
         raise InputError("model", said) from None
-    gain: Array = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    gain: Array = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     return gain
 
 

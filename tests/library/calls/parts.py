@@ -57,10 +57,10 @@ def _models() -> Iterator[Call]:
     history = InputHistory(0.02, samples, samples)
     yield from called({
         "signals.input_history.InputHistory": (0.02, samples, samples),
-        "signals.signals.Signal.parse": ("fault", TERMS, 1),
+        "signals.inputs.Signal.parse": ("fault", TERMS, 1),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
-            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2, [[0.0]], False,
+            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], [[0.0]], 1e-4, 1e-2,
         ),
         "systems.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
         "systems.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
@@ -79,7 +79,7 @@ def _models() -> Iterator[Call]:
             found = Signal.parse("fault", [dict(zip(keys, values, strict=True))], 1)
             assert np.isfinite(found(np.linspace(0.0, 3.0, 30))).all()
 
-        yield Call(f"signals.signals.Signal.parse, {term['kind']}", parse, (*term.values(),))
+        yield Call(f"signals.inputs.Signal.parse, {term['kind']}", parse, (*term.values(),))
 
 
 def _plants() -> Iterator[Call]:

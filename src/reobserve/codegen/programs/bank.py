@@ -45,13 +45,13 @@ def bank(observer: IMM, state: State) -> Program:
             m = _mode(models, j)
             program.let(means[j], linear.move(m, means[j], held))
             program.let(spreads[j], linear.spread(m, spreads[j]), symmetric=True)
-    linear.start(program, held)
+    linear.start(program)
     told = program.local("told", (r,), r"\ell")
     innovations = program.local("innovations", (r, p), "e_j")
     with program.for_each("mode", r) as j:
         own = None if errors is None else errors[j]
         x, P = means[j], spreads[j]
-        linear.correct(program, _mode(models, j), x, P, held, _own_law(law, j), own)
+        linear.correct(program, _mode(models, j), x, P, _own_law(law, j), own)
         program.let(told[j], Name("log_likelihood"))
         with program.hidden():
             program.let(innovations[j], Name("e", (p,)))
@@ -88,7 +88,7 @@ def _constants(program: Program, filters: list[LinearFilter]) -> tuple[Matrices,
     """The matrices of all modes, one behind the other, and the laws of SVSFs."""
     stacks = {
         name: np.array([getattr(one.model.arrays, name) for one in filters])
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
     }
     names = {
         name: program.constant(name, stack)
@@ -96,7 +96,7 @@ def _constants(program: Program, filters: list[LinearFilter]) -> tuple[Matrices,
         if name not in "BD" or stack.any()
     }
     models = Matrices(
-        names["A"], names.get("B"), names["H"], names.get("D"), names["Q"], names["R"]
+        names["A"], names.get("B"), names["C"], names.get("D"), names["Q"], names["R"]
     )
     switching = [one for one in filters if isinstance(one, SmoothVariableStructureFilter)]
     if not switching:
@@ -105,16 +105,16 @@ def _constants(program: Program, filters: list[LinearFilter]) -> tuple[Matrices,
     layer = program.constant("layer", [s.boundary_layer for s in switching], r"\psi", gain=True)
     if switching[0].inverse == "weighted":
         return models, Switching(memory, layer, None)
-    inverses = np.array([np.linalg.pinv(s.model.arrays.H) for s in switching])
-    return models, Switching(memory, layer, program.constant("H_inverse", inverses, "H^+"))
+    inverses = np.array([np.linalg.pinv(s.model.arrays.C) for s in switching])
+    return models, Switching(memory, layer, program.constant("C_inverse", inverses, "C^+"))
 
 
 def _mode(models: Matrices, j: str) -> Matrices:
-    parts = (models.A, models.B, models.H, models.D, models.Q, models.R)
-    A, B, H, D, Q, R = (None if part is None else part[j] for part in parts)
+    parts = (models.A, models.B, models.C, models.D, models.Q, models.R)
+    A, B, C, D, Q, R = (None if part is None else part[j] for part in parts)
     assert A is not None
-    assert H is not None
-    return Matrices(A, B, H, D, Q, R)
+    assert C is not None
+    return Matrices(A, B, C, D, Q, R)
 
 
 def _own_law(law: Switching | None, j: str) -> Switching | None:

@@ -27,7 +27,7 @@ class Matrices:
 
     A: Name
     B: Name | None
-    H: Name
+    C: Name
     D: Name | None
     Q: Name | None
     R: Name | None
@@ -38,16 +38,16 @@ def matrices(program: Program, model: LinearModel, *, noise: bool = True) -> Mat
     arrays = model.arrays
     names = {
         name: program.constant(name, getattr(arrays, name))
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
         if (noise or name not in "QR") and (name not in "BD" or getattr(arrays, name).any())
     }
     return Matrices(
-        names["A"], names.get("B"), names["H"], names.get("D"), names.get("Q"), names.get("R")
+        names["A"], names.get("B"), names["C"], names.get("D"), names.get("Q"), names.get("R")
     )
 
 
 def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
-    """x <- A x + B u, x <- x + L (y - H x - D u)."""
+    """x <- A x + B u, x <- x + L (y - C x - D u)."""
     model = observer.model
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
     m = matrices(program, model, noise=False)
@@ -56,8 +56,8 @@ def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
     held = remember_inputs(program, model, state)
     with program.when("started == 1", "k > 0"):
         program.let(x, move(m, x, held))
-    start(program, held)
-    e, _ = foretell_error(program, m, x, held)
+    start(program)
+    e, _ = foretell_error(program, m, x)
     program.let(x, x + L @ e)
     tell_innovation(program, e)
     program.estimate("state", x)
@@ -105,8 +105,8 @@ def _filter(
     with program.when("started == 1", "k > 0"):
         program.let(x, move(m, x, held))
         program.let(P, spread(m, P), symmetric=True)
-    start(program, held)
-    seen_error = correct(program, m, x, P, held, law, error)
+    start(program)
+    seen_error = correct(program, m, x, P, law, error)
     tell_innovation(program, seen_error)
     variance = diagonal(program, P, model.states)
     if split:
@@ -148,12 +148,9 @@ def remember_inputs(program: Program, model: LinearModel, state: ObserverState) 
     return program.remember("held", as_row("u", last)[0], "u_{k-1}")
 
 
-def start(program: Program, held: Name | None) -> None:
-    """Of the first row the own input stands for the one before it."""
+def start(program: Program) -> None:
+    """Remember that a row was taken."""
     with program.hidden():
-        if held is not None:
-            with program.when("started == 0"):
-                program.let(held, program.u)
         program.set_counter(Name("started"), 1)
 
 
@@ -164,11 +161,11 @@ def remember_row(program: Program, held: Name | None) -> None:
             program.let(held, program.u)
 
 
-def foretell_error(program: Program, m: Matrices, x: Name, held: Name | None) -> tuple[Name, Name]:
+def foretell_error(program: Program, m: Matrices, x: Name) -> tuple[Name, Name]:
     """The innovation, zero where a measurement is missing, and ones where it is not."""
     p = program.measurements
     e = program.local("e", (p,))
-    program.let(e, _error(program, m, x, held))
+    program.let(e, _error(program, m, x))
     seen = program.local("seen", (p,))
     with program.hidden(), program.for_each("row", p) as row:
         program.let(seen[row], ONE)
@@ -179,9 +176,9 @@ def foretell_error(program: Program, m: Matrices, x: Name, held: Name | None) ->
     return e, seen
 
 
-def _error(program: Program, m: Matrices, x: Name, held: Name | None) -> Expression:
-    error = program.y - m.H @ x
-    return error if held is None or m.D is None else error - m.D @ held
+def _error(program: Program, m: Matrices, x: Name) -> Expression:
+    error = program.y - m.C @ x
+    return error if m.D is None else error - m.D @ program.u
 
 
 def tell_innovation(program: Program, e: Name) -> None:
@@ -196,7 +193,7 @@ def tell_innovation(program: Program, e: Name) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """The law of an SVSF: gamma, psi and H^+, or no such inverse where P weighs it."""
+    """The law of an SVSF: gamma, psi and C^+, or no such inverse where P weighs it."""
 
     memory: Name
     layer: Name
@@ -209,8 +206,8 @@ def switching_constants(program: Program, observer: SmoothVariableStructureFilte
     layer = program.constant("layer", observer.boundary_layer, r"\psi", gain=True)
     if observer.inverse == "weighted":
         return Switching(memory, layer, None)
-    inverse = np.linalg.pinv(observer.model.arrays.H)
-    return Switching(memory, layer, program.constant("H_inverse", inverse, "H^+"))
+    inverse = np.linalg.pinv(observer.model.arrays.C)
+    return Switching(memory, layer, program.constant("C_inverse", inverse, "C^+"))
 
 
 def correct(
@@ -218,16 +215,15 @@ def correct(
     m: Matrices,
     x: Name,
     P: Name,
-    held: Name | None,
     law: Switching | None,
     error: Name | None,
 ) -> Name:
     """Correct mean and covariance in place; return the innovation."""
     assert m.R is not None
     n, p = x.shape[0], program.measurements
-    e, seen = foretell_error(program, m, x, held)
-    C = program.let(program.local("C", (n, p)), P @ m.H.T)
-    S = program.let(program.local("S", (p, p)), m.H @ C + m.R)
+    e, seen = foretell_error(program, m, x)
+    PC = program.let(program.local("PC", (n, p), "PC^T"), P @ m.C.T)
+    S = program.let(program.local("S", (p, p)), m.C @ PC + m.R)
     with program.hidden(), program.for_each("row", p), program.when("seen[row] < 0.5"):
         with program.for_each("column", p):
             program.let(S["row", "column"], ZERO)
@@ -236,35 +232,35 @@ def correct(
     L, K = program.local("L", (p, p)), program.local("K", (n, p))
     program.cholesky(L, S)
     if law is None:
-        program.solve_right(K, C, L)
+        program.solve_right(K, PC, L)
     else:
         assert error is not None
-        _switching_gain(program, m, C, e, error, law, K)
+        _switching_gain(program, m, PC, e, error, law, K)
     with program.hidden(), program.for_each("row", n), program.for_each("column", p):
         program.let(K["row", "column"], K["row", "column"] * seen["column"])
     program.let(x, x + K @ e)
-    # Joseph's form for any gain: T = (I - K H) P, then T (I - K H)' + K R K'.
-    T = program.let(program.local("T", (n, n)), P - K @ C.T)
-    program.let(P, T - (T @ m.H.T - K @ m.R) @ K.T, symmetric=True)
+    # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
+    T = program.let(program.local("T", (n, n)), P - K @ PC.T)
+    program.let(P, T - (T @ m.C.T - K @ m.R) @ K.T, symmetric=True)
     _likelihood(program, L, e, seen)
     if error is not None:
-        after = program.let(program.local("after", (p,), "e^+"), _error(program, m, x, held))
+        after = program.let(program.local("after", (p,), "e^+"), _error(program, m, x))
         with program.hidden(), program.for_each("row", p), program.when("seen[row] > 0.5"):
             program.let(error["row"], after["row"])
     return e
 
 
 def _switching_gain(
-    program: Program, m: Matrices, C: Name, e: Name, error: Name, law: Switching, K: Name
+    program: Program, m: Matrices, PC: Name, e: Name, error: Name, law: Switching, K: Name
 ) -> None:
     n, p = K.shape
     if law.inverse is not None:
         program.let(K, law.inverse)
     else:
-        G = program.let(program.local("G", (p, p)), m.H @ C)
+        G = program.let(program.local("G", (p, p)), m.C @ PC)
         root = program.local("root", (p, p))
         program.cholesky(root, G)
-        program.solve_right(K, C, root)
+        program.solve_right(K, PC, root)
     share = program.local("share", (p,))
     with program.for_each("row", p) as row:
         size = call("fabs", e[row])

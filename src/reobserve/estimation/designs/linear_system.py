@@ -71,7 +71,7 @@ class LinearSystem:
         if self.time == "continuous":
             A, B = zero_order_hold(A, B, self.sampling_period)
         return LinearModel(
-            A, B, self.H, self.Q, self.R, self.D, unusual=self.time == "continuous",
+            A, B, self.H, self.D, self.Q, self.R, unusual=self.time == "continuous",
             sampling_period=self.sampling_period,
         )  # fmt: skip
 

@@ -75,7 +75,7 @@ class SvsfDesign(Design):
 
     def certify(self) -> Certificate:
         """How output errors outside the layers shrink, if H is square; the observer's checks."""
-        outputs, states = self.observer.model.arrays.H.shape
+        outputs, states = self.observer.model.arrays.C.shape
         return {"contraction": self.observer.memory, "square": outputs == states}
 
     def summary(self) -> list[str]:

@@ -55,14 +55,14 @@ class ContinuousModel:
         with located("continuous"):
             transition, effect = zero_order_hold(A, B, period)
         return LinearModel(
-            transition, effect, self.H, self.Q, self.R, self.D, unusual=True,
+            transition, effect, self.H, self.D, self.Q, self.R, unusual=True,
             sampling_period=period,
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class DiscreteModel:
-    """x(k+1) = A x(k) + B u(k), y(k+1) = H x(k+1) + D u(k); without B there is no input."""
+    """x(k+1) = A x(k) + B u(k), y(k) = H x(k) + D u(k); without B there is no input."""
 
     A: Array
     H: Array
@@ -76,7 +76,7 @@ class DiscreteModel:
         """The model, of samples at this period."""
         B = _no_input(self.A) if self.B is None else self.B
         return LinearModel(
-            self.A, B, self.H, self.Q, self.R, self.D, self.unusual, sampling_period=period
+            self.A, B, self.H, self.D, self.Q, self.R, sampling_period=period, unusual=self.unusual
         )
 
 
@@ -311,7 +311,7 @@ def linear_setup(observer: Observer[Any], start: Callable[[Array], Any]) -> Setu
 
 
 def _unseen(model: LinearModel, place: str) -> tuple[str, ...]:
-    hidden = undetectable_modes(model.A, model.H)
+    hidden = undetectable_modes(model.A, model.C)
     if not len(hidden):
         return ()
     return (

@@ -112,7 +112,7 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
     ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
     states, which go on as they are.
     """
-    n, m = kicks.shape[1], len(one.H)
+    n, m = kicks.shape[1], len(one.C)
     states, moved, outputs = np.zeros(n), np.empty(n), np.zeros((len(kicks), m))
     for k in range(len(kicks)):
         # Products written out: those of matrices take the compiler seconds, for their refusals.
@@ -124,7 +124,7 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
         for a in range(n):
             states[a] = moved[a]
             for o in range(m):
-                outputs[k, o] += model.H[o, a] * states[a]
+                outputs[k, o] += model.C[o, a] * states[a]
     return outputs
 
 

@@ -1,4 +1,4 @@
-"""The house: rooms and modules, each with the sentence that its docstring begins with."""
+"""The list of all packages and modules, each with the first sentence of its docstring."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from docs.generate.api import first_sentence, modules
 from docs.generate.markdown import code, table, ticks
 
 
-def rooms_and_modules(source: Path) -> str:
-    """All modules of the package at ``source``, by rooms."""
+def packages_and_modules(source: Path) -> str:
+    """All modules of the package at ``source``, by subpackage."""
     names = {path.relative_to(source).parts[0].removesuffix(".py") for path in source.rglob("*.py")}
     parts = []
-    for room in sorted(name for name in names if not name.startswith("_")):
+    for package in sorted(name for name in names if not name.startswith("_")):
         listed = [
             (_module(name, source), ticks(first_sentence(ast.get_docstring(tree))))
-            for name, tree in modules(source, room)
+            for name, tree in modules(source, package)
         ]
-        parts.append(f"## {code(room)} {{ #{room} }}\n\n{table(('module', 'what it is'), listed)}")
+        heading = f"## {code(package)} {{ #{package} }}"
+        parts.append(f"{heading}\n\n{table(('module', 'what it is'), listed)}")
     return "\n".join(parts)
 
 
 def _module(name: str, source: Path) -> str:
-    """The name from the room on; a package is told by the slash behind it."""
+    """The name below `reobserve`; that of a package ends with a slash."""
     _, *parts = name.split(".")
     folder = source.joinpath(*parts).is_dir()
     return code(f"{'.'.join(parts)}{'/' if folder else ''}")
