@@ -211,7 +211,12 @@ UNFORESEEN = "wrong, or there is a fault from early on"
         ("kalman", "speed", 6.0, "times what the filter foretells in the second half of the first"),
         ("kalman", "speed", 0.0, "times what the filter foretells in the second half of the first"),
         ("augmented-kalman", "speed", 0.0, "times what the filter foretells"),
-        ("fixed-gain", "speed", -1.0, "% of what is measured in the second half of the first 1001"),
+        (
+            "luenberger-gain",
+            "speed",
+            -1.0,
+            "% of what is measured in the second half of the first 1001",
+        ),
         ("luenberger", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
         ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
     ],
