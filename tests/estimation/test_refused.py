@@ -23,7 +23,7 @@ CHAIN = {"transition": [[0.9, 0.1], [0.1, 0.9]]}
 ALARM = {"name": "fast", "of": "speed", "above": 1.0}
 AXES = [{"column": one, "unit": "rpm", "model_unit": "rpm"} for one in ("wx", "wy", "wz")]
 REFUSED: list[tuple[str, dict[str, Any], str]] = [
-    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the separato"),
+    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the delimite"),
     ("kalman", {"columns": {"measurements": []}}, "columns.measurements: are none, must be one or"),
     ("kalman", inputs({"column": "speed"}), "columns.inputs: take the column 'speed' a second"),
     ("kalman", inputs({"column": "t"}), "columns.inputs: take the column 't' a second time"),

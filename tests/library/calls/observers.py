@@ -141,8 +141,8 @@ def _filters() -> Iterator[Call]:
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
-        "observers.innovation_tests.cusum": (y[:, 0], 0.5),
-        "observers.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "papers.imm.innovation_tests.cusum": (y[:, 0], 0.5),
+        "papers.imm.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),

@@ -70,8 +70,8 @@ class AdaptiveDesign(BodyDesign):
         """The observer."""
         gains = self.gains
         return AdaptiveObserver(
-            self.system.body, self.system.sampling_period, gains.damping, gains.integral_gain,
-            gains.proportional_gain,
+            self.system.body, gains.damping, gains.integral_gain,
+            gains.proportional_gain, sampling_period=self.system.sampling_period,
         )  # fmt: skip
 
     def certify(self) -> Certificate:

@@ -184,7 +184,9 @@ class EsoDesign(Design):
         """The observer."""
         L, Ld = self.gains.L, self.gains.Ld
         gains = Gains(L, np.zeros_like(L) if Ld is None else Ld)
-        return ExtendedStateObserver(self.system.augmented, self.system.sampling_period, gains)
+        return ExtendedStateObserver(
+            self.system.augmented, gains, sampling_period=self.system.sampling_period
+        )
 
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:

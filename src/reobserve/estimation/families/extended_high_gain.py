@@ -100,8 +100,8 @@ class ExtendedHighGainDesign(Design):
         """The observer."""
         system, gains = self.system, self.gains
         return ExtendedHighGainObserver(
-            system.model, system.sampling_period, gains.rho, gains.order, system.delay_bounds,
-            gains.threshold, gains.switched, gains.initial_matrix,
+            system.model, gains.rho, gains.order, system.delay_bounds, gains.threshold,
+            gains.switched, gains.initial_matrix, sampling_period=system.sampling_period,
         )  # fmt: skip
 
     @property

@@ -74,7 +74,9 @@ class HighGainDesign(Design):
     def observer(self) -> HighGainObserver:
         """The observer."""
         system = self.system
-        return HighGainObserver(system.model, system.sampling_period, self.gains.rho)
+        return HighGainObserver(
+            system.model, self.gains.rho, sampling_period=system.sampling_period
+        )
 
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:

@@ -107,7 +107,9 @@ class IloDesign(BodyDesign):
         kind = SampledILO if self.system.reading == "sampled" else ILO
         gains, period = self.gains, self.system.sampling_period
         interval = period if gains.update_interval is None else gains.update_interval
-        found = kind(self.system.body, period, gains.K1, gains.K2, gains.damping, interval)
+        found = kind(
+            self.system.body, gains.K1, gains.K2, gains.damping, interval, sampling_period=period
+        )
         radius = spectral_radius(found.K1)
         if self.system.reading == "forgetting" and radius >= 1.0:
             problem = f"has the spectral radius {radius:g}; to forget, it must be below 1"

@@ -114,7 +114,7 @@ class LevantDesign(Design):
         """The differentiator."""
         gains = self.gains
         return LevantDifferentiator(
-            gains.L, self.system.sampling_period, gains.order, gains.lambdas
+            gains.L, gains.order, gains.lambdas, sampling_period=self.system.sampling_period
         )
 
     @property

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from reobserve.core.errors import InputError
+from reobserve.papers.ilo.lyapunov import RepairedLyapunov, gyroscopic_eta
+from reobserve.papers.ilo.theorem import bound18, certify, lemma1_sides, theorem1
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
-from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov, gyroscopic_eta
-from reobserve.synthesis.ilo_theorem import bound18, certify, lemma1_sides, theorem1
 
 Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])

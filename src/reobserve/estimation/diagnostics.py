@@ -13,9 +13,9 @@ Settling: the observer starts a second time, as after a gap, in the middle of th
 two runs are at the end still apart by more than a twentieth of the estimate's size, and by more
 than three times what noise does, the record is too short to forget how it began.
 
-Consistency: a filter foretells how far its innovations spread. Where they spread over the second
+Consistency: a filter predicts how far its innovations spread. Where they spread over the second
 half, in the root mean square, more than five times as far, the record contradicts the model. Where
-an observer foretells no spread, its residual is compared with what is measured: it contradicts the
+an observer predicts no spread, its residual is compared with what is measured: it contradicts the
 model if it is more than half of that, more than five times the noise, and does not die away (more
 than a hundredth of its greatest value is left).
 """
@@ -23,18 +23,22 @@ than a hundredth of its greatest value is left).
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import ReobserveError
-from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.head import Head
+from reobserve.estimation.gaps import Stretch
 from reobserve.estimation.outputs import RESIDUAL
+
+if TYPE_CHECKING:
+    from reobserve.estimation.estimate import Estimation
 
 Array = NDArray[np.float64]
 
+MOST_ROWS = 4000  # of a record that are kept
 _LEAST_ROWS = 40
 _SHARE_OF_NOISE = 0.5
 _APART = 0.05
@@ -44,12 +48,33 @@ _LEFT = 0.01
 _SEED = 20
 
 
-def misleading(estimation: Estimation, head: Head) -> list[str]:
+@dataclass
+class FirstRows:
+    """The first rows of a record up to a break, however it comes in blocks."""
+
+    y: list[Array] = field(default_factory=list)
+    u: list[Array] = field(default_factory=list)
+    rows: int = 0
+    closed: bool = False
+
+    def take(self, stretch: Stretch) -> None:
+        """Keep rows as long as they are the first ones."""
+        if self.closed or (stretch.fresh and self.rows):
+            self.closed = True
+            return
+        room = MOST_ROWS - self.rows
+        self.y.append(stretch.y[:room])
+        self.u.append(stretch.u[:room])
+        self.rows += len(self.y[-1])
+        self.closed = self.rows >= MOST_ROWS
+
+
+def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
     """Sentences on what would mislead in these results; none if nothing does."""
-    if head.rows < _LEAST_ROWS:
-        told = f"too few rows to judge noise or settling by: {head.rows} in the first stretch"
-        return [told] if head.rows else []
-    y, u = np.concatenate(head.y), np.concatenate(head.u)
+    if first_rows.rows < _LEAST_ROWS:
+        told = f"too few rows to judge noise or settling by: {first_rows.rows} in the first stretch"
+        return [told] if first_rows.rows else []
+    y, u = np.concatenate(first_rows.y), np.concatenate(first_rows.u)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -104,7 +129,7 @@ def _unsettled(
 
 
 def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
-    """A sentence for each measurement that is far from what the observer foretold."""
+    """A sentence for each measurement that is far from what the observer predicted."""
     setup, layout = estimation.setup, estimation.layout
     if setup.residual is None:
         return []
@@ -117,7 +142,7 @@ def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
         off = _size(residual[half:, c])
         if spread is not None:
             contradicted = off > _SPREADS * spread[c]
-            than = f"{off / spread[c]:.0f} times what the filter foretells"
+            than = f"{off / spread[c]:.0f} times what the filter predicts"
         else:
             measured = _size(y[half:, c])
             greatest = np.nanmax(np.abs(residual[:, c]), initial=0.0)
@@ -127,7 +152,8 @@ def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
         if contradicted:
             found.append(
                 f"residual {name}: it is {than} in the second half of the first {len(y)} rows; a "
-                "unit, a sign, the model or the sensor is wrong, or there is a fault from early on"
+                "unit, a sign, an offset, the model or the sensor is wrong, or there is a fault "
+                "from early on"
             )
     return found
 

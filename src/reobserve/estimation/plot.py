@@ -1,8 +1,8 @@
-"""A picture of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
+"""A plot of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
 
 It remembers no more than some thousand points of a record, however long that is: of more it keeps
 the least and the greatest value of as many rows as must share a point. matplotlib is imported when
-the picture is drawn.
+the plot is drawn.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#7f6000")
 _FORMATS = (".png", ".pdf", ".svg")
 
 
-def check_picture(path: Path) -> None:
-    """Refuse a name that says no format of pictures, before there is one to draw.
+def check_plot(path: Path) -> None:
+    """Refuse a name that says no format of plots, before there is one to draw.
 
     Raises
     ------
@@ -39,10 +39,10 @@ def check_picture(path: Path) -> None:
     """
     if path.suffix not in _FORMATS:
         raise InputError(str(path), f"must end with {', '.join(_FORMATS)}")
-    package("matplotlib", "draw a picture")
+    package("matplotlib", "draw a plot")
 
 
-class Picture:
+class Plot:
     """Collects results, and draws them."""
 
     def __init__(self, estimation: Estimation) -> None:
@@ -96,9 +96,9 @@ class Picture:
             "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",
             "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
         }  # fmt: skip
-        matplotlib = package("matplotlib", "draw a picture")
+        matplotlib = package("matplotlib", "draw a plot")
         with matplotlib.rc_context(style):
-            figure = self._figure(package("matplotlib.figure", "draw a picture"))
+            figure = self._figure(package("matplotlib.figure", "draw a plot"))
             metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
             write_whole(
                 path,
@@ -123,7 +123,7 @@ class Picture:
             self._grey(ax)
         if len(self.time):
             axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
-        origin = self.estimation.account.origin
+        origin = self.estimation.report.origin
         axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
         figure.align_ylabels()
         return figure
@@ -149,15 +149,18 @@ class Picture:
             else:
                 ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=every[c].name)
             self._band(ax, c, colour)
+        self._limit(ax, columns)
         for alarm in self.estimation.alarms:
-            if alarm.column in columns and alarm.threshold is not None:
+            found = self.estimation.report.alarms[alarm.name]
+            if alarm.column in columns and found.threshold is not None:
                 _, low, high = self._broken(alarm.column)
-                reached = np.nanmin(low) < alarm.mean, np.nanmax(high) > alarm.mean
+                reached = np.nanmin(low) < found.mean, np.nanmax(high) > found.mean
                 for side, there in zip((-1, 1), reached, strict=True):
-                    bound, (bottom, top) = alarm.mean + side * alarm.threshold, ax.get_ylim()
+                    bound, (bottom, top) = found.mean + side * found.threshold, ax.get_ylim()
                     # A probability has no bound below zero; one far off would flatten the curves.
                     if there and 2 * bottom - top <= bound <= 2 * top - bottom:
                         ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
+                        ax.set_ylim(min(bottom, bound), max(top, bound))
         first = every[columns[0]]
         name = first.name if len(columns) == 1 else first.estimate.replace("_", " ")
         ax.set_ylabel(f"{name}\n[{first.unit}]" if first.unit else name)
@@ -174,6 +177,19 @@ class Picture:
             ax.fill_between(time, low - 2 * sigma, high + 2 * sigma, color=colour, alpha=0.2,
                             linewidth=0)  # fmt: skip
 
+    def _limit(self, ax: Any, columns: list[int]) -> None:
+        """Let the axis follow the estimates and their usual bands, and not the first band."""
+        every, low, high = self.estimation.outputs.columns, np.inf, -np.inf
+        for c in columns:
+            band = 0.0
+            if c + 1 < len(every) and every[c + 1].deviation:
+                sigma = self.greatest[:, c + 1]
+                band = 2.0 * float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 0.0
+            low = min(low, float(np.nanmin(self.least[:, c], initial=np.inf)) - band)
+            high = max(high, float(np.nanmax(self.greatest[:, c], initial=-np.inf)) + band)
+        if np.isfinite(high - low) and high > low:
+            ax.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+
     def _jumps(self) -> NDArray[np.int_]:
         """Before which points there is a gap."""
         longest = 1.5 * self.share * self.estimation.specification.sampling.period
@@ -188,7 +204,7 @@ class Picture:
         )  # fmt: skip
 
     def _grey(self, ax: Any) -> None:
-        for start, end in self.estimation.account.gaps:
+        for start, end in self.estimation.report.gaps:
             last = self.time[-1] if end is None and len(self.time) else end
             ax.axvspan(start, last, color="0.88", linewidth=0, zorder=0)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
+from reobserve.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 from reobserve.systems.polynomial import PolynomialSystem
 from tests.observers.test_normal_form_observers import exact_gain, form

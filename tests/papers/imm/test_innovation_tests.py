@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 from reobserve.core.errors import InputError
-from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.nu_gap import (
+from reobserve.papers.imm.nu_gap import (
     _distance,
     _stationary_frequencies,
     nu_gap,

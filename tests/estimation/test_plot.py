@@ -1,4 +1,4 @@
-"""What a picture of results shows: curves that break at gaps, bands, thresholds and alarms."""
+"""What a plot of results shows: curves that break at gaps, bands, thresholds and alarms."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def drawn(
     name: str, record: dict[str, Array], folder: Path, figures: list[Any], **changes: Any
 ) -> tuple[list[Any], dict[str, Array], Any]:
-    """The panels, the results and the account of a record, which comes in many blocks."""
+    """The panels, the results and the report of a record, which comes in many blocks."""
     text = write_record(folder / "r.csv", record)
     chosen = specification(name, **changes)
     made = estimate_file(chosen, text, folder / "e.csv", plot=folder / "e.png", block=2**14)
-    return figures[0].axes, read_results(folder / "e.csv")[0], made.account
+    return figures[0].axes, read_results(folder / "e.csv")[0], made.report
 
 
 def test_curves_break_at_a_gap_which_is_grey_and_bands_are_of_two_deviations(
@@ -46,7 +46,7 @@ def test_curves_break_at_a_gap_which_is_grey_and_bands_are_of_two_deviations(
     kept = np.r_[0:100, 160:300]
     columns = {title: values[kept] for title, values in simulated("kalman").record().items()}
     sampling = {"missing": "skip", "gap": 0.1, "at_gap": "restart"}
-    axes, found, account = drawn(
+    axes, found, report = drawn(
         "kalman", columns, tmp_path, figures, sampling=sampling, alarms=[]
     )  # fmt: skip
     panel = axes[0]
@@ -63,7 +63,7 @@ def test_curves_break_at_a_gap_which_is_grey_and_bands_are_of_two_deviations(
     for ax in axes:
         (grey,) = ax.patches
         assert [grey.get_x(), grey.get_x() + grey.get_width()] == pytest.approx([0.99, 1.6])
-    assert account.gaps == [[pytest.approx(0.99), pytest.approx(1.6)]]
+    assert report.gaps == [[pytest.approx(0.99), pytest.approx(1.6)]]
     assert axes[-1].get_xlim() == (0.0, pytest.approx(2.99))
     assert axes[-1].get_xlabel() == "time [s]"
     assert [ax.get_xlabel() for ax in axes[:-1]] == [""] * (len(axes) - 1)
@@ -76,8 +76,8 @@ def test_a_gap_that_does_not_end_is_grey_up_to_the_last_estimate(
     for title in ("speed", "current"):
         columns[title][100:] = np.nan
     sampling = {"missing": "skip", "gap": 0.1, "at_gap": "coast"}
-    axes, _, account = drawn("kalman", columns, tmp_path, figures, sampling=sampling, alarms=[])
-    assert account.gaps == [[pytest.approx(0.99), None]]
+    axes, _, report = drawn("kalman", columns, tmp_path, figures, sampling=sampling, alarms=[])
+    assert report.gaps == [[pytest.approx(0.99), None]]
     (grey,) = axes[0].patches
     assert [grey.get_x(), grey.get_x() + grey.get_width()] == pytest.approx([0.99, 1.99])
 
@@ -85,7 +85,7 @@ def test_a_gap_that_does_not_end_is_grey_up_to_the_last_estimate(
 def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_for(
     tmp_path: Path, figures: list[Any]
 ) -> None:
-    axes, found, account = drawn(
+    axes, found, report = drawn(
         "ilo-sampled", simulated("ilo-sampled").record(), tmp_path, figures
     )  # fmt: skip
     panels, bars = axes[:-1], axes[-1]
@@ -105,13 +105,13 @@ def test_alarms_are_bars_and_their_thresholds_are_lines_where_they_are_looked_fo
         ]
         for ax in panels
     }
-    odd = account.alarms["odd"]
+    odd = report.alarms["odd"]
     for label, bounds in dashed.items():
         if label == "fault":
             assert set(map(abs, bounds)) == {0.2}
         elif "residual" in label:
             for bound in bounds:
-                assert abs(bound - odd["mean"]) == pytest.approx(odd["threshold"], rel=1e-9)
+                assert abs(bound - odd.mean) == pytest.approx(odd.threshold, rel=1e-9)
         else:
             assert not bounds
     assert dashed["fault"]
