@@ -46,6 +46,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("ilo-forgetting", {"observer": {"gains": {"K1": 1.0, "K2": 1.0, "damping": 9.0}}},
      "observer.gains.K1: has the spectral radius 1; to"),
     ("kalman", {"observer": {"H": [[1.0]]}}, "observer.H: is now C, with y = C x + D u"),
+    ("levant", {"observer": {"L": 1.0}}, "observer.L: must stand under gains"),
     ("kalman", {"observer": {"start": {}}}, "observer.start: is now initial_state"),
     ("kalman", {"observer": {"kind": "steady_kalman"}}, "observer.kind: steady_kalman is now kal"),
     ("kalman", {"observer": {"gains": {"gain": [[1.0]]}}}, "observer.gains: must be left out whe"),

@@ -22,7 +22,7 @@ from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import _content, _plain, load_state, save_state
 from tests.estimation.records import specification
 
-NAMES = ("kalman", "imm-kalman", "ilo-sampled", "delay-least-squares")
+NAMES = ("kalman", "imm-kalman", "ilo-sampled", "extended-high-gain")
 
 
 def fresh(name: str) -> Estimation:
