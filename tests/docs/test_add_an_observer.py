@@ -19,8 +19,8 @@ from tests.docs.hand_written import PAGES, ROOT, blocks
 PAGE = PAGES / "how-to" / "add-an-observer.md"
 TITLED = {found[1]: block.text for block in blocks(PAGE)
           if (found := re.fullmatch(r'title="(.*)"', block.options))}  # fmt: skip
-ALGORITHM = "src/reobserve/observers/alpha_beta.py"
-FAMILY = "src/reobserve/estimation/families/alpha_beta.py"
+ALGORITHM = "observers/alpha_beta.py"
+FAMILY = "estimation/families/alpha_beta.py"
 TYPED = [line[2:] for block in blocks(PAGE) if block.language == "console"
          for line in block.text.splitlines()]  # fmt: skip
 
@@ -29,7 +29,7 @@ def copied(folder: Path) -> Path:
     """The two files and the line of the table in a copy of the package."""
     shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
     for name in (ALGORITHM, FAMILY):
-        (folder / name).write_text(TITLED[name], encoding="utf-8")
+        (folder / "src/reobserve" / name).write_text(TITLED[name], encoding="utf-8")
     table = folder / "src/reobserve/estimation/families/__init__.py"
     text = table.read_text(encoding="utf-8")
     last = next(line for line in text.splitlines() if '"levant:LevantDesign"' in line)
