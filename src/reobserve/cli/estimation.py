@@ -16,7 +16,7 @@ examples, each a specification and a record to run it on:
   normal-form-constant, normal-form-identity, normal-form-transformed,
   high-gain, extended-high-gain, levant,
   delay-adaptive, delay-least-squares, delay-variable-structure,
-  kalman, augmented-kalman, svsf, imm-kalman, imm-svsf,
+  kalman, augmented-kalman, sensor-bias, svsf, imm-kalman, imm-svsf,
   fixed-gain, luenberger, steady-kalman, eso
 
   reobserve estimate --example kalman --out kalman.yaml --data kalman.csv

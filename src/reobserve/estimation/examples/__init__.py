@@ -27,6 +27,7 @@ _PLANTS = {
     "levant": "signal",
     "kalman": "motor",
     "augmented-kalman": "weak_motor",
+    "sensor-bias": "biased_motor",
     "svsf": "motor",
     "imm-kalman": "worn_motor",
     "imm-svsf": "worn_motor",
