@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reobserve.core.documents import parse_yaml
 from reobserve.core.validation import parse
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import specification_text
+from reobserve.estimation.families.examples import specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification
 from reobserve.estimation.writing import header

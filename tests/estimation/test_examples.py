@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from reobserve.cli.estimation import _MORE
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.example_records import _followed
-from reobserve.estimation.examples import NAMES, simulated
+from reobserve.estimation.families.examples import examples, simulated
 from tests.estimation.by_hand import BY_HAND
 from tests.estimation.records import read_results, specification, write_record
 
+NAMES = tuple(examples())
 Array = NDArray[np.float64]
 
 # By the column of the truth: how far the estimate may be off in the last fifth of the record, in
@@ -138,14 +139,3 @@ def test_jitter_a_gap_and_a_dead_sensor_do_not_lead_away(name: str, tmp_path: Pa
     else:
         assert report.restarts == status.count("restarted") == 1
         assert report.filled[sensor] > silent.sum() - 2
-
-
-def test_an_input_that_is_not_told_was_zero_before_the_record(tmp_path: Path) -> None:
-    told = specification("delay-adaptive").observer.start
-    record = write_record(tmp_path / "r.csv", simulated("delay-adaptive").record())
-    found = []
-    for start in ({"delay": told.delay}, {"delay": told.delay, "past_input": 0.0}):
-        chosen = specification("delay-adaptive", observer={"start": start})
-        estimate_file(chosen, record, tmp_path / "e.csv")
-        found.append((tmp_path / "e.csv").read_bytes())
-    assert found[0] == found[1]

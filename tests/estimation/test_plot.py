@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reobserve.estimation.commands import estimate_file
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
 from tests.estimation.records import read_results, specification, write_record
 
 Array = NDArray[np.float64]

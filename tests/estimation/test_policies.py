@@ -10,11 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from reobserve.core.documents import parse_yaml
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated, specification_text
+from reobserve.estimation.families.examples import simulated
 from tests.estimation.by_hand import motor_model
 from tests.estimation.records import read_results, specification, streamed, write_record
 
@@ -232,17 +231,18 @@ def test_what_no_policy_allows_is_refused_and_nothing_is_written(
 
 
 STARTS = [
-    ("kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
-    ("augmented-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be a list of 2 numbers"),
-    ("imm-kalman", {"mean": [0.0] * 3}, "mean: has shape (3,), must be (2,) or (2, 2)"),
+    ("kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
+    ("kalman", {"covariance": -1.0}, "covariance: must be positive semidefinite"),
+    ("augmented-kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 nu"),
+    ("augmented-kalman", {"unknown_input": [0.0, 0.0]}, "unknown_input: has shape (2,), must"),
+    ("imm-kalman", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
     ("imm-svsf", {"probabilities": [0.5, 0.6]}, "probabilities: [0.5, 0.6] must be 0 or more"),
-    ("delay-adaptive", {"delay": 30.0}, "delay: 30 s must be from 0 to 1.5 s"),
-    ("eso", {"estimate": [0.0]}, "estimate: has shape (1,), must be a list of 6 numbers"),
+    ("eso", {"state": [0.0]}, "state: has shape (1,), must be a list of 2 numbers"),
     ("high-gain", {"state": [0.0] * 3}, "state: has shape (3,), must be a list of 2 numbers"),
     ("extended-high-gain", {"delay": 30.0}, "delay: 30 s must be inside its bounds, [0, 1.5] s"),
-    ("ilo-sampled", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
-    ("adaptive", {"rate": [0.0] * 2}, "rate: has shape (2,), must be a list of 3 numbers"),
-    ("levant", {"derivatives": [0.0]}, "derivatives: has shape (1,), must be a list of 3 numbers"),
+    ("ilo-sampled", {"state": [0.0] * 2}, "state: has shape (2,), must be a list of 3 numbers"),
+    ("adaptive", {"state": [0.0] * 2}, "state: has shape (2,), must be a list of 3 numbers"),
+    ("levant", {"state": [0.0]}, "state: has shape (1,), must be a list of 3 numbers"),
     ("normal-form-constant", {"state": [0.0]}, "state: has shape (1,), must be a list of 2 numb"),
 ]  # fmt: skip
 
@@ -251,11 +251,10 @@ STARTS = [
 def test_a_wrong_start_is_refused_by_its_key_before_any_row(
     name: str, start: dict[str, Any], said: str
 ) -> None:
-    observer = parse_yaml(specification_text(name), name)["observer"]
-    chosen = specification(name, observer={"start": {**observer.get("start", {}), **start}})
-    with pytest.raises(InputError) as error:
-        Estimation(chosen, list(simulated(name).record()), "the record")
-    assert str(error.value).startswith(f"observer.start.{said}")
+    changed = {f"initial_{key}": value for key, value in start.items()}
+    with pytest.raises(InputError) as error:  # as it is read, or as the observer is made
+        Estimation(specification(name, observer=changed), list(simulated(name).record()), "it")
+    assert str(error.value).startswith(f"observer.initial_{said}")
 
 
 @pytest.mark.parametrize("block", [2**10, 2**20])

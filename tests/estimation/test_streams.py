@@ -18,7 +18,7 @@ from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import NAMES, simulated, specification_text
+from reobserve.estimation.families.examples import examples, simulated, specification_text
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import load_state, save_state
 from reobserve.estimation.writing import header
@@ -36,7 +36,7 @@ def record(path: Path, name: str, rows: int = 240) -> Path:
     return write_record(path, {title: values[kept] for title, values in columns.items()})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", examples())
 def test_streams_give_the_bits_of_files_also_when_they_stop_on_the_way(
     name: str, tmp_path: Path
 ) -> None:

@@ -6,15 +6,17 @@ from fractions import Fraction
 from math import comb, factorial, log, sqrt
 from typing import Any
 
+import flint
 import mpmath
 import numpy as np
 import pytest
 import sympy
 
 from reobserve.core.errors import InputError
+from reobserve.polynomials import univariate
 from reobserve.polynomials.expressions import ANALYTIC, from_expressions
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.polynomials.univariate import DIGITS, power, taylor
+from reobserve.polynomials.univariate import DIGITS, FUNCTIONS
 
 x, y = sympy.symbols("x y")
 
@@ -110,12 +112,15 @@ def test_functions_against_mpmath(name: str) -> None:
 
 def test_a_root_to_sixty_digits_at_a_high_degree() -> None:
     """t^(1/2) at 2 is the sum of binom(1/2, k) 2^(1/2 - k) (t - 2)^k."""
-    found = [value.str(80, radius=False) for value in power("0.5", "2", 50)]
+    with flint.ctx.workdps(DIGITS + 60):
+        found = univariate.coefficients(lambda t: t ** flint.arb("0.5"), flint.arb(2), 50)
     with mpmath.workdps(120):
         half = mpmath.mpf(1) / 2
         for k, value in enumerate(found):
             exact = mpmath.binomial(half, k) * mpmath.mpf(2) ** (half - k)
-            assert abs(mpmath.mpf(value) / exact - 1) < mpmath.mpf(f"1e-{DIGITS}")
+            assert abs(mpmath.mpf(value.str(80, radius=False)) / exact - 1) < mpmath.mpf(
+                f"1e-{DIGITS}"
+            )
 
 
 def test_values_near_the_origin_are_those_of_the_expression() -> None:
@@ -169,11 +174,11 @@ BAD = {
     "x**(1/3)*y": r"x\*\*\(1/3\) has no Taylor series at the origin",
     "log(x)": r"log\(x\) has no Taylor series at the origin",
     "y + log(x - 1)": r"log\(x - 1\) has no Taylor series at the origin",
-    "exp(1/x)": r"exp\(1/x\) has no Taylor series at the origin",
+    "exp(1/x)": r"1/x has no Taylor series at the origin",
     "acosh(x)": r"acosh\(x\) has no Taylor series at the origin",
     "asin(1 + x)": r"asin\(x \+ 1\) has no Taylor series at the origin",
-    "x**x": r"exp\(x\*log\(x\)\) has no Taylor series at the origin",
-    "I*x": r"I holds I, which has no value",
+    "x**x": r"log\(x\) has no Taylor series at the origin",
+    "I*x": r"holds I, which has no value",
     "x/0": r"zoo has no Taylor series at the origin",
     "Abs(x)": rf"'Abs' {LISTED}",
     "sign(x)*y": rf"'sign' {LISTED}",
@@ -181,14 +186,14 @@ BAD = {
     "Piecewise((x, x > 0), (0, True))": rf"'Piecewise' {LISTED}",
     "besselj(0, x)": rf"'besselj' {LISTED}",
     "rate(x)": rf"'rate' {LISTED}",
-    "k*x": r"k holds k, which has no value",
-    "(1 + x)**k": r"\(x \+ 1\)\*\*k holds k, which has no value",
-    "(1 + x)**t": r"\(x \+ 1\)\*\*t holds t, which has no value",
-    "sin(x + t)": r"sin\(t \+ x\) holds t, which has no value",
+    "k*x": r"holds k, which has no value",
+    "(1 + x)**k": r"holds k, which has no value",
+    "(1 + x)**t": r"holds t, which has no value",
+    "sin(x + t)": r"holds t, which has no value",
     "x + * y": r"'x \+ \* y' is no expression",
     "x +": r"'x \+' is no expression",
     "": r"'' is no expression",
-    "S*x": r"S holds S, which has no value",
+    "S*x": r"holds S, which has no value",
     "sin": r"'sin' is no expression",
     "[x, y]": r"'\[x, y\]' is no expression",
     "x, y": r"'x, y' is no expression",
@@ -219,11 +224,12 @@ def test_none_is_no_expression() -> None:
 @pytest.mark.parametrize("centre", ["1e-8", "-1e-30", "0.7", "3"])
 def test_sinc_near_zero_against_its_integral(centre: str) -> None:
     """sinc(t) is the integral of cos(s t) over 0 < s < 1, and so are its derivatives."""
-    found = taylor("sinc", centre, 6)
+    with flint.ctx.workdps(DIGITS):
+        found = univariate.coefficients(FUNCTIONS["sinc"], flint.arb(centre), 6)
     with mpmath.workdps(60):
         c = mpmath.mpf(centre)
         for k in range(7):
-            slope = mpmath.quad(lambda s: s**k * mpmath.cos(s * c + k * mpmath.pi / 2), [0, 1])
+            slope = mpmath.quad(lambda s, k=k: s**k * mpmath.cos(s * c + k * mpmath.pi / 2), [0, 1])
             wanted = float(slope / mpmath.factorial(k))
             assert float(found[k]) == pytest.approx(wanted, rel=1e-15)
 

@@ -260,7 +260,7 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
     InputError
         If there is no such example, or a file cannot be written.
     """
-    from reobserve.estimation.examples import simulated, specification_text
+    from reobserve.estimation.families.examples import simulated, specification_text
 
     text = specification_text(name)
     if record is not None:

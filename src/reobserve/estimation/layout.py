@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
-from reobserve.estimation.kinds.setup import Setup
+from reobserve.estimation.families.setup import Setup
 from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns
 

@@ -1,6 +1,6 @@
 """What a user says of a record and of the observer for it, in one YAML file, checked whole.
 
-observer: {kind: kalman, model: {...}, start: {...}}     one of `reobserve.estimation.kinds`
+observer: {kind: kalman, time: continuous, A: ..., ...}  one of `reobserve.estimation.families`
 columns:                                                 of the record, with their units
   time: {column: t, unit: ms}
   measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
@@ -12,6 +12,7 @@ alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,7 +23,7 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, having, parse
 from reobserve.estimation.dates import ISO, check_format
-from reobserve.estimation.kinds import Observer
+from reobserve.estimation.families.stated import stated
 from reobserve.estimation.quantities import check_unit, conversion
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
@@ -207,15 +208,24 @@ def _distinct_alarms(place: str, alarms: Any) -> None:
 
 @dataclass(frozen=True)
 class Specification:
-    """All of it."""
+    """All of it.
 
-    observer: Observer
+    ``observer`` is read as a mapping: a kind, and the keys of its family, or of a design file.
+    """
+
+    observer: Any
     columns: Columns
     sampling: Sampling
     estimates: dict[str, dict[str, str]] = field(default_factory=dict)
     alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.observer, Mapping):
+            raise InputError(
+                "observer", f"{shown(self.observer)} must be a mapping of keys to values"
+            )
+        with located("observer"):
+            object.__setattr__(self, "observer", stated(self.observer, self.sampling.period))
         for name, parts in self.estimates.items():
             for part, unit in parts.items():
                 with located("estimates"):

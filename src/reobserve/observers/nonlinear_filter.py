@@ -22,12 +22,15 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_row, as_samples, as_vector
-from reobserve.observers.contract import Observer, OnDivergence, Pair, Record, Rows, check_state
+from reobserve.core.value import Value
+from reobserve.observers.contract import Observer, OnDivergence, Record, Rows, check_state
+from reobserve.observers.fixed_step import Pair
 from reobserve.observers.linear_filter import (
     Belief,
     Correction,
     check_belief,
     check_sample,
+    inputs_of_rows,
     sample_before,
 )
 from reobserve.observers.nonlinear_filter_loop import (
@@ -46,7 +49,6 @@ from reobserve.observers.nonlinear_filter_work import (
 )
 from reobserve.observers.run import Estimate, Run
 from reobserve.observers.unscented_kalman_loop import Weights
-from reobserve.observers.value import Value
 from reobserve.systems.linear import as_covariance
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import Functions
@@ -328,6 +330,8 @@ class NonlinearFilter(Observer[State]):
         sample, noise = check_sample(given.sample, m, p), given.process_noise
         if noise is not None:
             noise = as_covariance("state.process_noise", noise, n)
+        elif belief is given.belief and sample is given.sample:
+            return given
         return State(belief, sample, given.count, noise)
 
     def _fill(self, state: State, record: Record) -> Rows:
@@ -342,14 +346,14 @@ class NonlinearFilter(Observer[State]):
         n, m, k = len(states), len(outputs), len(record.y)
         after, fresh, noise = _copy(state.belief), state.sample is None, self._noise
         held = self.model.Q if state.process_noise is None else state.process_noise
-        last = record.u[0] if state.sample is None else state.sample[m:]
         means, covariances = np.empty((k, n)), np.empty((k, n, n))
         innovations, spreads = np.empty((k, m)), np.empty((k, m, m))
         log_likelihoods = np.empty(k)
         good, cause = run_filter(
             states, outputs, self.functions, self.weights, np.concatenate([held[None], noise.Q]),
-            noise.R, record.y, np.concatenate([last[None], record.u]), fresh, after.mean,
+            noise.R, record.y, inputs_of_rows(state.sample, record), fresh, after.mean,
             after.covariance, means, covariances, innovations, spreads, log_likelihoods,
+            np.empty((m, m)), new_filter_work(n, m),
         )  # fmt: skip
         self.model.raise_problem()
         estimates = {

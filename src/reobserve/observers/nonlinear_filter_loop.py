@@ -21,7 +21,6 @@ from reobserve.observers.nonlinear_filter_work import (
     NO_INNOVATION,
     NO_STATE,
     FilterWork,
-    new_filter_work,
 )
 from reobserve.observers.unscented_kalman_loop import (
     Weights,
@@ -116,16 +115,17 @@ def run_filter(
     innovations: Array,
     innovation_covariances: Array,
     log_likelihoods: Array,
+    factor: Array,
+    work: FilterWork,
 ) -> tuple[int, int]:
-    """Filter a record: fill the last five arguments; return the number of good rows, and a cause.
+    """Filter a record: fill the five arrays before scratch; return how many rows are good, and why.
 
     ``inputs`` has a row more than the record: the input of the row before, then that of each row;
     so has ``Q``, (., n, n). The last of ``Q`` and of ``R``, (., m, m), hold for all later rows.
     A ``fresh`` belief is meant at the first row, which then corrects it as it stands; else it is
     meant a period before.
     """
-    n, m = len(states), len(outputs)
-    work, factor = new_filter_work(n, m), np.empty((m, m))
+    n = len(states)
     for k in range(len(measurements)):
         if k > 0 or not fresh:
             noise = Q[min(k, len(Q) - 1)]
@@ -155,7 +155,6 @@ def run_filter(
 @kernel
 def predict_rows(
     states: Size,
-    outputs: Size,
     functions: Functions,
     weights: Weights | None,
     Q: Array,
@@ -165,12 +164,12 @@ def predict_rows(
     next_means: Array,
     next_covariances: Array,
     crosses: Array,
+    work: FilterWork,
 ) -> int:
     """Predict from each row to the next one; return how many rows could be.
 
     ``crosses`` become the cross-covariances of x(k) and x(k+1), shape (k, n, n).
     """
-    work = new_filter_work(len(states), len(outputs))
     for k in range(len(means)):
         if not predict(
             states, functions, weights, Q[min(k, len(Q) - 1)], inputs[k], means[k], covariances[k],

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import inlined_kernel, kernel
-from reobserve.observers.linear_filter_loop import Work, new_work
+from reobserve.core.kernel import kernel
+from reobserve.observers.linear_filter_loop import Work
 from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 
 Array = NDArray[np.float64]
@@ -32,14 +32,14 @@ class FilterWork(NamedTuple):
     cause: NDArray[np.int64]
 
 
-@inlined_kernel
 def new_filter_work(states: int, outputs: int) -> FilterWork:
-    """Scratch for `predict` and `correct`."""
-    n, most = states, max(states, outputs)
+    """Scratch for the steps of a filter."""
+    n, m, most = states, outputs, max(states, outputs)
+    tall = (n, m)
+    linear = Work(np.empty((n, n)), np.empty(n), np.empty(tall), np.empty(tall), np.empty(m))
     return FilterWork(
-        new_work(n, outputs), new_flow_work(n, outputs), np.empty(n), np.empty((n, n)),
-        np.empty((2 * n + 1, n)), np.empty((2 * n + 1, most)), np.empty((n, n)),
-        np.empty((most, 0)), np.zeros(1, np.int64),
+        linear, new_flow_work(n, m), np.empty(n), np.empty((n, n)), np.empty((2 * n + 1, n)),
+        np.empty((2 * n + 1, most)), np.empty((n, n)), np.empty((most, 0)), np.zeros(1, np.int64),
     )  # fmt: skip
 
 

@@ -9,12 +9,14 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, nearest, one_line, shown
 from reobserve.core.extras import package
 
 Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")
 AxisNames = tuple[tuple[str, ...] | None, ...]
+
+_LONGEST = 280  # characters of an estimate that is printed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +36,7 @@ class Estimate:
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {shown(self[name].tolist(), 40)}" for name in self.estimates)
-        return f"Estimate at {self.time:g} s: {listed}"
+        return one_line(f"Estimate at {self.time:g} s: {listed}", _LONGEST)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

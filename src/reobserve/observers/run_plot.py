@@ -33,9 +33,8 @@ def plot(run: Run[Any], names: list[str]) -> Any:
         for column in range(min(rows.shape[1], _MOST_LINES)):
             ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
         unit = run.units.get(name)
-        shown = labels[name][0] if rows.shape[1] == 1 and name in run.component_names else name
-        ax.set_ylabel(f"{shown} [{unit}]" if unit else shown)
-        if rows.shape[1] > 1:
+        ax.set_ylabel(f"{name} [{unit}]" if unit else name)
+        if rows.shape[1] > 1 or name in run.component_names:
             ax.legend(fontsize="small", ncols=min(rows.shape[1], 4))
         if run.diverged_at is not None:
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import kernel
-from reobserve.observers.contract import as_sample_rows
+from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.nonlinear_filter import NonlinearFilter, as_covariances
 from reobserve.observers.nonlinear_filter_loop import predict_rows
+from reobserve.observers.nonlinear_filter_work import new_filter_work
 from reobserve.observers.run import Run, names_by_model
 from reobserve.observers.unscented_kalman_loop import take_root
 
@@ -115,9 +116,9 @@ def _predicted(
     next_means, next_covariances = np.empty(means.shape), np.empty(covariances.shape)
     crosses = np.empty(covariances.shape)
     rows = predict_rows(
-        (0,) * n, (0,) * filter.model.outputs, filter.functions, filter.weights, noise, inputs,
+        (0,) * n, filter.functions, filter.weights, noise, inputs,
         np.ascontiguousarray(means), np.ascontiguousarray(covariances),
-        next_means, next_covariances, crosses,
+        next_means, next_covariances, crosses, new_filter_work(n, filter.model.outputs),
     )  # fmt: skip
     filter.model.raise_problem()
     if rows < len(means):

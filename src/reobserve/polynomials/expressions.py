@@ -1,15 +1,17 @@
 """Taylor series at the origin of expressions, as text or of sympy.
 
 The expression is walked through once, with the arithmetic of truncated series. Functions of one
-argument are expanded about the value that their argument has at the origin.
+argument are expanded about the value that their argument has at the origin, a ball of so many
+digits that what is left after rounding to floats is right.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
 from math import comb
+from operator import add, mul
 from typing import Any
 
 import numpy as np
@@ -22,12 +24,11 @@ from reobserve.polynomials.grammar import (
     ANALYTIC,
     NOT_EXPANDED,
     check_size,
-    check_values,
     parse,
 )
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
-from reobserve.polynomials.univariate import DIGITS, power, taylor
+from reobserve.polynomials.univariate import DIGITS, FUNCTIONS, LARGEST, coefficients
 
 # A product of two series takes as many steps as there are products of their monomials, and a system
 # some thousand products: above this they take minutes.
@@ -54,7 +55,7 @@ def from_expressions(
     """
     package("mpmath", "expand expressions")  # first, as sympy does not load without it
     sympy = package("sympy", "expand expressions")
-    package("flint", "expand expressions", "symbolic")
+    flint = package("flint", "expand expressions", "symbolic")
     for what, given in ((name, expressions), ("variables", variables)):
         if not isinstance(given, list | tuple):
             raise InputError(what, f"{shown(given)} must be a list")
@@ -75,8 +76,8 @@ def from_expressions(
         walk = _Walk(f"{name}[{k}]", basis, symbols, left)
         read = _read(walk.place, expression, names)
         check_size(walk.place, read)
-        check_values(walk.place, read, symbols)
-        rows.append(walk.series(read))
+        with flint.ctx.workdps(DIGITS + degree + 10):
+            rows.append(walk.series(read))
     return PolynomialMap(basis, np.array(rows))
 
 
@@ -112,25 +113,30 @@ class _Walk:
         self, place: str, basis: Monomials, symbols: Sequence[Any], left: Iterator[int]
     ) -> None:
         self.place, self.basis, self.symbols, self.left = place, basis, symbols, left
+        self.values: dict[Any, Any] = {}
 
     def series(self, expression: Any) -> Coefficients:
         """The coefficients of an expression, shape (N,)."""
         import sympy
 
         if expression in self.symbols:
-            return self._constant(0, self.symbols.index(expression))
+            return self._constant(0.0, self.symbols.index(expression))
         if not expression.free_symbols & set(self.symbols):
-            return self._constant(self._number(expression, expression))
+            return self._constant(float(self._value(expression)))
         if isinstance(expression, sympy.Add):
             return reduce(np.add, map(self.series, expression.args))
         if isinstance(expression, sympy.Mul):
             return reduce(self._times, map(self.series, expression.args))
         if isinstance(expression, sympy.Pow):
             return self._power(expression)
-        known = expression.is_Function and expression.func.__name__ in ANALYTIC
-        if known and len(expression.args) == 1:
-            return self._composed(expression.args[0], expression)
-        raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
+        return self._composed(expression, self._function(expression))
+
+    def _function(self, expression: Any) -> Callable[[Any], Any]:
+        """What makes a series of one variable of the argument's series."""
+        name = expression.func.__name__
+        if not expression.is_Function or name not in ANALYTIC or len(expression.args) != 1:
+            raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
+        return FUNCTIONS[name]
 
     def _power(self, expression: Any) -> Coefficients:
         import sympy
@@ -140,19 +146,21 @@ class _Walk:
             exponent = sympy.Integer(int(exponent))
             expression = base**exponent
         if exponent.is_Integer and exponent >= 0:
-            return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1))
+            return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1.0))
         if not exponent.free_symbols & set(self.symbols):
-            if exponent.free_symbols:
-                self._number(exponent, expression)
-            return self._composed(base, expression)
+            value = self._value(exponent)
+            return self._composed(expression, lambda t: t**value)
         return self.series(sympy.exp(exponent * sympy.log(base), evaluate=False))
 
-    def _composed(self, argument: Any, expression: Any) -> Coefficients:
+    def _composed(self, expression: Any, function: Callable[[Any], Any]) -> Coefficients:
         """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
-        centre = argument.subs(dict.fromkeys(self.symbols, 0))
-        if centre.free_symbols:
-            self._number(centre, expression)
-        numbers = self._taylor(centre, expression)
+        argument = expression.args[0]
+        found = coefficients(function, self._value(argument), self.basis.degree)
+        if found is None:
+            raise self._no_series(expression)
+        numbers = [float(number) for number in found]
+        if not np.isfinite(numbers).all():
+            raise self._beyond(expression)
         inner = self.series(argument)
         inner[0] = 0.0
         total = self._constant(numbers[-1])
@@ -161,25 +169,45 @@ class _Walk:
             total[0] += number
         return total
 
-    def _taylor(self, centre: Any, expression: Any) -> list[float]:
-        """The coefficients of g as floats."""
-        degree = len(self.basis.first) - 2
-        value = centre.evalf(degree + DIGITS)
-        try:
-            if not value.is_Float and not value.is_Rational:
-                raise ValueError
-            if expression.is_Pow:
-                found = power(str(expression.exp.evalf(degree + DIGITS)), str(value), degree)
-            else:
-                found = taylor(expression.func.__name__, str(value), degree)
-        except (ValueError, ZeroDivisionError):
-            raise self._no_series(expression) from None
-        numbers = [float(number) for number in found]
-        if not np.isfinite(numbers).all():
-            raise InputError(
-                self.place, f"{_text(expression)} has a coefficient beyond float numbers"
-            )
-        return numbers
+    def _value(self, expression: Any) -> Any:
+        """The value at the origin, a ball; from the inside, as a tower of powers has none."""
+        if expression not in self.values:
+            value = self._of_parts(expression) if expression.args else self._of_leaf(expression)
+            if value is None or not value.is_finite():
+                raise self._no_series(expression)
+            if not abs(value) < LARGEST:
+                raise self._beyond(expression)
+            self.values[expression] = value
+        return self.values[expression]
+
+    def _of_leaf(self, expression: Any) -> Any:
+        from flint import arb, ctx, fmpq
+
+        value = None
+        if expression in self.symbols:
+            value = arb(0)
+        elif expression.is_Symbol:
+            raise InputError(self.place, f"holds {_text(expression)}, which has no value")
+        elif expression.is_Rational:
+            value = arb(fmpq(int(expression.p), int(expression.q)))
+        elif expression.is_Float:
+            value = arb(float(expression))
+        elif expression.is_NumberSymbol:  # pi and E
+            value = arb(str(expression.evalf(ctx.dps)))
+        return value
+
+    def _of_parts(self, expression: Any) -> Any:
+        found = None
+        if expression.is_Add or expression.is_Mul:
+            found = reduce(add if expression.is_Add else mul, map(self._value, expression.args))
+        elif expression.is_Pow:
+            base, exponent = map(self._value, expression.args)
+            found = base**exponent
+        elif expression.is_Function:
+            function = self._function(expression)
+            row = coefficients(function, self._value(expression.args[0]), 0)
+            found = None if row is None else row[0]
+        return found
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
         if next(self.left, None) is None:
@@ -204,22 +232,9 @@ class _Walk:
             row[1 + variable] = 1.0
         return row
 
-    def _number(self, value: Any, expression: Any) -> float:
-        unknown = sorted(map(str, value.free_symbols))
-        if unknown:
-            raise InputError(
-                self.place,
-                f"{_text(expression)} holds {', '.join(unknown)}, which has no value",
-            )
-        if not value.is_finite or not value.is_real:
-            raise self._no_series(expression)
-        try:
-            number = float(value)
-        except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
-            raise self._no_series(expression) from None
-        if not np.isfinite(number):
-            raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
-        return number
-
     def _no_series(self, expression: Any) -> InputError:
         return InputError(self.place, f"{_text(expression)} has no Taylor series at the origin")
+
+    def _beyond(self, expression: Any) -> InputError:
+        said = f"{_text(expression)} has a coefficient beyond floating-point numbers"
+        return InputError(self.place, said)

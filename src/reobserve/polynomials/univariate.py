@@ -1,7 +1,6 @@
 """Taylor coefficients of functions of one argument, by the power series of python-flint.
 
-Coefficients are balls of so many digits that what is left after rounding to floats is right. A
-function that has no real Taylor series at a centre has a coefficient that is not finite.
+A function that has no real Taylor series at a centre has a coefficient that is not finite.
 """
 
 from __future__ import annotations
@@ -9,85 +8,76 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-DIGITS = 60
+DIGITS = 60  # of the balls
+LARGEST = 1e308  # value at a centre
 _SINC_TERMS = 80  # 1 / 80! is below 1e-118
 
 
-def taylor(name: str, centre: str, degree: int) -> list[Any]:
-    """The coefficients of the function ``name`` at a real centre, up to a degree.
+def coefficients(function: Callable[[Any], Any], centre: Any, degree: int) -> list[Any] | None:
+    """The coefficients at a centre up to a degree, all balls; none if one of them is not finite.
 
-    Raises
-    ------
-    ValueError
-        If it has no real Taylor series there.
+    ``function`` takes a series of python-flint to another, as those in `FUNCTIONS` do.
     """
-    return _coefficients(_SERIES[name], centre, degree)
+    from flint import arb, arb_series, ctx
 
-
-def power(exponent: str, centre: str, degree: int) -> list[Any]:
-    """The coefficients of t^exponent at a real centre; `ValueError` if there are none."""
-    return _coefficients(lambda flint, t: t ** flint.arb(exponent), centre, degree)
-
-
-def _coefficients(function: Callable[[Any, Any], Any], centre: str, degree: int) -> list[Any]:
-    import flint
-
-    before = flint.ctx.cap
-    flint.ctx.cap = degree + 1
+    before, ctx.cap = ctx.cap, degree + 1
     try:
-        with flint.ctx.workdps(DIGITS + degree + 10):
-            series = function(flint, flint.arb_series([flint.arb(centre), 1]))
-            found = [series[k] for k in range(degree + 1)]
+        series = function(arb_series([centre, 1]))
+        found = [series[k] for k in range(degree + 1)]
+    except (ValueError, ZeroDivisionError):  # of a quotient
+        return None
     finally:
-        flint.ctx.cap = before
+        ctx.cap = before
     if not all(value.is_finite() for value in found):
-        raise ValueError
-    return [flint.arb(0) if value.contains(0) else value for value in found]
+        return None
+    return [arb(0) if value.contains(0) else value for value in found]
 
 
-def _hyperbolic(flint: Any, t: Any) -> tuple[Any, Any]:
+def _hyperbolic(t: Any) -> tuple[Any, Any]:
     """sinh and cosh; half of exp(t) - exp(-t) would cancel."""
-    degree = flint.ctx.cap - 1
+    from flint import arb, arb_series, ctx
+
     both = t[0].sinh(), t[0].cosh()
-    derivatives = [[both[(k + first) % 2] / flint.arb.fac_ui(k) for k in range(degree + 1)]
-                   for first in (0, 1)]  # fmt: skip
-    return flint.arb_series(derivatives[0]), flint.arb_series(derivatives[1])
+    found = [[both[(k + i) % 2] / arb.fac_ui(k) for k in range(ctx.cap)] for i in (0, 1)]
+    return arb_series(found[0]), arb_series(found[1])
 
 
-def _integral(start: Any, slope: Any) -> Any:
-    return slope.integral() + start
+def _quotient(pair: tuple[Any, Any]) -> Any:
+    return pair[0] / pair[1]
 
 
-def _sinc(flint: Any, t: Any) -> Any:
+def _sinc(t: Any) -> Any:
+    from flint import arb, arb_poly, arb_series, ctx
+
     if abs(t[0]) > 1:
         return t.sin() / t
     # sinc(t) = 1 - t^2 / 3! + t^4 / 5! - ..., as the quotient cancels near zero
-    terms = flint.ctx.cap + _SINC_TERMS
-    alternating = [(1, 0, -1, 0)[k % 4] / flint.arb.fac_ui(k + 1) for k in range(terms)]
-    return flint.arb_series(flint.arb_poly(alternating)(flint.arb_poly([t[0], 1])).coeffs())
+    terms = range(ctx.cap + _SINC_TERMS)
+    near = arb_poly([(1, 0, -1, 0)[k % 4] / arb.fac_ui(k + 1) for k in terms])
+    return arb_series(near(arb_poly([t[0], 1])).coeffs())
 
 
-_SERIES: dict[str, Callable[[Any, Any], Any]] = {
-    "exp": lambda _, t: t.exp(),
-    "log": lambda _, t: t.log(),
-    "sin": lambda _, t: t.sin(),
-    "cos": lambda _, t: t.cos(),
-    "tan": lambda _, t: t.tan(),
-    "cot": lambda _, t: t.cos() / t.sin(),
-    "sec": lambda _, t: 1 / t.cos(),
-    "csc": lambda _, t: 1 / t.sin(),
-    "asin": lambda _, t: t.asin(),
-    "acos": lambda _, t: t.acos(),
-    "atan": lambda _, t: t.atan(),
-    "sinh": lambda flint, t: _hyperbolic(flint, t)[0],
-    "cosh": lambda flint, t: _hyperbolic(flint, t)[1],
-    "tanh": lambda flint, t: _hyperbolic(flint, t)[0] / _hyperbolic(flint, t)[1],
-    "coth": lambda flint, t: _hyperbolic(flint, t)[1] / _hyperbolic(flint, t)[0],
-    "sech": lambda flint, t: 1 / _hyperbolic(flint, t)[1],
-    "csch": lambda flint, t: 1 / _hyperbolic(flint, t)[0],
-    "asinh": lambda _, t: _integral(t[0].asinh(), (1 + t * t).rsqrt()),
-    "acosh": lambda _, t: _integral(t[0].acosh(), (t * t - 1).rsqrt()),
-    "atanh": lambda _, t: _integral(t[0].atanh(), 1 / (1 - t * t)),
-    "erf": lambda _, t: t.erf(),
+FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    "exp": lambda t: t.exp(),
+    "log": lambda t: t.log(),
+    "sin": lambda t: t.sin(),
+    "cos": lambda t: t.cos(),
+    "tan": lambda t: t.tan(),
+    "cot": lambda t: t.cos() / t.sin(),
+    "sec": lambda t: 1 / t.cos(),
+    "csc": lambda t: 1 / t.sin(),
+    "asin": lambda t: t.asin(),
+    "acos": lambda t: t.acos(),
+    "atan": lambda t: t.atan(),
+    "sinh": lambda t: _hyperbolic(t)[0],
+    "cosh": lambda t: _hyperbolic(t)[1],
+    "tanh": lambda t: _quotient(_hyperbolic(t)),
+    "coth": lambda t: _quotient(_hyperbolic(t)[::-1]),
+    "sech": lambda t: 1 / _hyperbolic(t)[1],
+    "csch": lambda t: 1 / _hyperbolic(t)[0],
+    "asinh": lambda t: (1 + t * t).rsqrt().integral() + t[0].asinh(),
+    "acosh": lambda t: (t * t - 1).rsqrt().integral() + t[0].acosh(),
+    "atanh": lambda t: (1 / (1 - t * t)).integral() + t[0].atanh(),
+    "erf": lambda t: t.erf(),
     "sinc": _sinc,
 }

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -34,9 +34,13 @@ class Functions(NamedTuple):
 
 
 class FlowWork(NamedTuple):
-    """Scratch: x and slopes (n,), values (4, n or m); Jacobians (n, n) and (m, n), also flat."""
+    """Scratch: points and slopes (n,), values (4, n or m), Jacobians (n, n) and (m, n), also flat.
+
+    It is made in Python: to compile the allocation of arrays takes seconds.
+    """
 
     point: Array
+    stage_point: Array
     slope: Array
     total: Array
     values: Array
@@ -44,20 +48,20 @@ class FlowWork(NamedTuple):
     A_flat: Array
     C: Array
     C_flat: Array
+    sensitivity: Array
     stage: Array
     slopes: Array
     totals: Array
 
 
-@inlined_kernel
 def new_flow_work(states: int, outputs: int) -> FlowWork:
     """Scratch for a model of this size."""
     n, m = states, outputs
-    A_flat, C_flat = np.empty(n * n), np.empty(m * n)
+    A, C = np.empty((n, n)), np.empty((m, n))
+    vectors, squares = np.empty((4, n)), np.empty((4, n, n))
     return FlowWork(
-        np.empty(n), np.empty(n), np.empty(n), np.empty((4, max(n, m))),
-        A_flat.reshape((n, n)), A_flat, C_flat.reshape((m, n)), C_flat,
-        np.empty((n, n)), np.empty((n, n)), np.empty((n, n)),
+        vectors[0], vectors[1], vectors[2], vectors[3], np.empty((4, max(n, m))),
+        A, A.reshape(-1), C, C.reshape(-1), squares[0], squares[1], squares[2], squares[3],
     )  # fmt: skip
 
 
@@ -133,39 +137,55 @@ def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: 
         call(functions.f, (x, u, out))
         return
     h, slope, total = functions.step, work.slope, work.total
-    stage_point, stage = np.empty(n), work.stage
-    sensitivity, slopes, totals = np.eye(n), work.slopes, work.totals
     for i in range(n):
         out[i] = x[i]
+        for j in range(n):
+            work.sensitivity[i, j] = 1.0 if i == j else 0.0
     for _ in range(functions.substeps):
-        for i in range(n):
-            slope[i] = total[i] = 0.0
-            for j in range(n):
-                slopes[i, j] = totals[i, j] = 0.0
-        for one in range(4):
-            ahead = (0.0, 0.5 * h, 0.5 * h, h)[one]
-            weight = (1.0, 2.0, 2.0, 1.0)[one]
-            for i in range(n):
-                stage_point[i] = out[i] + ahead * slope[i]
-                for j in range(n):
-                    stage[i, j] = sensitivity[i, j] + ahead * slopes[i, j]
+        clear(slope, total, work.slopes, work.totals)
+        for stage in range(4):
+            ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
+            weight = (1.0, 2.0, 2.0, 1.0)[stage]
+            advance(out, work.sensitivity, ahead, slope, work.slopes, work.stage_point, work.stage)
             jacobian(
-                functions.f, functions.F, functions.F_given, functions.scale, stage_point, u,
+                functions.f, functions.F, functions.F_given, functions.scale, work.stage_point, u,
                 work.A_flat, work,
             )  # fmt: skip
-            call(functions.f, (stage_point, u, slope))
-            for i in range(n):
-                total[i] += weight * slope[i]
-                for j in range(n):
-                    # S' = F S
-                    slopes[i, j] = 0.0
-                    for k in range(n):
-                        slopes[i, j] += work.A[i, k] * stage[k, j]
-                    totals[i, j] += weight * slopes[i, j]
-        for i in range(n):
-            out[i] += h / 6.0 * total[i]
-            for j in range(n):
-                sensitivity[i, j] += h / 6.0 * totals[i, j]
+            call(functions.f, (work.stage_point, u, slope))
+            multiply(work.A, work.stage, work.slopes)
+            advance(total, work.totals, weight, slope, work.slopes, total, work.totals)
+        advance(out, work.sensitivity, h / 6.0, total, work.totals, out, work.sensitivity)
     for i in range(n):
         for j in range(n):
-            work.A[i, j] = sensitivity[i, j]
+            work.A[i, j] = work.sensitivity[i, j]
+
+
+@kernel
+def clear(x: Array, y: Array, X: Array, Y: Array) -> None:
+    """Write zeros to two vectors and two matrices."""
+    for i in range(len(x)):
+        x[i] = y[i] = 0.0
+        for j in range(len(x)):
+            X[i, j] = Y[i, j] = 0.0
+
+
+@kernel
+def advance(
+    x: Array, X: Array, h: float, slope: Array, slopes: Array, out: Array, outs: Array
+) -> None:
+    """Write x + h slope of a vector and a matrix."""
+    for i in range(len(x)):
+        out[i] = x[i] + h * slope[i]
+        for j in range(len(x)):
+            outs[i, j] = X[i, j] + h * slopes[i, j]
+
+
+@kernel
+def multiply(A: Array, S: Array, out: Array) -> None:
+    """Write A S."""
+    for i in range(len(A)):
+        for j in range(len(A)):
+            total = 0.0
+            for k in range(len(A)):
+                total += A[i, k] * S[k, j]
+            out[i, j] = total

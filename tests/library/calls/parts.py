@@ -11,7 +11,8 @@ import numpy as np
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
-from reobserve.estimation.designs.file import kind_of, load_design, save_design
+from reobserve.estimation.families import family
+from reobserve.estimation.families.file import load_design, save_design
 from reobserve.papers.ilo.theorem import certify, theorem1
 from reobserve.papers.lie.floquet import limit_cycle
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
@@ -21,7 +22,6 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
-from reobserve.signals.input_history import InputHistory
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Channel
 from reobserve.synthesis.ilo_error_system import LearningLaw
@@ -53,10 +53,7 @@ def _basics() -> Iterator[Call]:
 
 def _models() -> Iterator[Call]:
     time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
-    samples = np.column_stack([np.sin(time), np.cos(time)])
-    history = InputHistory(0.02, samples, samples)
     yield from called({
-        "signals.input_history.InputHistory": (0.02, samples, samples),
         "signals.inputs.Signal.parse": ("fault", TERMS, 1),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
@@ -68,9 +65,6 @@ def _models() -> Iterator[Call]:
         "systems.polynomial.PolynomialSystem": (system.dynamics, system.output),
         "systems.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
     })  # fmt: skip
-    yield method(history, "at", [0.0, 0.05])
-    yield method(history, "latest", 3)
-    yield method(history, "followed_by", samples, samples)
     yield method(signal(), "__call__", time)
     yield method(signal(), "check_grid", "fault", 0.01, 1.0)
     for term in TERMS:  # each value of a term by itself
@@ -171,7 +165,7 @@ def _synthesis() -> Iterator[Call]:
 
 def _designs() -> Iterator[Call]:
     system, found = models.augmented(), models.gains()
-    kind: Any = kind_of("luenberger")
+    kind: Any = family("luenberger")
     path = Path(mkdtemp()) / "design.json"
     save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
     matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
@@ -186,8 +180,8 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.pi.design_feasible": (system, 1.0),
         "synthesis.extended_state.pd_pi.design": (system, 1.05),
         "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
-        "estimation.designs.file.load_design": (path,),
-        "estimation.designs.file.save_design": (Path("again.json"), load_design(path)),
-        "estimation.designs.file.kind_of": ("luenberger",),
-        "estimation.designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+        "estimation.families.file.load_design": (path,),
+        "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
+        "estimation.families.family": ("luenberger",),
+        "estimation.families.poles.as_pole_list": ("poles", [-2, "-1+3j", "-1-3j"]),
     })  # fmt: skip

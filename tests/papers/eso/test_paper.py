@@ -236,7 +236,7 @@ def test_either_observer_is_designed_by_either_criterion() -> None:
 
 
 def by_hand(found: Series, gains: Gains, rate: float) -> Run[State]:
-    observer = ExtendedStateObserver(dc_motor(Az=rate), 1e-3, gains)
+    observer = ExtendedStateObserver(dc_motor(Az=rate), gains, sampling_period=1e-3)
     y, u = found["output"], found["control"][:, None]
     before = found["output_before"][::2], found["control_before"][::2, None]
     middle = np.insert(y[1::2], 0, 9.0, axis=0), np.insert(u[1::2], 0, 9.0, axis=0)

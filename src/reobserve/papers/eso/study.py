@@ -59,7 +59,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
     with located(f"study.{body.name} at {choice} {level:g}"):
         found = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
-    observer = ExtendedStateObserver(system, 2.0 * clean.step, found.gains)
+    observer = ExtendedStateObserver(system, found.gains, sampling_period=2.0 * clean.step)
     run = run_on(observer, clean)
     estimate = Series(
         clean.time[::2],

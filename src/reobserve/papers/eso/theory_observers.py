@@ -157,7 +157,7 @@ def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Seri
 
 def _controller_effect(system: AugmentedSystem, gains: Gains, records: list[Series]) -> list[float]:
     """The largest difference between the estimates of both faults from two records."""
-    observer = ExtendedStateObserver(system, 2.0 * records[0].step, gains)
+    observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * records[0].step)
     runs = [run_on(observer, record) for record in records]
     one, two = (np.hstack([run["actuator_fault"], run["sensor_fault"]]) for run in runs)
     return [float(value) for value in np.abs(one - two).max(axis=0)]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
 from reobserve.core.matrices import (
     Matrix,
     as_floats,
@@ -17,6 +18,7 @@ from reobserve.core.matrices import (
 )
 
 
+@finite("rate_bound")
 def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
     """The one-sided constant (J_max - J_min) / 2 * max |w| [N m s].
 

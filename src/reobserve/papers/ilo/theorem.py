@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
 from reobserve.core.matrices import (
     Matrix,
     as_matrix,
@@ -39,6 +40,7 @@ def _alphas(gamma1: float, gamma2: float, gamma3: float) -> tuple[float, float, 
     return 1 + gamma1 + gamma2, 1 + gamma3 + 1 / gamma1, 1 + 1 / gamma2 + 1 / gamma3
 
 
+@finite("delayed_error, rate_error, mismatch")
 def lemma1_sides(
     delayed_error: ArrayLike,
     rate_error: ArrayLike,
@@ -104,6 +106,7 @@ class Theorem1:
         return self.rate_condition and self.learning_condition
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def theorem1(
     damping: ArrayLike,
     fault_matrix: ArrayLike,
@@ -228,6 +231,7 @@ class Certificate:
     reason: str
 
 
+@np.errstate(all="ignore")  # what is not finite is refused, or no weight
 def certify(
     damping: ArrayLike,
     fault_matrix: ArrayLike,
@@ -339,6 +343,7 @@ class Bound18:
     ratio: float
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def bound18(
     theorem: Theorem1,
     rate_error: ArrayLike,
@@ -376,5 +381,7 @@ def bound18(
     errors = as_rows("error", error, rates)
     density = theorem.epsilon1 * np.sum(rates**2, axis=1) + theorem.rho1 * np.sum(errors**2, axis=1)
     left = float(np.trapezoid(density)) / (len(density) - 1)
-    right = theorem.epsilon3 * k_d**2 + initial_value / duration
+    right = theorem.epsilon3 * k_d * k_d + initial_value / duration
+    if not np.isfinite([left, right]).all():
+        raise InputError("rate_error, error, k_d", "have squares beyond floating-point numbers")
     return Bound18(left, right, right / left if left > 0 else float("inf"))

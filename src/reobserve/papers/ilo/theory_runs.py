@@ -88,8 +88,9 @@ def _slowed(bench: Bench, factor: float) -> float:
     start = quick.init(observer.initial_rate, observer.initial_fault)
     state = run_on_halves(quick, rate[: change + 1], control[: change + 1], state=start).state
     slow = SampledILO(
-        quick.model, quick.sampling_period, observer.K1, observer.K2, observer.damping,
+        quick.model, observer.K1, observer.K2, observer.damping,
         factor * observer.update_interval, allow_unstable=True,
+        sampling_period=quick.sampling_period,
     )  # fmt: skip
     run = run_on_halves(
         slow, rate[change:], control[change:],

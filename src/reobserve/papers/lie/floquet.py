@@ -41,6 +41,7 @@ class LimitCycle:
         return found
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a state that is not finite leads to none
 def limit_cycle(system: PolynomialSystem, initial_state: ArrayLike, settle: float) -> LimitCycle:
     """The limit cycle that a trajectory has come to after ``settle`` seconds.
 

@@ -42,7 +42,9 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     for gain in GAINS:
         for order in study.orders:
             with located("studies.orders"):
-                observer = IdentityObserver(form, model.sampling_period, order, gain)
+                observer = IdentityObserver(
+                    form, order, gain, sampling_period=model.sampling_period
+                )
             rows += _errors(job, plant, gain, order, observer, model.initial_estimate)
             rows.append(_exponent(cycle, where, form, gain, order, gain))
     for name, body in observers.items():
