@@ -141,6 +141,8 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
     ),
-    "luenberger": motor(lambda: ro.luenberger(motor_model(), np.exp(PERIOD * np.array([-70.0, -50.0])))),
+    "luenberger": motor(
+        lambda: ro.luenberger(motor_model(), np.exp(PERIOD * np.array([-70.0, -50.0])))
+    ),
     "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip
