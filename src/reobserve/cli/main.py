@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from reobserve.cli.designs import add_designs
-from reobserve.cli.estimation import add_own_data
+from reobserve.cli.estimation import add_estimate
 from reobserve.cli.evidence import add_evidence
 from reobserve.cli.overview import add_overview
 from reobserve.cli.stage_commands import add_stages
@@ -110,7 +110,7 @@ def command_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)
     add_overview(commands)
-    add_own_data(commands)
+    add_estimate(commands)
     add_evidence(commands)
     add_stages(commands)
     return parser
