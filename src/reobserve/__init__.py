@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reobserve.core.errors import DivergenceError, InputError
-    from reobserve.estimation.designs.loading import load_design
+    from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
     from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+    from reobserve.observers.extended_kalman import ExtendedKalmanFilter
     from reobserve.observers.extended_state import ExtendedStateObserver
     from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
     from reobserve.observers.high_gain import HighGainObserver
@@ -27,8 +28,11 @@ if TYPE_CHECKING:
     from reobserve.observers.normal_form_transformed import TransformedObserver
     from reobserve.observers.run import Estimate, Run
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+    from reobserve.observers.smoother import rts_smoother
+    from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
     from reobserve.replication.replicate import replicate
     from reobserve.systems.linear import LinearModel
+    from reobserve.systems.nonlinear import NonlinearModel
     from reobserve.systems.polynomial import PolynomialSystem
     from reobserve.systems.rigid_body import RigidBody
     from reobserve.systems.triangular import TriangularModel
@@ -41,6 +45,7 @@ __all__ = [
     "DivergenceError",
     "Estimate",
     "ExtendedHighGainObserver",
+    "ExtendedKalmanFilter",
     "ExtendedStateObserver",
     "FixedGainObserver",
     "HighGainObserver",
@@ -49,6 +54,7 @@ __all__ = [
     "KalmanFilter",
     "LevantDifferentiator",
     "LinearModel",
+    "NonlinearModel",
     "PolynomialSystem",
     "RigidBody",
     "Run",
@@ -56,23 +62,27 @@ __all__ = [
     "SmoothVariableStructureFilter",
     "TransformedObserver",
     "TriangularModel",
+    "UnscentedKalmanFilter",
     "load_design",
     "luenberger",
     "normal_form_observer",
     "replicate",
+    "rts_smoother",
     "steady_kalman",
 ]
 
 _HOMES = {
-    "estimation.designs.loading": ("load_design",),
+    "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),
+    "systems.nonlinear": ("NonlinearModel",),
     "systems.polynomial": ("PolynomialSystem",),
     "systems.rigid_body": ("RigidBody",),
     "systems.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
     "observers.augmented_kalman": ("AugmentedKalmanFilter",),
     "observers.extended_high_gain": ("ExtendedHighGainObserver",),
+    "observers.extended_kalman": ("ExtendedKalmanFilter",),
     "observers.extended_state": ("ExtendedStateObserver",),
     "observers.fixed_gain": ("FixedGainObserver", "luenberger", "steady_kalman"),
     "observers.high_gain": ("HighGainObserver",),
@@ -86,6 +96,8 @@ _HOMES = {
     "observers.normal_form_transformed": ("TransformedObserver",),
     "observers.run": ("Estimate", "Run"),
     "observers.smooth_variable_structure": ("SmoothVariableStructureFilter",),
+    "observers.smoother": ("rts_smoother",),
+    "observers.unscented_kalman": ("UnscentedKalmanFilter",),
     "replication.replicate": ("replicate",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reobserve.core.documents import parse_yaml, read_yaml
-from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.replication.prepare import load_parameters
 from reobserve.signals.inputs import Signal
 
@@ -97,14 +97,14 @@ def paper_design(paper: str) -> Reader:
     return Reader("in.json", read, json.loads(valid.design(paper, design).read_bytes()))
 
 
-def user_design(kind: str) -> Reader:
-    line = words("export", "in.json", "--to", "c", "--out", "code")
+def user_design(kind: str, to: str) -> Reader:
+    line = words("export", "in.json", "--to", to, "--out", "code")
     return Reader("in.json", line, json.loads(valid.saved_design(kind)))
 
 
 def user_model(kind: str) -> Reader:
     line = words("design", kind, "in.yaml", "--out", "out.json")
-    return Reader("in.yaml", line, parse_yaml(kind_of(kind).example, "in.yaml"))
+    return Reader("in.yaml", line, parse_yaml(family(kind).example, "in.yaml"))
 
 
 def specification(name: str) -> Reader:
@@ -169,8 +169,8 @@ def record(name: str) -> dict[str, bytes]:
     return {"r.csv": valid.csv_record(name)}
 
 
-EXAMPLES = ("kalman", "levant", "eso", "pi", "fixed-gain", "svsf")
-QUICK = [kind for kind in KINDS if kind != "eso"]  # others take a solver seconds
+EXAMPLES = ("kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf")
+QUICK = [kind for kind in FAMILIES if kind != "eso"]  # others take a solver seconds
 READERS: dict[Callable[..., Reader], list[Any]] = {
     parameter_file: [*valid.PAPERS],
     checked_file: ["eso"],
@@ -180,7 +180,7 @@ READERS: dict[Callable[..., Reader], list[Any]] = {
     equations: [],
     stored_parameters: [*valid.PAPERS],
     paper_design: ["lie", "eso"],
-    user_design: QUICK,
+    user_design: [(kind, to) for kind in QUICK for to in ("c", "python", "latex", "json")],
     user_model: QUICK,
     specification: [*EXAMPLES],
     estimated_record: [*EXAMPLES],

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from reobserve.codegen import c_code, c_test
-from reobserve.codegen.program_of import program_of
 from reobserve.codegen.record import test_run as run_record
 from reobserve.core.errors import InputError
+from reobserve.estimation.families.program import program_of
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.plants.pendulum import pendulum
 from reobserve.systems.triangular_text import triangular_model
@@ -144,10 +144,12 @@ def test_c_tells_that_it_left_the_range_of_numbers(folder: Path) -> None:
 
 
 def test_an_observer_whose_steps_are_not_fixed_is_refused_with_the_reason() -> None:
-    high_gain = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 0.01, 10.0)
+    high_gain = HighGainObserver(pendulum(9.81, 0.5, 0.2, 0.3), 10.0, sampling_period=0.01)
     with pytest.raises(InputError, match=r"a model of compiled functions cannot be exported"):
         program_of(high_gain, high_gain.init([0.0, 0.0]))
-    cases_of_text = HighGainObserver(triangular_model(["a"], ["sinc(a)"], "1"), 0.01, 10.0)
+    cases_of_text = HighGainObserver(
+        triangular_model(["a"], ["sinc(a)"], "1"), 10.0, sampling_period=0.01
+    )
     with pytest.raises(InputError, match=r"a model with sinc cannot be exported: write sin"):
         program_of(cases_of_text, cases_of_text.init([0.0]))
     with pytest.raises(InputError, match="the gain composed cannot be exported, only series"):

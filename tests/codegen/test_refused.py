@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.codegen.program_of import program_of
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.export_command import exported, run
+from reobserve.estimation.families.export_command import exported, run
+from reobserve.estimation.families.program import program_of
 from reobserve.observers.kalman import KalmanFilter
 from tests.codegen import cases
 

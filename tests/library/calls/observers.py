@@ -137,16 +137,16 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "synthesis.linear.steady_kalman_gain": (model,),
-        "synthesis.linear.hidden_modes": (model.A, model.H),
-        "synthesis.linear.undetectable_modes": (model.A, model.H),
+        "synthesis.linear.hidden_modes": (model.A, model.C),
+        "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
-        "observers.innovation_tests.cusum": (y[:, 0], 0.5),
-        "observers.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "papers.imm.innovation_tests.cusum": (y[:, 0], 0.5),
+        "papers.imm.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
-        "synthesis.linear.place": (model.A, model.H, [0.5, 0.6]),
+        "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
     }, COMPLEX)  # fmt: skip
 
 

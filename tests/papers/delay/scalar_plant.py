@@ -97,15 +97,15 @@ def run(
 
 
 def least_squares(h: float, covariance: float, forgetting: float) -> LeastSquaresDelayEstimator:
-    return LeastSquaresDelayEstimator(A, B, BOUNDS, h, covariance, forgetting)
+    return LeastSquaresDelayEstimator(A, B, BOUNDS, covariance, forgetting, sampling_period=h)
 
 
 def adaptive(h: float, k: float, forgetting: float, gain: float) -> AdaptiveDelayEstimator:
-    return AdaptiveDelayEstimator(A, B, BOUNDS, h, k, forgetting, gain)
+    return AdaptiveDelayEstimator(A, B, BOUNDS, k, forgetting, gain, sampling_period=h)
 
 
 def relay(h: float, gain: float, on: str) -> VariableStructureDelayEstimator:
-    return VariableStructureDelayEstimator(A, B, BOUNDS, h, gain, on)
+    return VariableStructureDelayEstimator(A, B, BOUNDS, gain, on, sampling_period=h)
 
 
 FAST = Input(0.7)

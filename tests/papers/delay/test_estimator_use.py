@@ -72,7 +72,7 @@ def test_streaming_gives_the_bits_of_a_batch(kind: str) -> None:
 
 
 def test_least_squares_winds_up_at_rest_and_says_when() -> None:
-    estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, 100.0)
+    estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 1.0, 100.0, sampling_period=0.01)
     still = np.tile([1.0, 0.0], (2001, 1))
     output = 1 - np.exp(-half_steps(0.01, 10.0)[:, None]) * 0.5
     state = estimator.init(0.4, 0.3, np.tile([1.0, 0.0], (151, 1)))
@@ -201,7 +201,9 @@ def rms_in_the_windows(estimator: DelayEstimator) -> list[float]:
 def test_least_squares_falls_asleep_unless_it_forgets(
     forgetting: float, expected: list[float]
 ) -> None:
-    estimator = LeastSquaresDelayEstimator(1.0, 1.0, BOUNDS, 0.005, 1000.0, forgetting)
+    estimator = LeastSquaresDelayEstimator(
+        1.0, 1.0, BOUNDS, 1000.0, forgetting, sampling_period=0.005
+    )
     assert np.allclose(rms_in_the_windows(estimator), expected, rtol=0, atol=1e-4)
 
 
@@ -209,7 +211,7 @@ def test_least_squares_falls_asleep_unless_it_forgets(
 def test_the_adaptive_law_has_no_bias_and_tracks_as_it_is_tuned(
     fade: float, gain: float, varying: float
 ) -> None:
-    estimator = AdaptiveDelayEstimator(1.0, 1.0, BOUNDS, 0.005, 0.01, fade, gain)
+    estimator = AdaptiveDelayEstimator(1.0, 1.0, BOUNDS, 0.01, fade, gain, sampling_period=0.005)
     *still, moving = rms_in_the_windows(estimator)
     assert max(still) < 1e-5
     assert moving == pytest.approx(varying, abs=1e-4)

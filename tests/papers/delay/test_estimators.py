@@ -280,7 +280,7 @@ def test_a_relay_that_outruns_the_singular_instant_can_lose_the_delay(on: str, s
 
 @cache
 def scenario(on: str) -> tuple[Array, Array, Array]:
-    estimator = VariableStructureDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, on)
+    estimator = VariableStructureDelayEstimator(1.0, 1.0, BOUNDS, 1.0, on, sampling_period=0.01)
     return record(estimator, Input(), paper_delay, 120.0)
 
 

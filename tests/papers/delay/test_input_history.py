@@ -23,7 +23,7 @@ def grid(step: float, steps: int) -> Array:
 
 def history(step: float, steps: int) -> InputHistory:
     samples = sine(grid(step, steps))
-    return InputHistory(step, samples, samples)
+    return InputHistory(samples, samples, sampling_period=step)
 
 
 def test_orders_six_and_five() -> None:
@@ -42,7 +42,9 @@ def test_a_polynomial_of_degree_five_is_exact() -> None:
     samples = np.stack([p(time), p.deriv()(time)], axis=1)
     ago = np.linspace(0, 2, 101)
     expected = np.stack([p(-ago), p.deriv()(-ago)], axis=1)
-    assert np.allclose(InputHistory(0.5, samples, samples).at(ago), expected, rtol=0, atol=1e-12)
+    assert np.allclose(
+        InputHistory(samples, samples, sampling_period=0.5).at(ago), expected, rtol=0, atol=1e-12
+    )
 
 
 def test_samples_are_met() -> None:
@@ -55,14 +57,14 @@ def test_a_jump_between_steps_is_sharp() -> None:
     time = grid(0.25, 8)
     right = np.where(time[:, None] >= -1, np.stack([2 + time, np.ones_like(time)], axis=1), 0.0)
     left = np.where(time[:, None] > -1, right, 0.0)
-    past = InputHistory(0.25, right, left)
+    past = InputHistory(right, left, sampling_period=0.25)
     ago = np.array([1.9, 1.2, 1.0 + 1e-9, 1.0, 1 - 1e-9, 0.9, 0.01])
     after = np.stack([2 - ago, np.ones_like(ago)], axis=1)
     assert np.allclose(past.at(ago), np.where(ago[:, None] > 1, 0.0, after), rtol=0, atol=1e-13)
 
 
 def test_joined_histories_keep_the_limits_at_the_seam() -> None:
-    early = InputHistory(1.0, np.zeros((5, 2)), np.zeros((5, 2)))
+    early = InputHistory(np.zeros((5, 2)), np.zeros((5, 2)), sampling_period=1.0)
     late = np.tile([1.0, 0.0], (3, 1))
     both = early.followed_by(late, late)
     assert both.steps == 3
@@ -99,14 +101,14 @@ def test_wrong_samples_are_refused() -> None:
     good, bad = np.zeros((5, 2)), np.zeros((5, 2))
     bad[3, 1] = np.nan
     with pytest.raises(InputError, match=r"^right: sample 3 is \[0.0, nan\], must be finite"):
-        InputHistory(1.0, bad, good)
+        InputHistory(bad, good, sampling_period=1.0)
     with pytest.raises(InputError, match=r"^left: has 7 rows, must have 5 like right"):
-        InputHistory(1.0, good, np.zeros((7, 2)))
+        InputHistory(good, np.zeros((7, 2)), sampling_period=1.0)
     with pytest.raises(InputError, match=r"^right: has shape \(4, 2\), must have an odd number"):
-        InputHistory(1.0, np.zeros((4, 2)), good)
+        InputHistory(np.zeros((4, 2)), good, sampling_period=1.0)
     with pytest.raises(InputError, match=r"^sampling_period: 0 must be greater than zero"):
-        InputHistory(0.0, good, good)
-    past = InputHistory(1.0, good, good)
+        InputHistory(good, good, sampling_period=0.0)
+    past = InputHistory(good, good, sampling_period=1.0)
     with pytest.raises(InputError, match=r"^steps: 3 must be from 1 to the 2 that there are"):
         past.latest(3)
     for ago in ([-0.1], [2.1], 1.0):
@@ -119,7 +121,7 @@ def test_a_halved_history_has_the_same_polynomials_and_jumps() -> None:
     right = draw.normal(size=(13, 2))
     left = right.copy()
     left[4] += 1.0  # it jumps where the second step ends
-    history = InputHistory(0.1, right, left)
+    history = InputHistory(right, left, sampling_period=0.1)
     finer = history.halved()
     assert (finer.steps, finer.sampling_period) == (12, 0.05)
     ago = np.linspace(0.0, 0.6, 173)

@@ -49,7 +49,7 @@ def bank(observer: IMM, state: State) -> Program:
     innovations = program.local("innovations", (r, p))
     with program.for_each("mode", r) as j:
         e, log_likelihood = linear.correct(
-            program, _mode(models, j), means[j], covariances[j], inputs.held,
+            program, _mode(models, j), means[j], covariances[j],
             None if switching is None else switching.of(j), None if errors is None else errors[j],
         )  # fmt: skip
         program.let(likelihoods[j], log_likelihood)
@@ -88,7 +88,7 @@ def _models(program: Program, filters: list[LinearFilter]) -> dict[str, Name]:
     """The matrices of all modes, one behind the other; no B or D where all are zero."""
     stacks = {
         name: np.array([getattr(one.model.arrays, name) for one in filters])
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
     }
     return {
         name: program.constant(name, stack)
@@ -99,7 +99,7 @@ def _models(program: Program, filters: list[LinearFilter]) -> dict[str, Name]:
 
 def _mode(models: dict[str, Name], j: str) -> Matrices:
     own = {name: whole[j] for name, whole in models.items()}
-    return Matrices(own["A"], own.get("B"), own["H"], own.get("D"), own["Q"], own["R"])
+    return Matrices(own["A"], own.get("B"), own["C"], own.get("D"), own["Q"], own["R"])
 
 
 def _mixing(program: Program, chain: Name, log_mu: Name, predicted: Name) -> Name:

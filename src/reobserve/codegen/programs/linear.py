@@ -29,7 +29,7 @@ class Matrices:
 
     A: Name
     B: Name | None
-    H: Name
+    C: Name
     D: Name | None
     Q: Name | None
     R: Name | None
@@ -40,11 +40,11 @@ def matrices(program: Program, model: LinearModel, *, noise: bool = True) -> Mat
     arrays = model.arrays
     names = {
         name: program.constant(name, getattr(arrays, name))
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
         if (noise or name not in "QR") and (name not in "BD" or getattr(arrays, name).any())
     }
     return Matrices(
-        names["A"], names.get("B"), names["H"], names.get("D"), names.get("Q"), names.get("R")
+        names["A"], names.get("B"), names["C"], names.get("D"), names.get("Q"), names.get("R")
     )
 
 
@@ -77,7 +77,7 @@ class Inputs:
 
 
 def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
-    """x <- A x + B u, x <- x + L (y - H x - D u)."""
+    """x <- A x + B u, x <- x + L (y - C x - D u)."""
     model = observer.model
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
     m = matrices(program, model, noise=False)
@@ -86,7 +86,7 @@ def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
     inputs = Inputs(program, model, state)
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))
-    e, _ = innovation(program, m, x, inputs.held)
+    e, _ = innovation(program, m, x)
     program.let(x, x + L @ e)
     estimate_innovation(program, e)
     program.estimate("state", x)
@@ -127,7 +127,7 @@ def _filter(
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))
         program.let(P, predicted_covariance(m, P), symmetric=True)
-    e, log_likelihood = correct(program, m, x, P, inputs.held, switching, error)
+    e, log_likelihood = correct(program, m, x, P, switching, error)
     estimate_innovation(program, e)
     variance = diagonal(program, P)
     program.estimate_part("state", x, 0, split or n)
@@ -159,10 +159,10 @@ def predicted_covariance(m: Matrices, P: Name) -> Expression:
     return m.A @ P @ m.A.T + m.Q
 
 
-def innovation(program: Program, m: Matrices, x: Name, held: Name | None) -> tuple[Name, Name]:
+def innovation(program: Program, m: Matrices, x: Name) -> tuple[Name, Name]:
     """The innovation, zero where a measurement is missing, and ones where it is not."""
     p = program.measurements
-    e = program.let(program.local("e", (p,)), _error(program, m, x, held))
+    e = program.let(program.local("e", (p,)), _error(program, m, x))
     valid = program.local("valid", (p,))
     with program.for_each("row", p) as row:
         program.flag(valid[row], f"!isnan({e[row]})")
@@ -171,10 +171,10 @@ def innovation(program: Program, m: Matrices, x: Name, held: Name | None) -> tup
     return e, valid
 
 
-def _error(program: Program, m: Matrices, x: Name, held: Name | None) -> Expression:
-    """y - H x - D u."""
-    error = program.y - m.H @ x
-    return error if held is None or m.D is None else error - m.D @ held
+def _error(program: Program, m: Matrices, x: Name) -> Expression:
+    """y - C x - D u."""
+    error = program.y - m.C @ x
+    return error if m.D is None else error - m.D @ program.u
 
 
 def estimate_innovation(program: Program, e: Name) -> None:
@@ -187,7 +187,7 @@ def estimate_innovation(program: Program, e: Name) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """The gain function of an SVSF: gamma, psi and H^+, or no such inverse where P weighs it."""
+    """The gain function of an SVSF: gamma, psi and C^+, or no such inverse where P weighs it."""
 
     rate: Name
     layer: Name
@@ -211,7 +211,7 @@ def switching_constants(
     layer = constant("layer", [one.boundary_layer for one in filters])
     if filters[0].inverse == "weighted":
         return Switching(rate, layer, None)
-    inverses = [np.linalg.pinv(one.model.arrays.H) for one in filters]
+    inverses = [np.linalg.pinv(one.model.arrays.C) for one in filters]
     return Switching(rate, layer, constant("H_inverse", inverses))
 
 
@@ -220,17 +220,16 @@ def correct(
     m: Matrices,
     x: Name,
     P: Name,
-    held: Name | None,
     switching: Switching | None,
     error: Name | None,
 ) -> tuple[Name, Name]:
     """Correct mean and covariance in place; return the innovation and its log-likelihood."""
     assert m.R is not None
     n, p = x.shape[0], program.measurements
-    e, valid = innovation(program, m, x, held)
-    # S = H P H' + R, with a row and column of the identity for what is missing
-    C = program.let(program.local("C", (n, p)), P @ m.H.T)
-    S = program.let(program.local("S", (p, p)), m.H @ C + m.R)
+    e, valid = innovation(program, m, x)
+    # S = C P C' + R, with a row and column of the identity for what is missing
+    PC = program.let(program.local("PC", (n, p)), P @ m.C.T)
+    S = program.let(program.local("S", (p, p)), m.C @ PC + m.R)
     with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
         with program.for_each("column", p) as column:
             program.let(S[row, column], ZERO)
@@ -239,36 +238,36 @@ def correct(
     L, K = program.local("L", (p, p)), program.local("K", (n, p))
     program.cholesky(L, S)
     if switching is None:
-        program.solve_right(K, C, L)  # K = P H' S^-1
+        program.solve_right(K, PC, L)  # K = P C' S^-1
     else:
         assert error is not None
-        _switching_gain(program, m, C, e, error, switching, K)
+        _switching_gain(program, m, PC, e, error, switching, K)
     with program.for_each("row", n) as row, program.for_each("column", p) as column:
         program.let(K[row, column], K[row, column] * valid[column])
     program.let(x, x + K @ e)
-    # Joseph's form for any gain: T = (I - K H) P, then T (I - K H)' + K R K'.
-    T = program.let(program.local("T", (n, n)), P - K @ C.T)
-    program.let(P, T - (T @ m.H.T - K @ m.R) @ K.T, symmetric=True)
+    # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
+    T = program.let(program.local("T", (n, n)), P - K @ PC.T)
+    program.let(P, T - (T @ m.C.T - K @ m.R) @ K.T, symmetric=True)
     log_likelihood = _log_likelihood(program, L, e, valid)
     if error is not None:
-        after = program.let(program.local("after", (p,)), _error(program, m, x, held))
+        after = program.let(program.local("after", (p,)), _error(program, m, x))
         with program.for_each("row", p) as row, program.when("valid[row] > 0.5"):
             program.let(error[row], after[row])
     return e, log_likelihood
 
 
 def _switching_gain(
-    program: Program, m: Matrices, C: Name, e: Name, error: Name, switching: Switching, K: Name
+    program: Program, m: Matrices, PC: Name, e: Name, error: Name, switching: Switching, K: Name
 ) -> None:
-    """K = H^+ diag((|e| + gamma |e+|) / max(|e|, psi)), H^+ = P H' (H P H')^-1 where weighted."""
+    """K = C^+ diag((|e| + gamma |e+|) / max(|e|, psi)), C^+ = P C' (C P C')^-1 where weighted."""
     n, p = K.shape
     if switching.inverse is not None:
         program.let(K, switching.inverse)
     else:
-        G = program.let(program.local("G", (p, p)), m.H @ C)
+        G = program.let(program.local("G", (p, p)), m.C @ PC)
         root = program.local("root", (p, p))
         program.cholesky(root, G)
-        program.solve_right(K, C, root)
+        program.solve_right(K, PC, root)
     share = program.local("share", (p,))
     with program.for_each("row", p) as row:
         size = call("fabs", e[row])

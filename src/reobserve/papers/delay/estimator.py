@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_positive, as_scalar, as_vector
-from reobserve.observers.contract import Record, Rows, check_state
-from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps, steps_between
+from reobserve.core.matrices import as_scalar, as_vector
+from reobserve.core.value import Value, converter
+from reobserve.observers.contract import Observer, Record, Rows, check_state
+from reobserve.observers.fixed_step import Samples, Steps, steps_between
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest, rows_before
-from reobserve.observers.value import Value
 from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DelayEstimator(FixedStepObserver[State]):
+class DelayEstimator(Observer[State]):
     """An estimator of the delay of x' = -a x + b u(t - tau).
 
     It measures x and knows u and u' [1/s]: rows of two numbers, or of u alone, to which it finds
@@ -78,19 +78,16 @@ class DelayEstimator(FixedStepObserver[State]):
         If a parameter is not as said.
     """
 
-    decay: float
-    input_gain: float
+    decay: float = field(metadata=converter(as_scalar))
+    input_gain: float = field(metadata=converter(as_scalar))
     delay_bounds: tuple[float, float]
-    sampling_period: float
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 2
     units: ClassVar[Mapping[str, str]] = {"delay": "s", "values": ""}
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "decay", as_scalar("decay", self.decay))
-        put(self, "input_gain", as_scalar("input_gain", self.input_gain))
+        super().__post_init__()
         if self.input_gain == 0:
             raise InputError("input_gain", "0 must not be zero: the output would not see the input")
         least, greatest = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
@@ -98,8 +95,7 @@ class DelayEstimator(FixedStepObserver[State]):
             raise InputError(
                 "delay_bounds", f"{least:g} and {greatest:g} s must be 0 <= tau_min < tau_max"
             )
-        put(self, "delay_bounds", (least, greatest))
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        self._set("delay_bounds", (least, greatest))
 
     @abstractmethod
     def _values(self, x: float, delay: float) -> Array:
@@ -179,7 +175,7 @@ class DelayEstimator(FixedStepObserver[State]):
             between.append(rows)
         u, left, inside = self._smooth(past, between[0], between[1], np.zeros(2), None)
         samples = steps_between(None, Record(u, u, (left, left), (inside, inside))).u
-        history = InputHistory(self.sampling_period, samples.right, samples.left)
+        history = InputHistory(samples.right, samples.left, sampling_period=self.sampling_period)
         # The last row is the limit from the left; the first row of a record has the other one.
         return history.latest(self.history_steps)
 

@@ -30,12 +30,13 @@ estimate stands still: unlike least squares with forgetting this law does not wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.matrices import as_positive
+from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples, check_rate
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_loop import law, run_law
@@ -69,14 +70,12 @@ class AdaptiveDelayEstimator(DelayEstimator):
         the step.
     """
 
-    filter_time: float
-    forgetting: float
-    adaptation_gain: float
+    filter_time: float = field(metadata=converter(as_positive))
+    forgetting: float = field(metadata=converter(as_positive))
+    adaptation_gain: float = field(metadata=converter(as_positive))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("filter_time", "forgetting", "adaptation_gain"):
-            object.__setattr__(self, name, as_positive(name, getattr(self, name)))
         check_rate("filter_time", 1.0 / self.filter_time, self.sampling_period)
         check_rate("forgetting", self.forgetting, self.sampling_period)
 

@@ -34,13 +34,14 @@ which agrees with the paper's remark that [9] needs perfectly known initial cond
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_positive, as_scalar
+from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples, check_rate
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_loop import law, run_law
@@ -71,15 +72,12 @@ class LeastSquaresDelayEstimator(DelayEstimator):
         negative, or one of the two rates too fast for the step.
     """
 
-    initial_covariance: float
-    forgetting: float
+    initial_covariance: float = field(metadata=converter(as_positive))
+    forgetting: float = field(metadata=converter(as_scalar))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        put = object.__setattr__
         as_positive("decay", self.decay)
-        put(self, "initial_covariance", as_positive("initial_covariance", self.initial_covariance))
-        put(self, "forgetting", as_scalar("forgetting", self.forgetting))
         if self.forgetting < 0:
             raise InputError("forgetting", f"{self.forgetting:g} must be zero or more")
         check_rate("decay", self.decay, self.sampling_period)

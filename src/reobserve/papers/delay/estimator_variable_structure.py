@@ -36,7 +36,7 @@ right-hand side, and its stages would average over the sign and blur the chatter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -46,6 +46,7 @@ from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive
+from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator, State
 from reobserve.papers.delay.input_history import InputHistory, past_input
@@ -77,15 +78,10 @@ class VariableStructureDelayEstimator(DelayEstimator):
         As `DelayEstimator`; if M is not greater than zero or the relay is another.
     """
 
-    relay_gain: float
-    relay_on: str
+    relay_gain: float = field(metadata=converter(as_positive))
+    relay_on: str = field(metadata=converter(as_word, RELAYS))
 
     measurements: ClassVar[int] = 2
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "relay_gain", as_positive("relay_gain", self.relay_gain))
-        as_word("relay_on", self.relay_on, RELAYS)
 
     def init(
         self,

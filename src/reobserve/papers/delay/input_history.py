@@ -12,7 +12,7 @@ as noise over step, unless it is held over whole steps and its jumps are given b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,22 +21,23 @@ from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_samples
+from reobserve.core.value import Value, converter
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class InputHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class InputHistory(Value):
     """u and u' over some steps, the last of which ends now.
 
     Parameters
     ----------
-    sampling_period
-        [s].
     right
         u and u' [1/s], shape (2 m + 1, 2): at both ends and in the middle of each of m steps.
     left
         Their limits from the left, same shape; ``right`` if the input does not jump.
+    sampling_period
+        [s].
 
     Raises
     ------
@@ -44,16 +45,15 @@ class InputHistory:
         If a shape is wrong or a sample is not finite.
     """
 
-    sampling_period: float
     right: Array
     left: Array
+    sampling_period: float = field(kw_only=True, metadata=converter(as_positive))
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        super().__post_init__()
         right, left = samples_with_limits("right", self.right, self.left, "left")
-        put(self, "right", right)
-        put(self, "left", left)
+        self._set("right", right)
+        self._set("left", left)
 
     @property
     def steps(self) -> int:
@@ -67,9 +67,9 @@ class InputHistory:
         """
         right, left = samples_with_limits("right", right, left, "left")
         return InputHistory(
-            self.sampling_period,
             np.concatenate([self.right[:-1], right]),
             np.concatenate([self.left, left[1:]]),
+            sampling_period=self.sampling_period,
         )
 
     def latest(self, steps: int) -> InputHistory:
@@ -84,7 +84,9 @@ class InputHistory:
             raise InputError("steps", f"{steps} must be from 1 to the {self.steps} that there are")
         rows = 2 * steps + 1
         return InputHistory(
-            self.sampling_period, self.right[-rows:].copy(), self.left[-rows:].copy()
+            self.right[-rows:].copy(),
+            self.left[-rows:].copy(),
+            sampling_period=self.sampling_period,
         )
 
     def halved(self) -> InputHistory:
@@ -94,7 +96,7 @@ class InputHistory:
         finer[::2] = self.right
         before = finer.copy()
         before[::2] = self.left
-        return InputHistory(0.5 * self.sampling_period, finer, before)
+        return InputHistory(finer, before, sampling_period=0.5 * self.sampling_period)
 
     def at(self, ago: ArrayLike) -> Array:
         """Values of u and u' ``ago`` seconds, shape (k,), before the end; shape (k, 2).
