@@ -13,7 +13,7 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay.estimator import DelayEstimator, State
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
-from tests.observers.halves import past_of, rows_of, stepped
+from tests.observers.halves import rows_of, stepped
 from tests.papers.delay.scalar_plant import (
     ALL,
     BOUNDS,
@@ -23,6 +23,7 @@ from tests.papers.delay.scalar_plant import (
     half_steps,
     observed,
     paper_delay,
+    past_of,
     record,
     run,
     short_delay,
