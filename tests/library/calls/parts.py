@@ -133,9 +133,7 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_sampled_stability.sampled_map": (law,),
         "synthesis.ilo_sampled_stability.sampled_stability": (law,),
         "synthesis.ilo_sampled_stability.sampled_limit_gain": (law,),
-        "synthesis.ilo_sampled_stability.scalar_sampled_limit": (36.0, 500.0, 1.0, 0.01),
         "synthesis.ilo_stability.continuous_stability": (law,),
-        "synthesis.ilo_stability.ripple_roots": (36.0, 500.0, 0.9, 50.0, 0.01, 3),
         "papers.ilo.theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
         "papers.ilo.theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
         "papers.ilo.theorem.bound18": (
