@@ -169,8 +169,8 @@ def _designs() -> Iterator[Call]:
     matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
     yield from called({
         "synthesis.extended_state.system.AugmentedSystem": matrices,
-        "synthesis.extended_state.floor.gamma_floor": (system,),
-        "synthesis.extended_state.floor.as_gamma": (system, 1.05),
+        "synthesis.extended_state.gamma_bound.gamma_lower_bound": (system,),
+        "synthesis.extended_state.gamma_bound.as_gamma": (system, 1.05),
         "synthesis.extended_state.certificate.error_system": (system, found),
         "synthesis.extended_state.certificate.certify": (system, found, 100.0),
         "papers.eso.deviation.held_deviation": (system, found, np.ones(3), 0.1),
