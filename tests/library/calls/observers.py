@@ -137,7 +137,7 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "synthesis.linear.steady_kalman_gain": (model,),
-        "synthesis.linear.hidden_modes": (model.A, model.C),
+        "synthesis.linear.unobservable_modes": (model.A, model.C),
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
