@@ -103,7 +103,7 @@ def test_no_module_imports_what_numba_does_not_publish() -> None:
     assert internal == []
 
 
-INLINED = HALF.replace("kernel", "inlined_kernel")
+INLINED = HALF.replace("import kernel", "import inlined_kernel as kernel")
 CALLED = "from reobserve.core.halves import half; print(half(3.0), half(5.0)); " + RUN
 
 
