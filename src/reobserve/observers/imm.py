@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_vector
+from reobserve.core.value import Value
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.imm_loop import (
     Bank,
@@ -46,7 +47,7 @@ from reobserve.observers.linear_filter import (
     inputs_of_rows,
     sample_before,
 )
-from reobserve.observers.value import Value
+from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.linear import ModelArrays, as_covariance
 
 Array = NDArray[np.float64]
@@ -161,6 +162,14 @@ class IMM(Observer[State]):
     def inputs(self) -> int:
         """How many numbers a row of u has."""
         return _size(self.filters[0])[1]
+
+    @property
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates, by the model of the first filter."""
+        found = names_by_model(self.filters[0].model)
+        if "innovation" in found:
+            found["innovation"] = (None, *found["innovation"])
+        return found
 
     def init(
         self,

@@ -6,6 +6,7 @@ y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats, as_matrix, as_positive
+from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
 
@@ -57,15 +59,17 @@ class LinearModel:
         Of the transition [s]; left out, time is counted in samples.
     unusual
         Accept a transition that looks like one of continuous time, see below.
+    state_names, input_names, output_names
+        Names of the signals, with which runs are labelled; left out, they are numbered.
 
     Raises
     ------
     InputError
         If C, Q or R is left out; the shapes do not fit; Q or R is not symmetric positive
-        (semi)definite; the sampling period is not positive; or A looks like one of continuous
-        time: all its eigenvalues have a real part of zero or less, or one with a negative real
-        part lies outside the unit circle. Sampling a real system gives neither, unless it turns
-        more than a quarter of a circle in a sample.
+        (semi)definite; names are not different or not as many as signals; the sampling period is
+        not positive; or A looks like one of continuous time: all its eigenvalues have a real part
+        of zero or less, or one with a negative real part lies outside the unit circle. Sampling a
+        real system gives neither, unless it turns more than a quarter of a circle in a sample.
     """
 
     # None where one is left out; arrays, once the model is constructed.
@@ -77,6 +81,9 @@ class LinearModel:
     R: Array = None  # type: ignore[assignment]
     sampling_period: float = field(default=1.0, kw_only=True)
     unusual: bool = field(default=False, kw_only=True)
+    state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
 
     if TYPE_CHECKING:  # the parameters accept more types than the attributes have
 
@@ -91,6 +98,9 @@ class LinearModel:
             *,
             sampling_period: float = ...,
             unusual: bool = ...,
+            state_names: Sequence[str] | None = ...,
+            input_names: Sequence[str] | None = ...,
+            output_names: Sequence[str] | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -121,6 +131,8 @@ class LinearModel:
             put(self, name, read_only(matrix))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "unusual", unusual)
+        for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
+            put(self, name, as_names(name, getattr(self, name), size))
 
     @cached_property
     def arrays(self) -> ModelArrays:
