@@ -66,7 +66,7 @@ def _inputs(control: Signal, times: NDArray[Any]) -> Array:
 
 
 def _observer(threshold: float, step: float = STEP) -> ExtendedHighGainObserver:
-    return ExtendedHighGainObserver(MODEL, step, RHO, _ORDER, _BOUNDS, threshold)
+    return ExtendedHighGainObserver(MODEL, RHO, _ORDER, _BOUNDS, threshold, sampling_period=step)
 
 
 class _Constants(ctypes.Structure):

@@ -30,7 +30,7 @@ def add(section: Section, quick: bool) -> None:
     gains = pd_pi.design(system).gains
     output, control = record(_SAMPLES)
     matrices = linear_system(system, gains)
-    observer = ExtendedStateObserver(system, PERIOD, gains)
+    observer = ExtendedStateObserver(system, gains, sampling_period=PERIOD)
     roads = {"zero": _held, "first": _straight}
     for hold, peers_of in roads.items():
         before = (_last(output), _last(control)) if hold == "zero" else (output, control)

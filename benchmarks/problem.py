@@ -53,15 +53,17 @@ def sampled_record(steps: int, step: float = STEP) -> tuple[Array, Array]:
 
 def continuous(step: float = STEP) -> ILO:
     """The continuous ILO with full 3 x 3 gains and an interval of 20 steps of 0.5 ms."""
-    return ILO(_BODY, step, _K1, _K2, _damping(100.0), INTERVAL)
+    return ILO(_BODY, _K1, _K2, _damping(100.0), INTERVAL, sampling_period=step)
 
 
 def observers() -> dict[str, Observer]:
     """One observer of each law, by the name of its C function."""
     return {
         "continuous": continuous(),
-        "sampled": SampledILO(_BODY, STEP, _K1, _K2, _damping(1000.0), INTERVAL),
-        "adaptive": AdaptiveObserver(_BODY, STEP, _damping(100.0), _damping(1000.0), _K1 * 10.0),
+        "sampled": SampledILO(_BODY, _K1, _K2, _damping(1000.0), INTERVAL, sampling_period=STEP),
+        "adaptive": AdaptiveObserver(
+            _BODY, _damping(100.0), _damping(1000.0), _K1 * 10.0, sampling_period=STEP
+        ),
     }
 
 
@@ -77,6 +79,7 @@ def constants(observer: Observer) -> tuple[Any, ...]:
 def loop(
     observer: Observer, state: State, record: tuple[Array, Array], outputs: list[Array]
 ) -> int:
-    """The compiled loop alone: no checks, no allocation. The record has no jumps."""
+    """The compiled loop alone: no checks, no outputs to allocate. The record has no jumps."""
     rate, control = record
-    return observer._run(state, Record(rate, rate, control, control), Rows(*outputs))
+    start = state.rate.copy(), state.memory.copy()
+    return observer._run(*start, state.count, Record(rate, rate, control, control), Rows(*outputs))

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reobserve.core.errors import DivergenceError, InputError
-    from reobserve.estimation.designs.loading import load_design
+    from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-    from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-    from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-    from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
     from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
     from reobserve.observers.extended_kalman import ExtendedKalmanFilter
     from reobserve.observers.extended_state import ExtendedStateObserver
@@ -43,7 +40,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ILO",
     "IMM",
-    "AdaptiveDelayEstimator",
     "AdaptiveObserver",
     "AugmentedKalmanFilter",
     "DivergenceError",
@@ -56,7 +52,6 @@ __all__ = [
     "IdentityObserver",
     "InputError",
     "KalmanFilter",
-    "LeastSquaresDelayEstimator",
     "LevantDifferentiator",
     "LinearModel",
     "NonlinearModel",
@@ -68,7 +63,6 @@ __all__ = [
     "TransformedObserver",
     "TriangularModel",
     "UnscentedKalmanFilter",
-    "VariableStructureDelayEstimator",
     "load_design",
     "luenberger",
     "normal_form_observer",
@@ -78,7 +72,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "estimation.designs.loading": ("load_design",),
+    "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),
     "systems.nonlinear": ("NonlinearModel",),
@@ -87,9 +81,6 @@ _HOMES = {
     "systems.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
     "observers.augmented_kalman": ("AugmentedKalmanFilter",),
-    "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
-    "observers.delay_least_squares": ("LeastSquaresDelayEstimator",),
-    "observers.delay_variable_structure": ("VariableStructureDelayEstimator",),
     "observers.extended_high_gain": ("ExtendedHighGainObserver",),
     "observers.extended_kalman": ("ExtendedKalmanFilter",),
     "observers.extended_state": ("ExtendedStateObserver",),

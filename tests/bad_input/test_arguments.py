@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import reobserve
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import luenberger
+from reobserve.papers.ilo.theorem import certify
 from reobserve.synthesis.high_gain import high_gain_over_time
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
-from reobserve.synthesis.ilo_theorem import certify
 from reobserve.synthesis.linear import hidden_modes, place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 from tests.library.calls import Call, calls

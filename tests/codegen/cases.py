@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
-from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.high_gain import HighGainObserver
@@ -81,7 +78,7 @@ def high_gain() -> Made:
     """All that text may hold, from the middle of a record."""
     drift = ["cosh(a)/7 - a**3", "sqrt(1 + w^2)*tan(a/3) - pi*w", "erf(s)**5 - 2*s - (w^2 + 3)^-1"]
     model = triangular_model(["a", "w", "s"], drift, "2**(1/2) - exp(-a)/10")
-    made = HighGainObserver(model, 0.01, 6.0)
+    made = HighGainObserver(model, 6.0, sampling_period=0.01)
     y, u = (0.1 + 0.05 * np.sin(k * np.arange(8.0))[:, None] for k in (1.0, 2.0))
     return made, made.run(y, u, state=made.init([0.1, 0.2, 0.0])).state
 
@@ -90,7 +87,7 @@ def extended(*, begun: bool = False, **chosen: Any) -> Made:
     """Delays that meet both bounds, and an input that is not seen where it turns round."""
     model = triangular_model(["a", "w"], ["-a", "-sin(a) - w^3"], "2 - a^2")
     parts = {"order": 2, "delay_bounds": (0.05, 0.4), "threshold": 0.4, **chosen}
-    made = ExtendedHighGainObserver(model, 0.01, 12.0, **parts)
+    made = ExtendedHighGainObserver(model, 12.0, **parts, sampling_period=0.01)
     state = made.init([0.3, 0.0], 0.2)
     if begun:
         y, u = (0.1 * np.sin(k * np.arange(8.0))[:, None] for k in (0.1, 0.2))
@@ -101,22 +98,9 @@ def extended(*, begun: bool = False, **chosen: Any) -> Made:
 def alone() -> Made:
     """An input without its derivatives, from the third row of a record, where few are known."""
     model = triangular_model(["a"], ["-a"], "1")
-    made = ExtendedHighGainObserver(model, 0.05, 5.0, 3, (0.0, 0.5), 0.05)
+    made = ExtendedHighGainObserver(model, 5.0, 3, (0.0, 0.5), 0.05, sampling_period=0.05)
     y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
     return made, made.run(y, u, state=made.init([0.0], 0.2)).state
-
-
-def delay(
-    kind: type, *gains: Any, begun: bool = False, least: float = 0.02, period: float = 0.01
-) -> Made:
-    """Delays that meet their bounds."""
-    made = kind(1.0, -2.0, (least, 15.5 * period), period, *gains)
-    past = 0.1 * np.sin(0.13 * np.arange(-20.0, 1.0))
-    state = made.init(0.05, 0.1, past if begun else np.full(21, 0.03))
-    if begun:
-        y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
-        state = made.run(y, u, state=state).state
-    return made, state
 
 
 FACTORS = (1.0, 0.8, 0.5)
@@ -136,27 +120,17 @@ CASES: dict[str, Callable[[], Made]] = {
     "imm": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS)),
     "imm_apart": lambda: bank(*(KalmanFilter(model(f)) for f in FACTORS), mixing=False),
     "imm_svsf": lambda: bank(*(switching("weighted", f) for f in FACTORS)),
-    "sampled": lambda: (SampledILO(BODY, 0.01, 0.9, 200.0, 500.0, 0.03), None),
-    "sampled_on": lambda: gone_on(SampledILO(BODY, 0.01, 0.9, 200.0, 500.0, 0.03)),
-    "continuous": lambda: (ILO(BODY, 0.01, 0.9, 50.0, 500.0, 0.03), None),
-    "continuous_on": lambda: gone_on(ILO(BODY, 0.01, 0.9, 50.0, 500.0, 0.03)),
-    "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 0.01, 500.0, 1000.0, 10.0)),
-    "levant": lambda: (LevantDifferentiator(1.0, 0.01, 3), None),
+    "sampled": lambda: (SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01), None),
+    "sampled_on": lambda: gone_on(SampledILO(BODY, 0.9, 200.0, 500.0, 0.03, sampling_period=0.01)),
+    "continuous": lambda: (ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01), None),
+    "continuous_on": lambda: gone_on(ILO(BODY, 0.9, 50.0, 500.0, 0.03, sampling_period=0.01)),
+    "adaptive": lambda: gone_on(AdaptiveObserver(BODY, 500.0, 1000.0, 10.0, sampling_period=0.01)),
+    "levant": lambda: (LevantDifferentiator(1.0, 3, sampling_period=0.01), None),
     "high_gain": high_gain,
     "extended": extended,
     "extended_all": lambda: extended(switched="all", begun=True),
     "extended_unswitched": lambda: extended(order=1, threshold=0.0),
     "extended_alone": alone,
-    "squares": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5, begun=True),
-    # Between rows 42 and 43 its delay turns round below the least one, and is held on the way.
-    "squares_held": lambda: delay(LeastSquaresDelayEstimator, 30.0, 0.5, least=0.018333),
-    "squares_alone": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5),
-    "filtered": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0),
-    "filtered_alone": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0, begun=True),
-    "relay": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", least=0.0),
-    "relay_alone": lambda: delay(VariableStructureDelayEstimator, 90.0, "inverse"),
-    "relay_slow": lambda: delay(VariableStructureDelayEstimator, 2.0, "inverse", period=0.2),
-    "relay_alone_on": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", begun=True),
     "identity": lambda: (pendulum(order=4), None),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),
@@ -165,7 +139,7 @@ CASES: dict[str, Callable[[], Made]] = {
 
 def designed(kind: str) -> Any:
     """The design of the example of a kind, certified."""
-    made: Any = kind_of(kind)
+    made: Any = family(kind)
     found = made.designed(parse_yaml(made.example, "model.yaml"))
     return found, found.start()
 
@@ -186,4 +160,4 @@ def columns_of(name: str, observer: Any) -> tuple[int, int]:
     return (1, 1) if "alone" in name else (observer.measurements, observer.inputs)
 
 
-NAMES = (*CASES, *(f"example-{kind}" for kind in KINDS))
+NAMES = (*CASES, *(f"example-{kind}" for kind in FAMILIES))

@@ -75,35 +75,22 @@ def pendulum(**options: Any) -> Callable[[Columns], Run[Any]]:
 
 def high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["angle", "rate"], ["0", "-9.81*sin(angle) - 0.5*rate"], "4")
-    observer = ro.HighGainObserver(model, PERIOD, 8.0)
+    observer = ro.HighGainObserver(model, 8.0, sampling_period=PERIOD)
     y, u = read(columns, "deg", "rad", "angle"), read(columns, "mN m", "N m", "torque")
     return observer.run(y, u, state=observer.init([0.0, 0.0]))
 
 
 def extended_high_gain(columns: Columns) -> Run[Any]:
     model = triangular_model(["level"], ["-level"], "1")
-    observer = ro.ExtendedHighGainObserver(model, PERIOD, 5.0, 2, (0.0, 1.5), 0.035)
+    observer = ro.ExtendedHighGainObserver(model, 5.0, 2, (0.0, 1.5), 0.035, sampling_period=PERIOD)
     y, u = read(columns, "%", "1", "level"), read(columns, "%", "1", "valve")
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
 
-def delay(kind: Callable[..., Any], *names: str, **options: Any) -> Callable[[Columns], Run[Any]]:
-    """Of a level and a valve in percent, and their rates."""
-
-    def run(columns: Columns) -> Run[Any]:
-        observer = kind(
-            decay=1.0, input_gain=1.0, delay_bounds=(0.0, 1.5), sampling_period=PERIOD, **options
-        )
-        y = read(columns, "%", "1", *names)
-        past = np.full(observer.history_steps + 1, 0.29)
-        state = observer.init(y[0, 0], 0.3, past)
-        return observer.run(y, read(columns, "%", "1", "valve", "valve_rate"), state=state)
-
-    return run
-
-
 def levant(columns: Columns) -> Run[Any]:
-    return ro.LevantDifferentiator(1.5, PERIOD).run(read(columns, "mV", "V", "voltage"))
+    return ro.LevantDifferentiator(1.5, sampling_period=PERIOD).run(
+        read(columns, "mV", "V", "voltage")
+    )
 
 
 def eso() -> ro.ExtendedStateObserver:
@@ -114,7 +101,7 @@ def eso() -> ro.ExtendedStateObserver:
     L = [[23.3, 494.0], [6.4, 206.0], [132.0, -103.0], [-30.3, 420.0], [1.96, 166.0]]
     Ld = [[0.337, 6.95], [0.168, 2.70], [2.03, -0.814], [-0.276, 4.65], [0.176, 2.32]]
     gains = Gains(np.array([*L, [133.0, -457.0]]), np.array([*Ld, [2.06, -6.75]]))
-    return ro.ExtendedStateObserver(system, PERIOD, gains)
+    return ro.ExtendedStateObserver(system, gains, sampling_period=PERIOD)
 
 
 def svsf(friction: float = 10.0) -> ro.SmoothVariableStructureFilter:
@@ -123,31 +110,24 @@ def svsf(friction: float = 10.0) -> ro.SmoothVariableStructureFilter:
 
 STAYS = [[0.999, 0.001], [0.001, 0.999]]
 
+LEARNING, FORGETTING = (BODY, 1.0, 20.0, 100.0, PERIOD), (BODY, 0.99, 20.0, 100.0, PERIOD)
+EACH = {"sampling_period": PERIOD}
+
 BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
-    "ilo-sampled": rigid(lambda: ro.SampledILO(BODY, PERIOD, 1.0, 20.0, 100.0, PERIOD)),
-    "ilo-continuous": rigid(lambda: ro.ILO(BODY, PERIOD, 1.0, 20.0, 100.0, PERIOD)),
-    "ilo-forgetting": rigid(lambda: ro.ILO(BODY, PERIOD, 0.99, 20.0, 100.0, PERIOD)),
-    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 100.0, 0.0)),
-    "pi": rigid(lambda: ro.AdaptiveObserver(BODY, PERIOD, 100.0, 200.0, 30.0)),
+    "ilo-sampled": rigid(lambda: ro.SampledILO(*LEARNING, **EACH)),
+    "ilo-continuous": rigid(lambda: ro.ILO(*LEARNING, **EACH)),
+    "ilo-forgetting": rigid(lambda: ro.ILO(*FORGETTING, **EACH)),
+    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 100.0, 0.0, **EACH)),
+    "adaptive-pi": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 200.0, 30.0, **EACH)),
     "normal-form-constant": pendulum(order=0),
     "normal-form-identity": pendulum(order=4),
     "normal-form-transformed": pendulum(order=4, form="transformed"),
     "high-gain": high_gain,
     "extended-high-gain": extended_high_gain,
-    "delay-adaptive": delay(
-        ro.AdaptiveDelayEstimator, "level", filter_time=0.05, forgetting=1.0, adaptation_gain=100.0
-    ),
-    "delay-least-squares": delay(
-        ro.LeastSquaresDelayEstimator, "level", initial_covariance=1000.0, forgetting=0.1
-    ),
-    "delay-variable-structure": delay(
-        ro.VariableStructureDelayEstimator, "level", "level_rate", relay_gain=0.5,
-        relay_on="inverse",
-    ),
     "levant": levant,
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(
-        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.03622], [0.18122]], 1e-3)
+        lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
     ),
     "svsf": motor(svsf),
     "imm-kalman": motor(
@@ -155,9 +135,9 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     ),
     "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
     "eso": motor(eso, lambda observer: observer.init()),
-    "fixed-gain": motor(
+    "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
     ),
-    "luenberger": motor(lambda: ro.luenberger(motor_model(), [0.5, 0.6])),
-    "steady-kalman": motor(lambda: ro.steady_kalman(motor_model())),
+    "luenberger": motor(lambda: ro.luenberger(motor_model(), np.exp([-0.7, -0.5]))),
+    "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip

@@ -7,16 +7,12 @@ expansion of Taylor is exact, and so are straight lines between samples.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
@@ -44,7 +40,7 @@ def high_gain() -> Case:
             lambda _, v, k=k: [v[1], gain * u[k] - stiffness * np.sin(v[0]) - friction * v[1]],
             (0, PERIOD), x[k], method="DOP853", rtol=1e-10, atol=1e-12,
         ).y[:, -1]  # fmt: skip
-    observer = HighGainObserver(model, PERIOD, 5.0)
+    observer = HighGainObserver(model, 5.0, sampling_period=PERIOD)
     return Case(
         observer, x[:, 0], u, observer.init(x[0]), {"state": x}, {"state": 2e-3}, 0, 50.0, 1e308
     )
@@ -59,31 +55,18 @@ def _ramp(rows: int) -> tuple[Array, Array, Array]:
 def extended(alone: bool) -> Case:
     """The ramp, with its slope or alone; the start of the delay is wrong."""
     time, u, x = _ramp(600)
-    observer = ExtendedHighGainObserver(first_order_lag(), PERIOD, 3.0, 1, BOUNDS)
+    observer = ExtendedHighGainObserver(first_order_lag(), 3.0, 1, BOUNDS, sampling_period=PERIOD)
     known = u if alone else np.column_stack([u, np.full_like(u, SLOPE)])
     truth = {"state": x[:, None], "delay": np.full_like(time, DELAY)}
     bounds = {"state": 1e-6, "delay": 1e-6}
     return Case(observer, x, known, observer.init(x[:1], 0.3), truth, bounds, 400, 1e4, 1e308)
 
 
-def estimator(
-    observer: Any, alone: bool, bound: float, worse: float, huge: float | None = 1e300
-) -> Case:
-    """The ramp for an estimator of the delay alone, from a wrong start."""
-    time, u, x = _ramp(800)
-    past = SLOPE * PERIOD * np.arange(-50.0, 1.0)
-    known = u if alone else np.column_stack([u, np.full_like(u, SLOPE)])
-    before = past if alone else np.column_stack([past, np.full_like(past, SLOPE)])
-    start = observer.init(x[0], 0.3, before)
-    truth = {"delay": np.full_like(time, DELAY)}
-    return Case(observer, x, known, start, truth, {"delay": bound}, 600, worse, huge)
-
-
 def levant() -> Case:
     """A parabola, in numbers that do not round: it is followed to the last bit."""
     time = np.arange(400) / 64
     truth = np.column_stack([1.0 + 4.0 * time - 6.0 * time**2, 4.0 - 12.0 * time, 0 * time - 12.0])
-    observer = LevantDifferentiator(4.0, 1 / 64)
+    observer = LevantDifferentiator(4.0, sampling_period=1 / 64)
     start = observer.init(truth[0])
     return Case(
         observer, truth[:, 0], None, start, {"derivatives": truth}, {"derivatives": 1e-12}, 0, 1e6,
@@ -96,44 +79,19 @@ def normal_form(kind: str) -> Case:
     steps, step = 500, 0.01
     x = plant(step, steps)[::2]
     series = form(with_cubic=True)
-    observer: Any = IdentityObserver(series, step, 4, "jacobian")
+    observer: Any = IdentityObserver(series, 4, "jacobian", sampling_period=step)
     truth = {"state": x}
     if kind == "transformed":
-        observer = TransformedObserver(series, step, 4)
+        observer = TransformedObserver(series, 4, sampling_period=step)
         truth["coordinates"] = np.column_stack([x[:, 0], x[:, 1] + x[:, 0] ** 3 / 3])
     bounds = dict.fromkeys(truth, 2e-4)
     return Case(observer, x[:, 0], None, observer.init(x[0]), truth, bounds, 0, 100.0)
-
-
-_COMMON = (1.0, 1.0, BOUNDS, PERIOD)
-
-
-def least_squares(alone: bool) -> Case:
-    """Of little memory."""
-    return estimator(LeastSquaresDelayEstimator(*_COMMON, 10.0, 1.0), alone, 1e-3, 20.0)
-
-
-def adaptive(alone: bool) -> Case:
-    """On a ramp its linearisation is exact."""
-    return estimator(AdaptiveDelayEstimator(*_COMMON, 0.1, 1.0, 10.0), alone, 1e-9, 1e6)
-
-
-def relay() -> Case:
-    """It chatters by 4 ms."""
-    observer = VariableStructureDelayEstimator(*_COMMON, 0.2, "delay")
-    case = estimator(observer, True, 5e-3, 4.0, None)
-    return replace(case, notices_midpoints=False)
 
 
 DELAY_CASES: dict[str, Callable[[], Case]] = {
     "high gain": high_gain,
     "extended high gain": lambda: extended(False),
     "extended high gain, u alone": lambda: extended(True),
-    "least squares for a delay": lambda: least_squares(False),
-    "least squares for a delay, u alone": lambda: least_squares(True),
-    "adaptive for a delay": lambda: adaptive(False),
-    "adaptive for a delay, u alone": lambda: adaptive(True),
-    "relay for a delay, x and u alone": relay,
     "differentiator": levant,
     "normal form, identity": lambda: normal_form("identity"),
     "normal form, transformed": lambda: normal_form("transformed"),

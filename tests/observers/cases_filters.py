@@ -100,7 +100,7 @@ def extended_state() -> Case:
     system = AugmentedSystem(A, B, np.eye(2), none, none, B, rate, Az=20.0)
     poles = [-3.0, -3.5, -4.0, -30.0, -31.0, -32.0]
     gains = Gains(place(system.A_tilde, system.C_tilde, poles), np.zeros((system.size, 2)))
-    observer, u = ExtendedStateObserver(system, PERIOD, gains), force()
+    observer, u = ExtendedStateObserver(system, gains, sampling_period=PERIOD), force()
     x = states(u, 0.3)
     faults = {"actuator_fault": np.full((ROWS, 1), 0.3), "sensor_fault": np.full((ROWS, 1), -0.2)}
     y = x + np.array([0.0, -0.2])

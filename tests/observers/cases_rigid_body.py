@@ -47,17 +47,21 @@ def _rigid_body(observer: RigidBodyObserver) -> Case:
 def sampled_ilo() -> Case:
     """v updated every second sample."""
     body = RigidBody(_INERTIA)
-    return _rigid_body(SampledILO(body, _PERIOD, 1.0, 1000.0, 1000.0, 2 * _PERIOD))
+    return _rigid_body(SampledILO(body, 1.0, 1000.0, 1000.0, 2 * _PERIOD, sampling_period=_PERIOD))
 
 
 def continuous_ilo() -> Case:
     """v learning at every instant from its value five samples before."""
-    return _rigid_body(ILO(RigidBody(_INERTIA), _PERIOD, 0.9, 1000.0, 10.0, 5 * _PERIOD))
+    return _rigid_body(
+        ILO(RigidBody(_INERTIA), 0.9, 1000.0, 10.0, 5 * _PERIOD, sampling_period=_PERIOD)
+    )
 
 
 def adaptive() -> Case:
     """A proportional-integral law."""
-    return _rigid_body(AdaptiveObserver(RigidBody(_INERTIA), _PERIOD, 200.0, 2000.0, 50.0))
+    return _rigid_body(
+        AdaptiveObserver(RigidBody(_INERTIA), 200.0, 2000.0, 50.0, sampling_period=_PERIOD)
+    )
 
 
 RIGID_BODY_CASES: dict[str, Callable[[], Case]] = {

@@ -57,8 +57,8 @@ def record(applied: str, step: float, end: float) -> tuple[Array, Array]:
 
 def observer(case: Case, step: float) -> ExtendedHighGainObserver:
     return ExtendedHighGainObserver(
-        PENDULUM.model, step, case.rho, case.order, case.bounds, case.threshold, case.switched,
-        1.0 if case.dynamic else None,
+        PENDULUM.model, case.rho, case.order, case.bounds, case.threshold, case.switched,
+        1.0 if case.dynamic else None, sampling_period=step,
     )  # fmt: skip
 
 
@@ -302,7 +302,7 @@ def test_a_motion_that_slides_along_the_threshold(step: float) -> None:
     # xi^ = tau^ / 2 - t - 0.15 falls while the delay's gain is off, and rises while it is on, as
     # that moves tau^ by about 4 s a second: from 0.05 s on it slides along -0.1, so tau^ by 2.
     model = triangular_model(["x"], ["0"], "1")
-    made = ExtendedHighGainObserver(model, step, 0.01, 2, (0.0, 1.5), threshold=0.1)
+    made = ExtendedHighGainObserver(model, 0.01, 2, (0.0, 1.5), threshold=0.1, sampling_period=step)
     t = step * np.arange(round(0.5 / step) + 1)
     u = np.column_stack([0.5 * t**2 + 0.15 * t, t + 0.15, np.ones_like(t)])
     run = made.run(np.full((len(t), 1), -4000.0), u, state=made.init([0.0], 0.2))

@@ -58,12 +58,12 @@ def observed(run: MotorRun, gains: Gains, step: float, known: str = "middles") -
     """Estimates from a simulated motor: at each of its steps, or each second one with middles."""
     after, before = run.after, run.before
     if known == "middles":
-        observer = ExtendedStateObserver(SYSTEM, 2 * step, gains)
+        observer = ExtendedStateObserver(SYSTEM, gains, sampling_period=2 * step)
         return run_on_halves(
             observer, after.output, after.control, state=observer.init(),
             y_before=before.output, u_before=before.control,
         )  # fmt: skip
-    observer = ExtendedStateObserver(SYSTEM, step, gains)
+    observer = ExtendedStateObserver(SYSTEM, gains, sampling_period=step)
     limits = None if known == "samples" else (before.output, before.control)
     return observer.run(after.output, after.control, state=observer.init(), before=limits)
 
@@ -97,7 +97,7 @@ def test_sampling_is_exact_for_what_is_known_in_between(known: str, gains: Gains
     system, period, samples = SYSTEM, 0.25, record(known, rows=12)
     C, Eo = system.C_tilde, np.eye(6) + gains.Ld @ system.C_tilde
     start, filtered = np.linspace(-1, 1, 6), np.array([0.3, -0.2])
-    observer = ExtendedStateObserver(system, period, gains)
+    observer = ExtendedStateObserver(system, gains, sampling_period=period)
     run = observer.run(**samples, state=observer.init(start, filtered))
     z = np.concatenate([filtered, Eo @ start - gains.Ld @ filtered])
     for k in range(12):
@@ -193,7 +193,7 @@ def test_constant_faults_are_estimated_exactly(gains: Gains) -> None:
     fault, sensor = 0.3, -0.2
     x = np.linalg.solve(-MOTOR.A, [0.0, 2 * (1.0 + fault)])
     y, u = np.tile(x + np.array([sensor, 0.0]), (1000, 1)), np.ones((1000, 1))
-    run = ExtendedStateObserver(SYSTEM, 0.02, gains).run(y, u)
+    run = ExtendedStateObserver(SYSTEM, gains, sampling_period=0.02).run(y, u)
     assert stacked(run)[-1] == pytest.approx([*x, fault, sensor], abs=1e-12)
 
 
@@ -235,14 +235,14 @@ def test_the_printed_sign_turns_the_sensor_fault_round() -> None:
     run, other = (
         observer.run(**record("samples"), state=observer.init())
         for observer in (
-            ExtendedStateObserver(SYSTEM, 0.01, PD_PI),
-            ExtendedStateObserver(printed, 0.01, turned),
+            ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.01),
+            ExtendedStateObserver(printed, turned, sampling_period=0.01),
         )
     )
     assert other["sensor_fault"] == pytest.approx(-run["sensor_fault"], rel=1e-11, abs=1e-12)
     assert other["actuator_fault"] == pytest.approx(run["actuator_fault"], rel=1e-11, abs=1e-12)
     with pytest.raises(InputError, match=r"^L: and Ld give no stable observer"):
-        ExtendedStateObserver(printed, 0.01, PD_PI)
+        ExtendedStateObserver(printed, PD_PI, sampling_period=0.01)
 
 
 def _matrices() -> dict[str, Array]:
@@ -254,7 +254,7 @@ def test_an_observer_of_many_states_is_the_same_arithmetic() -> None:
     weight = np.eye(system.size)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, 0.1 * np.eye(2))
     gains = Gains(10 * P @ system.C_tilde.T, np.zeros((system.size, 2)))
-    observer = ExtendedStateObserver(system, 0.05, gains)
+    observer = ExtendedStateObserver(system, gains, sampling_period=0.05)
     samples = record("samples", rows=40)
     y, u = samples["y"], samples["u"]
     # Held, by the limits from the left: what scipy's sampling holds, too.
@@ -278,7 +278,7 @@ def test_the_filter_scales_with_its_rates() -> None:
     weight, noise = np.eye(6), np.eye(2)
     P = solve_continuous_are(system.A_tilde.T, system.C_tilde.T, weight, noise)
     gains = Gains(P @ system.C_tilde.T, PD_PI.Ld)
-    observer = ExtendedStateObserver(system, 0.1, gains)
+    observer = ExtendedStateObserver(system, gains, sampling_period=0.1)
     x = np.linalg.solve(-MOTOR.A, [0.0, 2 * 1.3])
     y = x + np.array([0.4, 0.0])
     start = observer.init([*x, *y, 0.3, 0.4], y)
@@ -290,7 +290,7 @@ def test_the_filter_scales_with_its_rates() -> None:
 
 
 def test_an_estimate_knows_no_later_sample() -> None:
-    observer = ExtendedStateObserver(SYSTEM, 0.01, PI)
+    observer = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01)
     # y of a row counts from the estimate of that row on, u from that of the next one.
     for name, first in (("y", 5), ("u", 6)):
         one, other = record("samples", rows=9), record("samples", rows=9)
@@ -303,7 +303,7 @@ def test_an_estimate_knows_no_later_sample() -> None:
 def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
     samples = record("samples")
     y, u = samples["y"], samples["u"]
-    observer = ExtendedStateObserver(SYSTEM, 0.02, PD_PI)
+    observer = ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.02)
     last = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
     told = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
     assert stacked(told) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
@@ -314,7 +314,9 @@ def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
 
 def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
     with pytest.raises(InputError) as caught:
-        ExtendedStateObserver(SYSTEM, 0.01, Gains(np.zeros((6, 2)), np.zeros((6, 2))))
+        ExtendedStateObserver(
+            SYSTEM, Gains(np.zeros((6, 2)), np.zeros((6, 2))), sampling_period=0.01
+        )
     # A~ alone: two faults that nothing pulls, the filter and the motor.
     assert caught.value.parameter == "L"
     assert caught.value.problem.endswith("they are 0, 0, -1, -1, -2.0025, -9.9975")
@@ -322,7 +324,7 @@ def test_unstable_gains_are_refused_with_their_eigenvalues() -> None:
 
 def test_poles_are_those_of_the_error() -> None:
     expected = [-3.4974, -3.9891, -6.0148, -10.9973, -20.0468, -33.9546]
-    found = ExtendedStateObserver(SYSTEM, 0.01, PI).poles
+    found = ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).poles
     assert found == pytest.approx(np.array(expected), abs=5e-5)
 
 
@@ -330,7 +332,7 @@ def test_singular_mass_is_refused() -> None:
     Ld = PD_PI.Ld.copy()
     Ld[2:4] = -np.eye(2)
     with pytest.raises(InputError, match=r"^Ld: makes Eo = I \+ Ld C~ singular: .* down to 0"):
-        ExtendedStateObserver(SYSTEM, 0.01, Gains(PD_PI.L, Ld))
+        ExtendedStateObserver(SYSTEM, Gains(PD_PI.L, Ld), sampling_period=0.01)
 
 
 @pytest.mark.parametrize(
@@ -354,7 +356,9 @@ Y, U = np.zeros((4, 2)), np.zeros((4, 1))
 def test_a_state_of_another_observer_is_refused() -> None:
     state = State(np.zeros(2), np.zeros(5))
     with pytest.raises(InputError, match=r"^state: must be of an observer of size 6"):
-        ExtendedStateObserver(SYSTEM, 0.01, PI).run(np.zeros((4, 2)), np.zeros((4, 1)), state=state)
+        ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).run(
+            np.zeros((4, 2)), np.zeros((4, 1)), state=state
+        )
 
 
 @pytest.mark.parametrize(
@@ -366,4 +370,4 @@ def test_a_state_of_another_observer_is_refused() -> None:
 )
 def test_states_that_cannot_be(arguments: dict[str, Any], problem: str) -> None:
     with pytest.raises(InputError, match=f"^{problem}"):
-        ExtendedStateObserver(SYSTEM, 0.01, PI).init(**arguments)
+        ExtendedStateObserver(SYSTEM, PI, sampling_period=0.01).init(**arguments)

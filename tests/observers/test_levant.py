@@ -53,7 +53,7 @@ def slopes(x: Any, y: Any) -> Array:
 
 def test_one_step_by_hand() -> None:
     # u = 0, z = (8, 3, 5), L = 8, T = 1/2: the injections are 3*2*4 = 24, 1.5 * sqrt(8 * 24), 8.
-    differentiator = LevantDifferentiator(8.0, 0.5, **PAPER)
+    differentiator = LevantDifferentiator(8.0, **PAPER, sampling_period=0.5)
     run = differentiator.run([0.0, 7.0], state=differentiator.init([8.0, 3.0, 5.0]))
     second = 1.5 * np.sqrt(8 * 24.0)
     expected = [8 + 0.5 * (3 - 24) + 0.125 * 5, 3 + 0.5 * (5 - second), 5 - 0.5 * 8]
@@ -62,13 +62,16 @@ def test_one_step_by_hand() -> None:
 
 
 def test_without_a_state_a_run_starts_from_the_first_sample() -> None:
-    differentiator, samples = LevantDifferentiator(1.0, 0.1), np.array([3.0, 1.0, 2.0])
+    differentiator, samples = (
+        LevantDifferentiator(1.0, sampling_period=0.1),
+        np.array([3.0, 1.0, 2.0]),
+    )
     known = differentiator.run(samples, state=differentiator.init([3.0, 0.0, 0.0]))
     assert np.array_equal(differentiator.run(samples)["derivatives"], known["derivatives"])
 
 
 def test_an_estimate_knows_the_samples_before_its_own_only() -> None:
-    differentiator = LevantDifferentiator(1.0, 0.1)
+    differentiator = LevantDifferentiator(1.0, sampling_period=0.1)
     one, other = np.zeros(9), np.zeros(9)
     other[5] = 1.0
     start = zeros(differentiator)
@@ -88,7 +91,7 @@ def test_a_polynomial_is_followed_to_the_last_bit(order: int, coefficients: list
     time = np.arange(400) / 64
     polynomial = np.polynomial.Polynomial(coefficients)
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
-    differentiator = LevantDifferentiator(4.0, 1 / 64, order)
+    differentiator = LevantDifferentiator(4.0, order, sampling_period=1 / 64)
     assert not errors(differentiator, truth, start=truth[0]).any()
 
 
@@ -102,7 +105,7 @@ def test_polynomials_whose_next_derivative_is_bounded(order: int) -> None:
     top = bound / np.prod(np.arange(1, order + 2))
     polynomial = np.polynomial.Polynomial([*coefficients, top])
     truth = np.stack([polynomial.deriv(i)(time) for i in range(order + 1)], axis=1)
-    found = errors(LevantDifferentiator(bound, period, order), truth)
+    found = errors(LevantDifferentiator(bound, order, sampling_period=period), truth)
     late = np.abs(found[time > 25]).max(axis=0)
     theory = bound * period ** (order + 1 - np.arange(order + 1))
     assert np.all(late < 30 * theory)
@@ -115,7 +118,9 @@ def test_errors_fall_with_the_period_as_the_theory_says(order: int) -> None:
     worst = []
     for period in periods:
         time = np.arange(0, 30, period)
-        found = errors(LevantDifferentiator(bound, period, order), waves(time, order))
+        found = errors(
+            LevantDifferentiator(bound, order, sampling_period=period), waves(time, order)
+        )
         worst.append(np.abs(found[time > 20]).max(axis=0))
     expected = order + 1 - np.arange(order + 1)
     assert slopes(periods, worst) == pytest.approx(expected, abs=0.06)
@@ -146,7 +151,7 @@ def test_the_chain_must_move_exactly_for_the_derivative_to_be_of_its_order() -> 
         late = time > 10
         found = plain_euler(truth[:, 0], period) - truth
         plain.append(np.abs(found[late]).max(axis=0))
-        found = errors(LevantDifferentiator(L, period, **PAPER), truth)
+        found = errors(LevantDifferentiator(L, **PAPER, sampling_period=period), truth)
         homogeneous.append(np.abs(found[late]).max(axis=0))
     assert slopes(periods, plain) == pytest.approx([3, 1, 1], abs=0.1)
     assert slopes(periods, homogeneous) == pytest.approx([3, 2, 1], abs=0.1)
@@ -159,7 +164,9 @@ def test_convergence_from_zero_takes_a_time_that_does_not_depend_on_the_period(o
     settled = []
     for period in (2e-3, 1e-3, 5e-4):
         time = np.arange(0, 30, period)
-        found = np.abs(errors(LevantDifferentiator(1.5, period, order), waves(time, order)))
+        found = np.abs(
+            errors(LevantDifferentiator(1.5, order, sampling_period=period), waves(time, order))
+        )
         level = 2 * found[time > 20].max(axis=0)
         assert np.all(found[0, 1:3] > level[1:3])
         settled.append(time[np.nonzero((found > level).any(axis=1))[0][-1]])
@@ -175,8 +182,8 @@ def test_scaling_the_signal_and_its_bound_scales_the_estimate(order: int) -> Non
     period, factor = 1e-3, 37.0
     time = np.arange(0, 20, period)
     truth = waves(time, order)
-    one = LevantDifferentiator(1.5, period, order)
-    other = LevantDifferentiator(factor * 1.5, period, order)
+    one = LevantDifferentiator(1.5, order, sampling_period=period)
+    other = LevantDifferentiator(factor * 1.5, order, sampling_period=period)
     run = one.run(truth[:, 0], state=zeros(one))["derivatives"]
     scaled = other.run(factor * truth[:, 0], state=zeros(other))["derivatives"] / factor
     # Equal but for rounding, until that decides about a sign in the sliding mode.
@@ -191,8 +198,8 @@ def test_stretching_time_scales_each_derivative_by_its_power(order: int) -> None
     powers = factor ** (order + 1.0 - np.arange(order + 1))
     truth = waves(np.arange(0, 5, period), order)
     noise = np.random.default_rng(4).uniform(-0.1, 0.1, len(truth))
-    one = LevantDifferentiator(1.5, period, order)
-    other = LevantDifferentiator(1.5, factor * period, order)
+    one = LevantDifferentiator(1.5, order, sampling_period=period)
+    other = LevantDifferentiator(1.5, order, sampling_period=factor * period)
     run = one.run(truth[:, 0] + noise, state=zeros(one))["derivatives"]
     measured = (truth[:, 0] + noise) * powers[0]
     slow = other.run(measured, state=zeros(other))["derivatives"]
@@ -228,7 +235,9 @@ def test_errors_grow_with_the_noise_as_the_theory_says(order: int, kind: str) ->
     worst = []
     for size in sizes:
         noise = noises(kind, size, bound, order, time)
-        found = errors(LevantDifferentiator(bound, period, order), truth, noise, truth[0])
+        found = errors(
+            LevantDifferentiator(bound, order, sampling_period=period), truth, noise, truth[0]
+        )
         worst.append(np.abs(found[time > 8]).max(axis=0))
     share = np.arange(order + 1) / (order + 1)
     assert slopes(sizes, worst) == pytest.approx(1 - share, abs=0.06)
@@ -247,7 +256,9 @@ def test_noise_errors_grow_with_the_bound_as_the_theory_says(order: int) -> None
     worst = []
     for bound in bounds:
         noise = noises("sine", size, bound, order, time)
-        found = errors(LevantDifferentiator(bound, period, order), truth, noise, truth[0])
+        found = errors(
+            LevantDifferentiator(bound, order, sampling_period=period), truth, noise, truth[0]
+        )
         worst.append(np.abs(found[time > 8]).max(axis=0))
     assert slopes(bounds, worst) == pytest.approx(np.arange(order + 1) / (order + 1), abs=0.06)
 
@@ -264,8 +275,8 @@ def test_the_printed_last_line_fails_and_the_one_with_L_works(period: float) -> 
         np.sqrt(np.mean(values[late] ** 2, axis=0))
         for values in (
             truth,
-            errors(LevantDifferentiator(L, period, **PAPER, printed=True), truth),
-            errors(LevantDifferentiator(L, period, **PAPER), truth),
+            errors(LevantDifferentiator(L, **PAPER, printed=True, sampling_period=period), truth),
+            errors(LevantDifferentiator(L, **PAPER, sampling_period=period), truth),
         )
     )
     assert signal[1] == pytest.approx(0.2 / np.sqrt(2), rel=0.02)
@@ -281,16 +292,18 @@ def test_the_printed_form_is_right_for_a_bound_of_one() -> None:
     samples = np.random.default_rng(1).normal(size=50)
     runs = []
     for printed in (False, True):
-        differentiator = LevantDifferentiator(1.0, 0.01, **PAPER, printed=printed)
+        differentiator = LevantDifferentiator(1.0, **PAPER, printed=printed, sampling_period=0.01)
         runs.append(differentiator.run(samples, state=zeros(differentiator))["derivatives"])
     assert np.array_equal(*runs)
 
 
 def test_the_usual_lambdas() -> None:
-    assert np.array_equal(LevantDifferentiator(1.0, 0.1, 1).lambdas, [1.5, 1.1])
-    assert np.array_equal(LevantDifferentiator(1.0, 0.1).lambdas, [2.0, 1.5, 1.1])
-    assert np.array_equal(LevantDifferentiator(1.0, 0.1, 5).lambdas, [8, 5, 3, 2, 1.5, 1.1])
-    given = LevantDifferentiator(1.0, 0.1, 6, np.arange(1, 8))
+    assert np.array_equal(LevantDifferentiator(1.0, 1, sampling_period=0.1).lambdas, [1.5, 1.1])
+    assert np.array_equal(LevantDifferentiator(1.0, sampling_period=0.1).lambdas, [2.0, 1.5, 1.1])
+    assert np.array_equal(
+        LevantDifferentiator(1.0, 5, sampling_period=0.1).lambdas, [8, 5, 3, 2, 1.5, 1.1]
+    )
+    given = LevantDifferentiator(1.0, 6, np.arange(1, 8), sampling_period=0.1)
     assert np.array_equal(given.lambdas, np.arange(1, 8))
 
 
@@ -298,7 +311,7 @@ def test_the_usual_lambdas() -> None:
 def test_the_usual_lambdas_serve_high_orders(order: int) -> None:
     period = 5e-3
     time = np.arange(0, 40, period)
-    found = errors(LevantDifferentiator(1.5, period, order), waves(time, order))
+    found = errors(LevantDifferentiator(1.5, order, sampling_period=period), waves(time, order))
     theory = 1.5 * period ** (order + 1 - np.arange(order + 1))
     assert np.all(np.abs(found[time > 30]).max(axis=0) < {4: 100, 5: 4000}[order] * theory)
 
@@ -307,7 +320,7 @@ def test_the_usual_lambdas_serve_high_orders(order: int) -> None:
 
 
 def test_overflow_ends_a_run_with_its_time_and_the_finite_rows() -> None:
-    differentiator = LevantDifferentiator(1e200, 1e60, 1, (1.0, 1.0))
+    differentiator = LevantDifferentiator(1e200, 1, (1.0, 1.0), sampling_period=1e60)
     start = differentiator.init([1e300, 0.0])
     run = differentiator.run(np.zeros(9), state=start, on_divergence="return")
     rows = len(run)
@@ -342,8 +355,8 @@ def test_wrong_parameters_are_refused(changed: dict[str, Any], said: str) -> Non
 
 
 def test_wrong_states_and_steps_are_refused() -> None:
-    differentiator = LevantDifferentiator(1.0, 0.1)
+    differentiator = LevantDifferentiator(1.0, sampling_period=0.1)
     with pytest.raises(InputError, match=r"^state: must be of a differentiator of order 2$"):
-        differentiator.run([1.0], state=zeros(LevantDifferentiator(1.0, 0.1, 3)))
+        differentiator.run([1.0], state=zeros(LevantDifferentiator(1.0, 3, sampling_period=0.1)))
     with pytest.raises(InputError, match=r"^derivatives: has shape \(2,\)"):
         differentiator.init([1.0, 2.0])

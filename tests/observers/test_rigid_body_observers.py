@@ -47,9 +47,13 @@ NOTHING = Signal(3, ())
 
 DELAY = 7  # steps in an interval
 OBSERVERS: dict[str, RigidBodyObserver] = {
-    "continuous": ILO(SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01),
-    "sampled": SampledILO(SKEWED, 0.01, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01),
-    "adaptive": AdaptiveObserver(SKEWED, 0.01, FULL_DAMPING, FULL_INTEGRAL, 0.1 * FULL_K2),
+    "continuous": ILO(SKEWED, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01, sampling_period=0.01),
+    "sampled": SampledILO(
+        SKEWED, FULL_K1, FULL_K2, FULL_DAMPING, DELAY * 0.01, sampling_period=0.01
+    ),
+    "adaptive": AdaptiveObserver(
+        SKEWED, FULL_DAMPING, FULL_INTEGRAL, 0.1 * FULL_K2, sampling_period=0.01
+    ),
 }
 each_observer = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS)
 
@@ -85,7 +89,13 @@ def test_simulation_grows_beyond_the_sampled_limit_and_not_below(
     growth = []
     for factor in (0.97, 1.03):
         observer = SampledILO(
-            SKEWED, interval / 10, K1, factor * limit * K2, damping, interval, allow_unstable=True
+            SKEWED,
+            K1,
+            factor * limit * K2,
+            damping,
+            interval,
+            allow_unstable=True,
+            sampling_period=interval / 10,
         )
         # So small an error that the gyroscopic torque stays out of it whatever grows.
         run = run_on_halves(observer, resting, resting, state=observer.init([1e-90, -2e-90, 3e-90]))
@@ -138,7 +148,7 @@ def test_error_of_the_continuous_observer_is_as_predicted(
 ) -> None:
     design = (K1, 2000.0, damping, interval)
     step = interval / max(10, round(interval / 5e-4))
-    observer = ILO(BODY, step, *design)
+    observer = ILO(BODY, *design, sampling_period=step)
     rms, component = errors_under_a_sine(observer, 10.0, 10)
     theory = (INERTIA, damping, 1.0, K1, 2000.0, interval)
     transfer = error_transfer(OMEGA, LearningLaw(*theory))[0, :, 0]
@@ -151,7 +161,7 @@ def test_error_of_the_continuous_observer_is_as_predicted(
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: float) -> None:
     step = interval / max(10, round(interval / 5e-4))
-    observer = SampledILO(BODY, step, K1, 1000.0, 1000.0, interval)
+    observer = SampledILO(BODY, K1, 1000.0, 1000.0, interval, sampling_period=step)
     rms, _ = errors_under_a_sine(observer, 10.0, 10)
     predicted = predicted_rms_error(
         [[1.0, 0.0, 0.0]],
@@ -170,7 +180,7 @@ def test_error_of_the_sampled_observer_is_as_predicted(interval: float, K1: floa
 def test_error_of_the_adaptive_observer_is_as_predicted(
     integral: float, proportional: float, damping: float
 ) -> None:
-    observer = AdaptiveObserver(BODY, 5e-4, damping, integral, proportional)
+    observer = AdaptiveObserver(BODY, damping, integral, proportional, sampling_period=5e-4)
     rms, component = errors_under_a_sine(observer, 15.0, 10)
     transfer = pi_error_transfer(OMEGA, INERTIA, damping, 1.0, integral, proportional)[0, :, 0]
     assert np.abs(component - transfer).max() < 1e-3 * abs(transfer[0])
@@ -197,10 +207,10 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
     intervals, sizes = [0.02, 0.01, 0.005], []
     for interval in intervals:
-        learning = ILO(BODY, step, 1.0, gain, damping, interval)
+        learning = ILO(BODY, 1.0, gain, damping, interval, sampling_period=step)
         gains = matched_integrator(gain, interval)
         matched = AdaptiveObserver(
-            BODY, step, damping, gains.integral_gain, gains.proportional_gain
+            BODY, damping, gains.integral_gain, gains.proportional_gain, sampling_period=step
         )
         late = time > 1.0
         difference = (
@@ -218,16 +228,22 @@ def test_identity_learning_approaches_the_matched_adaptive_observer() -> None:
 
 FAST_BODY = RigidBody(np.diag([1.0, 2.0, 3.0]), fault_matrix=1e-3)
 DIVERGING: dict[str, RigidBodyObserver] = {
-    "continuous": ILO(BODY, 0.0025, 3.0, 200.0, 10.0, 0.01, allow_unstable=True),
-    "sampled": SampledILO(BODY, 0.0025, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True),
-    "adaptive": AdaptiveObserver(BODY, 0.5, 1000.0, 1000.0, 10.0),  # far too large a step
+    "continuous": ILO(BODY, 3.0, 200.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025),
+    "sampled": SampledILO(
+        BODY, 1.0, 20000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
+    ),
+    "adaptive": AdaptiveObserver(
+        BODY, 1000.0, 1000.0, 10.0, sampling_period=0.5
+    ),  # far too large a step
     # An estimate about the first axis alone, which the gyroscopic torque leaves linear: v, not
     # the rate, is the first to overflow.
-    "continuous, fault first": ILO(FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True),
-    "sampled, fault first": SampledILO(
-        FAST_BODY, 0.0025, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True
+    "continuous, fault first": ILO(
+        FAST_BODY, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
     ),
-    "adaptive, fault first": AdaptiveObserver(FAST_BODY, 0.5, 1000.0, 1.0, 1e5),
+    "sampled, fault first": SampledILO(
+        FAST_BODY, 3.0, 1000.0, 10.0, 0.01, allow_unstable=True, sampling_period=0.0025
+    ),
+    "adaptive, fault first": AdaptiveObserver(FAST_BODY, 1000.0, 1.0, 1e5, sampling_period=0.5),
 }
 
 
@@ -305,19 +321,19 @@ Build = Callable[[], object]
 def continuous(**changed: Any) -> RigidBodyObserver:
     settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
     step = settings.pop("sampling_period", 0.0025)
-    return ILO(BODY, step, **settings)
+    return ILO(BODY, **settings, sampling_period=step)
 
 
 def sampled(**changed: Any) -> RigidBodyObserver:
     settings = {"K1": 0.9, "K2": 2000.0, "damping": 100.0, "update_interval": 0.01, **changed}
     step = settings.pop("sampling_period", 0.0025)
-    return SampledILO(BODY, step, **settings)
+    return SampledILO(BODY, **settings, sampling_period=step)
 
 
 def adaptive(**changed: Any) -> RigidBodyObserver:
     settings = {"damping": 100.0, "integral_gain": 100.0, "proportional_gain": 0.0, **changed}
     step = settings.pop("sampling_period", 0.0025)
-    return AdaptiveObserver(BODY, step, **settings)
+    return AdaptiveObserver(BODY, **settings, sampling_period=step)
 
 
 def plant(step: float = 0.1, steps: int = 10, rate: Any = (0.0, 0.0, 0.0)) -> Array:
@@ -415,9 +431,9 @@ def test_an_estimate_that_starts_right_stays_right() -> None:
         [0.1, 0.2, -0.1], none, Signal.parse("fault", terms, 3), step / 2, 2000
     )
     for observer in (
-        ILO(body, step, 1.0, 500.0, 50.0, 10 * step),
-        SampledILO(body, step, 1.0, 500.0, 50.0, 10 * step),
-        AdaptiveObserver(body, step, 50.0, 100.0, 20.0),
+        ILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
+        SampledILO(body, 1.0, 500.0, 50.0, 10 * step, sampling_period=step),
+        AdaptiveObserver(body, 50.0, 100.0, 20.0, sampling_period=step),
     ):
         run = run_on_halves(
             observer, rate, np.zeros_like(rate), state=observer.init(rate[0], torque)

@@ -278,7 +278,7 @@ BODY = RigidBody(INERTIA, INPUT, FAULT)
 
 
 def continuous(K1: Array) -> Callable[[float], RigidBodyObserver]:
-    return lambda step: ILO(BODY, step, K1, K2, DAMPING, INTERVAL)
+    return lambda step: ILO(BODY, K1, K2, DAMPING, INTERVAL, sampling_period=step)
 
 
 @pytest.mark.parametrize("identity", [False, True], ids=["forgetting", "identity"])
@@ -309,7 +309,7 @@ def test_a_jump_of_the_estimate_recurs_every_interval(where: str, identity: bool
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_sampled_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> SampledILO:
-        return SampledILO(BODY, step, FORGETTING, K2, DAMPING, INTERVAL)
+        return SampledILO(BODY, FORGETTING, K2, DAMPING, INTERVAL, sampling_period=step)
 
     check_order(where, build, plain_reference(where, "sampled"))
 
@@ -317,7 +317,7 @@ def test_sampled_observer_is_of_order_4(where: str) -> None:
 @pytest.mark.parametrize("where", SCENARIOS)
 def test_adaptive_observer_is_of_order_4(where: str) -> None:
     def build(step: float) -> AdaptiveObserver:
-        return AdaptiveObserver(BODY, step, DAMPING, INTEGRAL, 0.1 * K2)
+        return AdaptiveObserver(BODY, DAMPING, INTEGRAL, 0.1 * K2, sampling_period=step)
 
     check_order(where, build, plain_reference(where, "adaptive"))
 
@@ -405,7 +405,12 @@ def test_half_a_period_of_an_observer_is_a_whole_number_of_samples(
     period: float, samples: int
 ) -> None:
     observer = SampledILO(
-        RigidBody(inertia=np.eye(3)), period, K1=1.0, K2=0.1, damping=1.0, update_interval=period
+        RigidBody(inertia=np.eye(3)),
+        K1=1.0,
+        K2=0.1,
+        damping=1.0,
+        update_interval=period,
+        sampling_period=period,
     )
     plant = replace(read_ledger(Ledger.load(ROOT, "ilo")).plant, step=0.001)
     if samples:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import special_ortho_group
 
 from reobserve.core.errors import InputError
 from reobserve.plants.satellite import Satellite
@@ -30,6 +31,37 @@ def test_kernels_against_cross_products() -> None:
         expected = np.linalg.solve(inertia, torque - np.cross(rate, inertia @ rate))
         found = acceleration(inertia, np.linalg.inv(inertia), tuple(rate), tuple(torque))
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_inertia_that_is_rotated_in_floats() -> None:
+    """R J R^T is symmetric up to rounding only; it stands for half its sum with its transpose."""
+    refused_before = 0
+    for seed in range(200):
+        axes = special_ortho_group.rvs(3, random_state=seed)
+        moments = 10.0 ** np.random.default_rng(seed).uniform(-3, 3) * np.array([36.0, 17.0, 26.0])
+        rotated = axes @ np.diag(moments) @ axes.T
+        refused_before += not np.array_equal(rotated, rotated.T)
+        inertia = RigidBody(rotated).inertia
+        assert np.array_equal(inertia, inertia.T)
+        assert np.abs(inertia - rotated).max() <= 1e-15 * moments.max()
+        assert np.linalg.eigvalsh(inertia) == pytest.approx(np.sort(moments), rel=1e-13)
+    assert refused_before > 50
+
+
+def test_symmetric_inertia_keeps_its_numbers() -> None:
+    root = np.random.default_rng(3).normal(size=(3, 3))
+    inertia = root + root.T + 9.0 * np.eye(3)
+    assert RigidBody(inertia).inertia.tobytes() == inertia.tobytes()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e200])
+def test_asymmetry_beyond_rounding_is_refused(scale: float) -> None:
+    inertia = scale * np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
+    inertia[0, 1] *= 1.0 + 1e-11 * 36.0 / 1.5 / 3.0  # 3.3 times the tolerance
+    with pytest.raises(InputError, match="must be symmetric"):
+        RigidBody(inertia)
+    inertia[0, 1] = inertia[1, 0] * (1.0 + 0.3e-12 * 36.0 / 1.5)
+    RigidBody(inertia)
 
 
 SHAPE = r"has shape \({}\), must be one number \(times the identity\), 3 numbers .* 3 x 3"

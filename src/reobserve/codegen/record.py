@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
-from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter
@@ -32,7 +31,7 @@ def test_run(
 ) -> tuple[Array, Array, Run[Any]]:
     """Measurements, inputs and the estimates of the library, one row a sample.
 
-    ``columns`` are as `reobserve.codegen.program_of.program_of` has them.
+    ``columns`` are as `reobserve.estimation.families.program.program_of` has them.
 
     Raises
     ------
@@ -41,7 +40,7 @@ def test_run(
     """
     p, m = columns
     make = _waves
-    if isinstance(observer, ExtendedHighGainObserver | DelayEstimator):
+    if isinstance(observer, ExtendedHighGainObserver):
         make = partial(_derivatives, period=observer.sampling_period)
     y, u = make(p, 0.21), make(m, 0.13)
     if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):

@@ -31,6 +31,10 @@ Matrix = FloatArray
 # Of arrays with more entries a message tells the shape alone.
 _SHOWN = 9
 
+# How far from symmetric a matrix may be, over its largest entry. Rounding makes a product like
+# R J R^T asymmetric by about n 2e-16, which is less up to n = 1000; a wrong digit is more.
+_SYMMETRIC = 1e-12
+
 _FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
 
 
@@ -135,13 +139,24 @@ def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     )
 
 
+def as_symmetric(name: str, matrix: Matrix) -> Matrix:
+    """A square matrix that is symmetric but for rounding, made so; `InputError` otherwise."""
+    if np.array_equal(matrix, matrix.T):
+        return matrix
+    with np.errstate(over="ignore"):
+        apart = np.abs(matrix - matrix.T).max()
+    if apart > _SYMMETRIC * np.abs(matrix).max():
+        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
+    # A sum of halves does not overflow.
+    return 0.5 * matrix + 0.5 * matrix.T
+
+
 def as_positive_definite(name: str, value: ArrayLike | Any, size: int) -> Matrix:
-    """`as_matrix`, and symmetric positive definite; `InputError` gives the eigenvalues if not."""
+    """`as_symmetric`, and positive definite; `InputError` gives the eigenvalues if it is not."""
     matrix = as_matrix(name, value, size)
     if not size:
         raise InputError(name, "is empty, must have one row or more")
-    if not np.array_equal(matrix, matrix.T):
-        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
+    matrix = as_symmetric(name, matrix)
     eigenvalues = np.linalg.eigvalsh(matrix)
     if eigenvalues[0] <= 0:
         listed = ", ".join(f"{value:g}" for value in eigenvalues)
@@ -218,12 +233,32 @@ def as_samples(
     return array
 
 
+def as_sample_rows(
+    name: str, value: ArrayLike, columns: int, *, rows: int | None = None, missing: bool = False
+) -> Matrix:
+    """A record of so many columns; a plain list of numbers will do for one column.
+
+    Raises
+    ------
+    InputError
+        If it is none, has another number of rows or, by the first such row, is not finite.
+    """
+    if columns == 1 and getattr(value, "ndim", None) != 2:
+        try:
+            array = as_numbers(name, value)
+        except InputError:
+            array = None
+        if array is not None and array.ndim == 1:
+            value = array[:, None]
+    return as_samples(name, value, columns, rows=rows, like="y", missing=missing)
+
+
 def as_row(name: str, value: ArrayLike) -> Matrix:
     """One sample as a record of one row, for `as_samples`."""
     try:
         return as_numbers(name, value).reshape(1, -1)
     except InputError:
-        raise InputError(name, "is no array of numbers") from None
+        raise InputError(name, f"{shown(value)} is no array of numbers") from None
 
 
 def spectral_radius(matrix: Matrix) -> float:

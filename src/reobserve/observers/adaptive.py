@@ -11,7 +11,7 @@ an iterative learning observer with K1 = I and a small tau.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
-from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows, State
+from reobserve.core.value import converter
+from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import (
     Triple,
@@ -67,27 +68,21 @@ class AdaptiveObserver(RigidBodyObserver):
         If a shape is wrong, Lambda or Gamma is not positive definite or the step not positive.
     """
 
-    damping: Matrix
-    integral_gain: Matrix
-    proportional_gain: Matrix
+    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    integral_gain: Matrix = field(metadata=converter(as_positive_definite, 3))
+    proportional_gain: Matrix = field(metadata=converter(as_matrix, 3))
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self,
             model: RigidBody,
-            sampling_period: float,
             damping: ArrayLike,
             integral_gain: ArrayLike,
             proportional_gain: ArrayLike,
+            *,
+            sampling_period: float,
         ) -> None: ...
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        put = object.__setattr__
-        put(self, "damping", as_positive_definite("damping", self.damping, 3))
-        put(self, "integral_gain", as_positive_definite("integral_gain", self.integral_gain, 3))
-        put(self, "proportional_gain", as_matrix("proportional_gain", self.proportional_gain, 3))
 
     @cached_property
     def _constants(self) -> Constants:
@@ -103,8 +98,8 @@ class AdaptiveObserver(RigidBodyObserver):
             self.sampling_period,
         )
 
-    def _run(self, state: State, record: Record, rows: Rows) -> int:
-        return _run(self._constants, state.rate, state.memory, record, rows)
+    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+        return _run(self._constants, rate, memory, record, rows)
 
 
 # One kernel for each derivative: a kernel that returns both as a pair makes the loop half as fast.

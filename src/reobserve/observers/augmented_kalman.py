@@ -106,8 +106,8 @@ class AugmentedKalmanFilter(Observer[State]):
         if len(hidden):
             raise InputError(
                 "input_matrix",
-                "and output_matrix leave a mode of state and unknown inputs hidden from the "
-                f"measurements that does not decay, of the eigenvalue {hidden[0]:.4g}",
+                "leaves a mode of state and unknown inputs unobservable that does not decay, of "
+                f"the eigenvalue {hidden[0]:.4g}",
             )
 
     @property

@@ -6,9 +6,9 @@
 
 Measurements ``y`` and known inputs ``u`` of one sample stand in the same row, ``sampling_period``
 seconds after the row before; u is the input from that sample on. The estimate of a row is made
-from the rows up to it. An observer is a frozen dataclass of the plant as it knows it, the sampling
-period and then its gains; its state is a value; `run` is one compiled loop over the arithmetic of
-`step`, so that both give the same bits.
+from the rows up to it. An observer is a frozen dataclass of the plant as it knows it and then its
+gains, with ``sampling_period`` by its name; its state is a value; `run` is one compiled loop over
+the arithmetic of `step`, so that both give the same bits.
 
 What a method needs between samples it has by a rule of its own, which each observer states; who
 knows more of it gives it as ``middle`` and ``before``.
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -26,13 +26,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import DivergenceError, InputError, shown
-from reobserve.core.matrices import all_finite, as_numbers, as_samples
+from reobserve.core.matrices import (
+    all_finite,
+    as_numbers,
+    as_positive,
+    as_row,
+    as_sample_rows,
+    as_samples,
+)
+from reobserve.core.value import Value, converter
+from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
 from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
-from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
-Pair = tuple[ArrayLike | None, ArrayLike | None]
 
 _UNEVEN = 0.01  # of the sampling period: how much longer or shorter a time between stamps may be
 
@@ -97,14 +104,21 @@ class Rows(NamedTuple):
         return among
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Observer(Value, ABC, Generic[StateKind]):
-    """What all observers share: `step`, `run`, and the checks of what they are given.
+    """The base class of observers: `step`, `run`, and the checks of their arguments.
 
-    What derives from it is a frozen dataclass with a ``sampling_period`` [s] and says what it
-    reads, what it estimates and how its loop is called.
+    A class that derives from it is a frozen dataclass and says what it reads, what it estimates
+    and how its loop is called: `_integrate` where it takes steps between the rows, `_fill` where
+    it goes from row to row.
+
+    Parameters
+    ----------
+    sampling_period
+        [s], by its name; an observer on a linear model takes that of the model.
     """
 
-    sampling_period: float
+    sampling_period: float = field(kw_only=True, metadata=converter(as_positive))
 
     reads_between: ClassVar[bool] = True  # whether there is a use for ``before`` and ``middle``
     reads_missing: ClassVar[bool] = False  # whether a nan may stand for what was not measured
@@ -133,9 +147,34 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _checked(self, state: Any) -> StateKind:
         """The state as the loop takes it; `InputError` if it is of no such observer."""
 
-    @abstractmethod
+    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
+        """Run the compiled loop over steps; the state after it has counted them.
+
+        It writes a row at the start of the first step and one at the end of each.
+        """
+        raise NotImplementedError
+
+    def _halved(self, state: StateKind) -> tuple[Observer[StateKind], StateKind] | None:
+        """The same observer and state with half the step; None if there is no such thing."""
+        finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)
+        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
+
+    def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
+        """State and record with what the observer finds by itself, such as derivatives."""
+        return state, record
+
     def _fill(self, state: StateKind, record: Record) -> Rows:
         """Run the compiled loop over a record."""
+        state, record = self._completed(state, record)
+        rows = self._integrate(state, steps_between(state.sample, record))
+        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
+        last = np.concatenate([record.y[-1], record.u[-1]])
+        return Rows(
+            {name: values[begun:] for name, values in rows.estimates.items()},
+            rows.finite - begun,
+            replace(rows.state, sample=last),
+            {name: values[begun:] for name, values in rows.before.items()},
+        )
 
     def _start(self, first: Array) -> StateKind:
         """The state where none is given, for the first row of y."""
@@ -148,7 +187,15 @@ class Observer(Value, ABC, Generic[StateKind]):
 
         ``first`` is the time [s] of the record's first row.
         """
-        return ""
+        if not self.reads_between:
+            return ""
+        from reobserve.observers.halving import finding
+
+        state, record = self._completed(state, record)
+        steps, before = steps_between(state.sample, record), state.sample is not None
+        if not steps.y.steps:
+            return ""  # what cannot be read from the start, no step can help
+        return finding(self, state, steps, good + before, first - before * self.sampling_period)
 
     def step(
         self,
@@ -172,8 +219,8 @@ class Observer(Value, ABC, Generic[StateKind]):
             As `run`.
         """
         record = self._read(
-            _as_row("y", y), None if u is None else _as_row("u", u),
-            _as_row_pair("before", before), _as_row_pair("middle", middle),
+            as_row("y", y), None if u is None else as_row("u", u),
+            as_row_pair("before", before), as_row_pair("middle", middle),
         )  # fmt: skip
         start = self._checked(state)
         rows, time = self._fill(start, record), self._next_row(start) * self.sampling_period
@@ -293,7 +340,7 @@ class Observer(Value, ABC, Generic[StateKind]):
     ) -> tuple[Array | None, Array | None]:
         if pair is None:
             return (None, None)
-        y, u = _as_pair(name, pair)
+        y, u = as_pair(name, pair)
         return (
             None if y is None else self._read_measurements(f"{name} y", y, rows),
             None if u is None else self._read_inputs(f"{name} u", u, rows),
@@ -356,47 +403,3 @@ def check_state(
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
         raise InputError(f"{name}.count", f"{shown(count)} must be a whole number, 0 or more")
     return replace(state, **changed) if changed else state  # type: ignore[type-var]
-
-
-def as_sample_rows(
-    name: str, value: ArrayLike, columns: int, *, rows: int | None = None, missing: bool = False
-) -> Array:
-    """A record of so many columns; a plain list of numbers will do for one column.
-
-    Raises
-    ------
-    InputError
-        If it is none, has another number of rows or, by the first such row, is not finite.
-    """
-    if columns == 1 and getattr(value, "ndim", None) != 2:
-        try:
-            array = as_numbers(name, value)
-        except InputError:
-            array = None
-        if array is not None and array.ndim == 1:
-            value = array[:, None]
-    return as_samples(name, value, columns, rows=rows, like="y", missing=missing)
-
-
-def _as_row(name: str, value: ArrayLike) -> Array:
-    """One sample as a record of one row."""
-    try:
-        return as_numbers(name, value).reshape(1, -1)
-    except InputError:
-        raise InputError(name, f"{shown(value)} is no array of numbers") from None
-
-
-def _as_pair(name: str, pair: Any) -> Pair:
-    if not isinstance(pair, tuple | list) or len(pair) != 2:
-        raise InputError(name, f"{shown(pair)} must be a pair of y and u")
-    return pair[0], pair[1]
-
-
-def _as_row_pair(name: str, pair: Pair | None) -> Pair | None:
-    if pair is None:
-        return None
-    y, u = _as_pair(name, pair)
-    return (
-        None if y is None else _as_row(f"{name} y", y),
-        None if u is None else _as_row(f"{name} u", u),
-    )

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,11 +28,11 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_positive, as_positive_definite, as_scalar, as_vector
-from reobserve.observers.contract import Record, Rows, check_state
+from reobserve.core.value import Value, converter
+from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.extended_high_gain_loop import run
-from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.fixed_step import Steps
 from reobserve.observers.row_derivatives import as_signal_rows, completed, latest
-from reobserve.observers.value import Value
 from reobserve.synthesis.high_gain import high_gain, high_gain_over_time
 from reobserve.systems.triangular import TriangularModel
 
@@ -63,7 +63,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedHighGainObserver(FixedStepObserver[State]):
+class ExtendedHighGainObserver(Observer[State]):
     """The observer for a model of any size and any Taylor order.
 
     Lechappe et al. 2018, (9) to (12), (34), (35), after (36) and Lemma 1.
@@ -81,8 +81,6 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
     ----------
     model
         f, G and their parameters.
-    sampling_period
-        [s], and the step of the method.
     rho
         The one tuning parameter of the gain [1/s].
     order
@@ -96,6 +94,8 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
     initial_matrix
         S(0), shape (n + 1, n + 1), of the dynamic equation of the gain; None for the algebraic
         one, to whose solution it comes.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
@@ -109,39 +109,34 @@ class ExtendedHighGainObserver(FixedStepObserver[State]):
         If the gain was off for the whole record of a run.
     """
 
-    model: TriangularModel
-    sampling_period: float
-    rho: float
+    model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))
+    rho: float = field(metadata=converter(as_positive))
     order: int
     delay_bounds: tuple[float, float]
-    threshold: float = 0.0
-    switched: str = "delay"
+    threshold: float = field(default=0.0, metadata=converter(as_scalar))
+    switched: str = field(default="delay", metadata=converter(as_word, SWITCHED))
     initial_matrix: ArrayLike | None = None
 
     measurements: ClassVar[int] = 1
     units: ClassVar[Mapping[str, str]] = {"state": "", "delay": "s", "switched_off": "1"}
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        as_kind("model", self.model, TriangularModel)
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        super().__post_init__()
         if not isinstance(self.order, int) or isinstance(self.order, bool) or self.order < 1:
             raise InputError(
                 "order",
                 f"{shown(self.order)} must be a whole number, 1 or more: order 0 holds no delay",
             )
         least, most = as_vector("delay_bounds", self.delay_bounds, 2).tolist()
-        put(self, "delay_bounds", (least, most))
+        self._set("delay_bounds", (least, most))
         if not 0.0 <= least < most:
             raise InputError("delay_bounds", f"[{least:g}, {most:g}] s must be 0 or more, rising")
-        put(self, "threshold", as_scalar("threshold", self.threshold))
         if self.threshold < 0:
             raise InputError("threshold", f"{self.threshold:g} must not be negative")
-        as_word("switched", self.switched, SWITCHED)
         size = self.model.states + 1
         if self.initial_matrix is not None:
             matrix = as_positive_definite("initial_matrix", self.initial_matrix, size)
-            put(self, "initial_matrix", matrix)
+            self._set("initial_matrix", matrix)
         self._gains(np.zeros(1))
 
     def _gains(self, times: NDArray[Any]) -> Array:

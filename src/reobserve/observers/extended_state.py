@@ -19,7 +19,7 @@ The errors of the estimates do not contain u: whatever controls the plant, they 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -29,11 +29,11 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.discretisation import interpolating_hold
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats, as_positive, as_vector
-from reobserve.observers.contract import Rows, check_state
+from reobserve.core.matrices import as_floats, as_vector
+from reobserve.core.value import Value, converter
+from reobserve.observers.contract import Observer, Rows, check_state
 from reobserve.observers.extended_state_loop import run_observer
-from reobserve.observers.fixed_step import FixedStepObserver, Steps
-from reobserve.observers.value import Value
+from reobserve.observers.fixed_step import Steps
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExtendedStateObserver(FixedStepObserver[State]):
+class ExtendedStateObserver(Observer[State]):
     """The observer, sampled exactly for what its record says of y and u.
 
     Indriawati, Agustinah & Jazidie, (3), (6), (8) and (37).
@@ -72,10 +72,10 @@ class ExtendedStateObserver(FixedStepObserver[State]):
     ----------
     system
         The plant as the observer knows it, with the filter.
-    sampling_period
-        [s].
     gains
         L and Ld; with Ld = 0 it is the PI observer (6).
+    sampling_period
+        [s].
 
     Raises
     ------
@@ -84,19 +84,15 @@ class ExtendedStateObserver(FixedStepObserver[State]):
         half plane, or the period is not positive.
     """
 
-    system: AugmentedSystem
-    sampling_period: float
-    gains: Gains
+    system: AugmentedSystem = field(metadata=converter(as_kind, AugmentedSystem))
+    gains: Gains = field(metadata=converter(as_kind, Gains))
 
     units: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("state", "actuator_fault", "sensor_fault"), ""
     )
 
     def __post_init__(self) -> None:
-        period = as_positive("sampling_period", self.sampling_period)
-        object.__setattr__(self, "sampling_period", period)
-        as_kind("system", self.system, AugmentedSystem)
-        as_kind("gains", self.gains, Gains)
+        super().__post_init__()
         wanted = (self.system.size, self.system.outputs)
         for name in ("L", "Ld"):
             gain = as_floats(name, getattr(self.gains, name))

@@ -1,4 +1,4 @@
-"""Observers that integrate with one step a sampling period, and what they read in between.
+"""The steps from row to row: what observers that integrate read at their ends and in between.
 
 Where nothing else is given, measurements go in straight lines from sample to sample and known
 inputs keep the value of their sample, as a controller holds them. With ``middle`` or ``before`` a
@@ -8,25 +8,23 @@ only the limits are given.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from dataclasses import replace
-from typing import Any, Generic, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_numbers
-from reobserve.observers.contract import (
-    Observer,
-    OnDivergence,
-    Record,
-    Rows,
-    StateKind,
-)
-from reobserve.observers.run import Run
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_numbers, as_row
+
+if TYPE_CHECKING:
+    from reobserve.observers.contract import Observer, OnDivergence, Record, StateKind
+    from reobserve.observers.run import Run
 
 Array = NDArray[np.float64]
+Pair = tuple[ArrayLike | None, ArrayLike | None]
+
+# The classical Runge-Kutta method is stable for x' = -r x up to r h = 2.785.
+STABLE_STEP = 2.78
 
 
 class Samples(NamedTuple):
@@ -75,49 +73,6 @@ class Steps(NamedTuple):
     def halved(self) -> Steps:
         """Twice as many steps; see `Samples.halved`."""
         return Steps(self.y.halved(), self.u.halved())
-
-
-class FixedStepObserver(Observer[StateKind], Generic[StateKind]):
-    """An observer that takes one step a sampling period: of a Runge-Kutta method, or exactly.
-
-    What derives from it says how its loop is called. The loop writes a row at the start of the
-    first step and one at the end of each.
-    """
-
-    @abstractmethod
-    def _integrate(self, state: StateKind, steps: Steps) -> Rows:
-        """Run the compiled loop; the state after it has counted the steps."""
-
-    def _halved(self, state: StateKind) -> tuple[FixedStepObserver[StateKind], StateKind] | None:
-        """The same observer and state with half the step; None if there is no such thing."""
-        finer: Any = replace(self, sampling_period=0.5 * self.sampling_period)  # type: ignore[type-var]
-        return finer, replace(state, count=2 * state.count)  # type: ignore[type-var]
-
-    def _completed(self, state: StateKind, record: Record) -> tuple[StateKind, Record]:
-        """State and record with what the observer finds by itself, such as derivatives."""
-        return state, record
-
-    def _fill(self, state: StateKind, record: Record) -> Rows:
-        state, record = self._completed(state, record)
-        rows = self._integrate(state, steps_between(state.sample, record))
-        begun = 0 if state.sample is None else 1  # the row of the sample before, which is known
-        last = np.concatenate([record.y[-1], record.u[-1]])
-        after = replace(rows.state, sample=last)
-        return Rows(
-            {name: values[begun:] for name, values in rows.estimates.items()},
-            rows.finite - begun,
-            after,
-            {name: values[begun:] for name, values in rows.before.items()},
-        )
-
-    def _finding(self, state: StateKind, record: Record, good: int, first: float) -> str:
-        from reobserve.observers.halving import finding
-
-        state, record = self._completed(state, record)
-        steps, before = steps_between(state.sample, record), state.sample is not None
-        if not steps.y.steps:
-            return ""  # what cannot be read from the start, no step can help
-        return finding(self, state, steps, good + before, first - before * self.sampling_period)
 
 
 def steps_between(last: Array | None, record: Record) -> Steps:
@@ -195,3 +150,37 @@ def _halves(
     if left is not None and left.shape != given.shape:
         raise InputError(f"{name}_before", f"has shape {left.shape}, must be {given.shape}")
     return given[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]
+
+
+def check_rate(name: str, rate: float, step: float) -> None:
+    """Refuse a rate [1/s] of the estimator's own that the Runge-Kutta method cannot follow.
+
+    Raises
+    ------
+    InputError
+        If the step is above the method's limit of stability.
+    """
+    if rate * step > STABLE_STEP:
+        raise InputError(
+            name,
+            f"makes a rate of {rate:g} 1/s, which with steps of {step:g} s is unstable; "
+            f"rate times step must be {STABLE_STEP:g} or less",
+        )
+
+
+def as_pair(name: str, pair: Any) -> Pair:
+    """A pair of y and u, each of which may be None; `InputError` if it is none."""
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise InputError(name, f"{shown(pair)} must be a pair of y and u")
+    return pair[0], pair[1]
+
+
+def as_row_pair(name: str, pair: Pair | None) -> Pair | None:
+    """A pair of samples as records of one row."""
+    if pair is None:
+        return None
+    y, u = as_pair(name, pair)
+    return (
+        None if y is None else as_row(f"{name} y", y),
+        None if u is None else as_row(f"{name} u", u),
+    )

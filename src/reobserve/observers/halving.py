@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.fixed_step import FixedStepObserver, Steps
+from reobserve.observers.contract import Observer
+from reobserve.observers.fixed_step import Steps
 
 Array = NDArray[np.float64]
 
@@ -27,9 +28,7 @@ _AT_ONCE = 32  # steps that are refined together, so that memory stays small
 _AGREE = 0.01
 
 
-def finding(
-    observer: FixedStepObserver[Any], state: Any, steps: Steps, finite: int, begun: float
-) -> str:
+def finding(observer: Observer[Any], state: Any, steps: Steps, finite: int, begun: float) -> str:
     """Why a run diverged, as the rest of a sentence; empty if the observer has no shorter step.
 
     Parameters
@@ -71,12 +70,12 @@ def finding(
     return f"{since}the observer itself diverges: {finest} it does so, too"
 
 
-def _first_row(observer: FixedStepObserver[Any], state: Any, piece: Steps) -> Array:
+def _first_row(observer: Observer[Any], state: Any, piece: Steps) -> Array:
     rows = observer._integrate(state, piece.part(0, 1)).estimates
     return np.concatenate([np.ravel(array[0]) for array in rows.values()])
 
 
-def _end(observer: FixedStepObserver[Any], state: Any, piece: Steps, halvings: int) -> Array | None:
+def _end(observer: Observer[Any], state: Any, piece: Steps, halvings: int) -> Array | None:
     """The last row that an observer writes with a finer record; None if it diverges."""
     row = np.empty(0)
     for first in range(0, piece.y.steps, _AT_ONCE):

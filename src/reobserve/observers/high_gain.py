@@ -10,7 +10,7 @@ column of S^-1, the gains binom(n, i) rho^i.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,9 +21,9 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive, as_vector
-from reobserve.observers.contract import Rows, check_state
-from reobserve.observers.fixed_step import FixedStepObserver, Steps
-from reobserve.observers.value import Value
+from reobserve.core.value import Value, converter
+from reobserve.observers.contract import Observer, Rows, check_state
+from reobserve.observers.fixed_step import Steps
 from reobserve.synthesis.high_gain import high_gain
 from reobserve.systems.triangular import TriangularModel
 
@@ -52,7 +52,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HighGainObserver(FixedStepObserver[State]):
+class HighGainObserver(Observer[State]):
     """The standard observer, integrated by the classical Runge-Kutta method.
 
     Lechappe et al. 2018, (36).
@@ -65,10 +65,10 @@ class HighGainObserver(FixedStepObserver[State]):
     ----------
     model
         The plant as the observer knows it; n is its number of states.
-    sampling_period
-        [s], and the step of the method.
     rho
         [1/s]; all eigenvalues of Lambda - S^-1 C^T C are -rho.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
@@ -76,19 +76,15 @@ class HighGainObserver(FixedStepObserver[State]):
         If ``rho`` or the period is not positive, or rho^n is beyond floating-point numbers.
     """
 
-    model: TriangularModel
-    sampling_period: float
-    rho: float
+    model: TriangularModel = field(metadata=converter(as_kind, TriangularModel))
+    rho: float = field(metadata=converter(as_positive))
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 1
     units: ClassVar[Mapping[str, str]] = {"state": ""}
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        as_kind("model", self.model, TriangularModel)
-        put(self, "rho", as_positive("rho", self.rho))
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        super().__post_init__()
         _ = self.gain  # refuses what has no gain now and not at the first step
 
     @cached_property

@@ -9,7 +9,7 @@ one interval earlier; `reobserve.observers.ilo_sampled` updates it once an inter
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +20,7 @@ from reobserve.core.arguments import as_flag
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.core.value import converter
 from reobserve.observers.rigid_body_observer import (
     Array,
     Record,
@@ -40,6 +41,9 @@ from reobserve.systems.rigid_body_arithmetic import (
     row,
 )
 
+if TYPE_CHECKING:
+    from reobserve.observers.ilo_sampled import SampledILO
+
 
 class Constants(NamedTuple):
     """What the loop reads. ``injection`` multiplies w - w^: Lambda, and what of B_f v does so."""
@@ -55,11 +59,19 @@ class Constants(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IloGains(RigidBodyObserver):
-    """The parameters of (3), whichever way v is updated.
+class ILO(RigidBodyObserver):
+    """The law with v learning at every instant: a delay system, by the method of steps.
+
+    Chen & Saif 2007, (3).
+
+    The integration is of order 4 in ``sampling_period``, at the jumps of v at multiples of tau,
+    too: the values of v at the start, the middle and the end of each step are kept apart, and the
+    middle comes from cubic Hermite interpolation of w^.
 
     Parameters
     ----------
+    model
+        The rigid body as the observer knows it.
     K1, K2
         Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
     damping
@@ -68,89 +80,40 @@ class IloGains(RigidBodyObserver):
         tau [s], the updating interval, a multiple of ``sampling_period``.
     allow_unstable
         Accept gains whose linearised error dynamics grow: to study divergence.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
     InputError
         If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
-        of the step, or the gains are unstable.
-    """
-
-    K1: Matrix
-    K2: Matrix
-    damping: Matrix
-    update_interval: float
-    allow_unstable: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        put = object.__setattr__
-        put(self, "K1", as_matrix("K1", self.K1, 3))
-        put(self, "K2", as_matrix("K2", self.K2, 3))
-        put(self, "damping", as_positive_definite("damping", self.damping, 3))
-        put(self, "update_interval", as_positive("update_interval", self.update_interval))
-        put(self, "allow_unstable", as_flag("allow_unstable", self.allow_unstable))
-        whole_steps(self.update_interval, self.sampling_period)
-
-    @cached_property
-    def delay(self) -> int:
-        """The updating interval in steps."""
-        return whole_steps(self.update_interval, self.sampling_period)
-
-    @cached_property
-    def law(self) -> LearningLaw:
-        """What the synthesis of such an observer asks for: its stability, its accuracy."""
-        body, gains = self.model, (self.K1, self.K2)
-        return LearningLaw(
-            body.inertia, self.damping, body.fault_matrix, *gains, self.update_interval
-        )
-
-    def _constants_with(self, injection: Matrix) -> Constants:
-        model = self.model
-        return Constants(
-            model.inertia,
-            model.inverse,
-            injection,
-            model.input_matrix,
-            model.fault_matrix,
-            self.K1,
-            self.K2,
-            self.sampling_period,
-        )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ILO(IloGains):
-    """The law with v learning at every instant: a delay system, by the method of steps.
-
-    Chen & Saif 2007, (3).
-
-    Parameters are those of `IloGains`. The integration is of order 4 in ``sampling_period``, at the
-    jumps of v at multiples of tau, too: the values of v at the start, the middle and the end
-    of each step are kept apart, and the middle comes from cubic Hermite interpolation of w^.
-
-    Raises
-    ------
-    InputError
-        As `IloGains`; K1 with a spectral radius above 1 or K2 that destabilises is refused
+        of the step; K1 has a spectral radius above 1 or K2 destabilises, which is refused
         with the growth that it causes.
     """
+
+    K1: Matrix = field(metadata=converter(as_matrix, 3))
+    K2: Matrix = field(metadata=converter(as_matrix, 3))
+    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    update_interval: float = field(metadata=converter(as_positive))
+    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self,
             model: RigidBody,
-            sampling_period: float,
             K1: ArrayLike,
             K2: ArrayLike,
             damping: ArrayLike,
             update_interval: float,
             allow_unstable: bool = ...,
+            *,
+            sampling_period: float,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _ = self.delay  # refuses an interval that is no multiple of the step
         if self.allow_unstable:
             return
         verdict = continuous_stability(self.law)
@@ -158,8 +121,18 @@ class ILO(IloGains):
             raise InputError("K1, K2", f"must give stable error dynamics, but {verdict.reason}")
 
     @cached_property
+    def delay(self) -> int:
+        """The updating interval in steps."""
+        return whole_steps(self.update_interval, self.sampling_period)
+
+    @property
+    def law(self) -> LearningLaw:
+        """The learning law as the synthesis takes it, for its stability and its accuracy."""
+        return learning_law(self)
+
+    @cached_property
     def _constants(self) -> Constants:
-        return self._constants_with(self.damping + self.model.fault_matrix @ self.K2)
+        return constants(self, self.damping + self.model.fault_matrix @ self.K2)
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
@@ -178,8 +151,31 @@ class ILO(IloGains):
         memory[1::2, 1] = 0.375 * last + 0.75 * middle - 0.125 * first
         return finer, State(state.rate, memory, state.sample, 2 * state.count)
 
-    def _run(self, state: State, record: Record, rows: Rows) -> int:
-        return _run(self._constants, state.rate, state.memory, state.count, record, rows)
+    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+        return _run(self._constants, rate, memory, count, record, rows)
+
+
+def learning_law(observer: ILO | SampledILO) -> LearningLaw:
+    """The body and the law of an observer, all that its error equation has."""
+    body, gains = observer.model, (observer.K1, observer.K2)
+    return LearningLaw(
+        body.inertia, observer.damping, body.fault_matrix, *gains, observer.update_interval
+    )
+
+
+def constants(observer: ILO | SampledILO, injection: Matrix) -> Constants:
+    """What the loop of either observer reads."""
+    model = observer.model
+    return Constants(
+        model.inertia,
+        model.inverse,
+        injection,
+        model.input_matrix,
+        model.fault_matrix,
+        observer.K1,
+        observer.K2,
+        observer.sampling_period,
+    )
 
 
 @kernel

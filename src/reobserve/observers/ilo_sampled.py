@@ -10,50 +10,89 @@ and held in between, while w^ follows the first line of (3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reobserve.core.arguments import as_flag
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
-from reobserve.observers.ilo import Constants, IloGains, known_torque, learn, slope
-from reobserve.observers.rigid_body_observer import Array, Record, Rows, State
+from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
+from reobserve.core.value import converter
+from reobserve.observers.ilo import (
+    Constants,
+    constants,
+    known_torque,
+    learn,
+    learning_law,
+    slope,
+)
+from reobserve.observers.rigid_body_observer import (
+    Array,
+    Record,
+    RigidBodyObserver,
+    Rows,
+    whole_steps,
+)
+from reobserve.synthesis.ilo_error_system import LearningLaw
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_stability
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import ahead, product, rk4_sum, row
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SampledILO(IloGains):
+class SampledILO(RigidBodyObserver):
     """The law with v updated at multiples of tau and held (Chen & Saif 2007, (3)).
 
-    Parameters are those of `IloGains`.
+    Parameters
+    ----------
+    model
+        The rigid body as the observer knows it.
+    K1, K2
+        Learning gains [1] and [N m s/rad]: a number (times the identity), a diagonal or 3 x 3.
+    damping
+        Lambda [N m s/rad], likewise; symmetric positive definite.
+    update_interval
+        tau [s], the updating interval, a multiple of ``sampling_period``.
+    allow_unstable
+        Accept gains whose linearised error dynamics grow: to study divergence.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
     InputError
-        As `IloGains`; gains for which v and w - w^ grow from one update to the next are
-        refused with the largest K2 that does not.
+        If a shape is wrong, Lambda is not positive definite, tau is not positive or no multiple
+        of the step; v and w - w^ grow from one update to the next, which is refused with
+        the largest K2 for which they do not.
     """
+
+    K1: Matrix = field(metadata=converter(as_matrix, 3))
+    K2: Matrix = field(metadata=converter(as_matrix, 3))
+    damping: Matrix = field(metadata=converter(as_positive_definite, 3))
+    update_interval: float = field(metadata=converter(as_positive))
+    allow_unstable: bool = field(default=False, metadata=converter(as_flag))
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self,
             model: RigidBody,
-            sampling_period: float,
             K1: ArrayLike,
             K2: ArrayLike,
             damping: ArrayLike,
             update_interval: float,
             allow_unstable: bool = ...,
+            *,
+            sampling_period: float,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        _ = self.delay  # refuses an interval that is no multiple of the step
         if self.allow_unstable:
             return
         verdict = sampled_stability(self.law)
@@ -65,13 +104,21 @@ class SampledILO(IloGains):
             )
 
     @cached_property
-    def _constants(self) -> Constants:
-        return self._constants_with(self.damping)
+    def delay(self) -> int:
+        """The updating interval in steps."""
+        return whole_steps(self.update_interval, self.sampling_period)
 
-    def _run(self, state: State, record: Record, rows: Rows) -> int:
-        return _run(
-            self._constants, self.delay, state.rate, state.memory, state.count, record, rows
-        )
+    @property
+    def law(self) -> LearningLaw:
+        """The learning law as the synthesis takes it, for its stability and its accuracy."""
+        return learning_law(self)
+
+    @cached_property
+    def _constants(self) -> Constants:
+        return constants(self, self.damping)
+
+    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+        return _run(self._constants, self.delay, rate, memory, count, record, rows)
 
 
 @kernel

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_vector
+from reobserve.core.value import Value
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.imm_loop import (
     Bank,
@@ -47,7 +48,6 @@ from reobserve.observers.linear_filter import (
     sample_before,
 )
 from reobserve.observers.run import AxisNames, names_by_model
-from reobserve.observers.value import Value
 from reobserve.systems.linear import ModelArrays, as_covariance
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ last state is then driven nine times too hard for the others to follow.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -26,8 +26,8 @@ from reobserve.core.arguments import as_flag, as_whole
 from reobserve.core.errors import InputError, shown
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive, as_vector
+from reobserve.core.value import Value, converter
 from reobserve.observers.contract import Observer, Record, Rows, check_state
-from reobserve.observers.value import Value
 
 Array = NDArray[np.float64]
 
@@ -75,8 +75,6 @@ class LevantDifferentiator(Observer[State]):
     ----------
     L
         Bound on the derivative of order n + 1 of u [unit of u / s^(n+1)].
-    sampling_period
-        [s].
     order
         n, the highest derivative to estimate.
     lambdas
@@ -84,6 +82,8 @@ class LevantDifferentiator(Observer[State]):
         of Levant's 8, 5, 3, 2, 1.5, 1.1, which serve orders up to 5. The paper takes 3, 1.5, 1.
     printed
         Take the last line as the paper prints it, without L: to show that it fails.
+    sampling_period
+        [s].
 
     Raises
     ------
@@ -92,11 +92,10 @@ class LevantDifferentiator(Observer[State]):
         positive, there are not n + 1 of them, or there are none for an order above 5.
     """
 
-    L: float
-    sampling_period: float
-    order: int = 2
+    L: float = field(metadata=converter(as_positive))
+    order: int = field(default=2, metadata=converter(as_whole, 1))
     lambdas: ArrayLike | None = None
-    printed: bool = False
+    printed: bool = field(default=False, metadata=converter(as_flag))
 
     measurements: ClassVar[int] = 1
     inputs: ClassVar[int] = 0
@@ -104,9 +103,7 @@ class LevantDifferentiator(Observer[State]):
     reads_between: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "order", as_whole("order", self.order, 1))
-        put(self, "printed", as_flag("printed", self.printed))
+        super().__post_init__()
         lines = self.order + 1
         if self.lambdas is None and lines > len(_USUAL):
             raise InputError(
@@ -116,9 +113,7 @@ class LevantDifferentiator(Observer[State]):
         chosen = as_vector("lambdas", usual, lines)
         if chosen.min() <= 0:
             raise InputError("lambdas", f"{shown(chosen.tolist())} must all be greater than zero")
-        put(self, "L", as_positive("L", self.L))
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
-        put(self, "lambdas", chosen)
+        self._set("lambdas", chosen)
 
     @cached_property
     def _law(self) -> Law:

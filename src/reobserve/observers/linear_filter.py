@@ -24,6 +24,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import Law
 from reobserve.core.matrices import as_numbers, as_row, as_samples, as_vector
+from reobserve.core.value import Value
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.linear_filter_loop import (
     correct,
@@ -32,7 +33,6 @@ from reobserve.observers.linear_filter_loop import (
     predict,
     run_filter,
 )
-from reobserve.observers.value import Value
 from reobserve.systems.linear import LinearModel, as_covariance
 
 Array = NDArray[np.float64]

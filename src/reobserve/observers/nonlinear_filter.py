@@ -22,7 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_row, as_samples, as_vector
-from reobserve.observers.contract import Observer, OnDivergence, Pair, Record, Rows, check_state
+from reobserve.core.value import Value
+from reobserve.observers.contract import Observer, OnDivergence, Record, Rows, check_state
+from reobserve.observers.fixed_step import Pair
 from reobserve.observers.linear_filter import (
     Belief,
     Correction,
@@ -47,7 +49,6 @@ from reobserve.observers.nonlinear_filter_work import (
 )
 from reobserve.observers.run import Estimate, Run
 from reobserve.observers.unscented_kalman_loop import Weights
-from reobserve.observers.value import Value
 from reobserve.systems.linear import as_covariance
 from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.nonlinear_flow import Functions

@@ -116,8 +116,8 @@ def normal_form_observer(
         system, highest, injection=matrix, poles=poles, higher=added, effect=effect, names=names
     )
     if form == "identity":
-        return IdentityObserver(series, sampling_period, order, gain)
-    return TransformedObserver(series, sampling_period, order)
+        return IdentityObserver(series, order, gain, sampling_period=sampling_period)
+    return TransformedObserver(series, order, sampling_period=sampling_period)
 
 
 def _higher(terms: PolynomialMap, states: int) -> PolynomialMap:

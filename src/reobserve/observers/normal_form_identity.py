@@ -12,7 +12,7 @@ here is that of (8). A truncated gain is read in one of the three ways that
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from reobserve.core.arguments import as_word
 from reobserve.core.kernel import kernel
 from reobserve.core.small_systems import solve_in_place
+from reobserve.core.value import converter
 from reobserve.observers.fixed_step import Samples
 from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.polynomials.evaluation import Polynomials, evaluate, polynomials
@@ -61,11 +62,7 @@ class IdentityObserver(NormalFormObserver):
     ``gain`` is one of series, jacobian and composed; `InputError` if it is another.
     """
 
-    gain: str = "series"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        as_word("gain", self.gain, GAINS)
+    gain: str = field(default="series", metadata=converter(as_word, GAINS))
 
     @cached_property
     def _law(self) -> Law:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_positive, as_vector
-from reobserve.observers.contract import Rows, check_state
-from reobserve.observers.fixed_step import FixedStepObserver, Samples, Steps
+from reobserve.core.matrices import as_vector
+from reobserve.core.value import Value, converter
+from reobserve.observers.contract import Observer, Rows, check_state
+from reobserve.observers.fixed_step import Samples, Steps
 from reobserve.observers.run import Run
-from reobserve.observers.value import Value
 from reobserve.synthesis.normal_form.convergence import convergence, warning
 from reobserve.synthesis.normal_form.design import NormalForm
 
@@ -42,7 +42,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NormalFormObserver(FixedStepObserver[State]):
+class NormalFormObserver(Observer[State]):
     """An observer that measures y of a system, knows its inputs if there are any, and estimates x.
 
     Its estimate is ``state``, x^, shape (k, n). Without a state a run
@@ -52,11 +52,11 @@ class NormalFormObserver(FixedStepObserver[State]):
     ----------
     normal_form
         The series, of a degree above the order.
-    sampling_period
-        [s], and the step of the method.
     order
         The degree up to which the gain L is kept, as the paper counts; S and T are kept up to
         one degree more. Order 0 is the constant gain.
+    sampling_period
+        [s], and the step of the method.
 
     Raises
     ------
@@ -65,16 +65,14 @@ class NormalFormObserver(FixedStepObserver[State]):
         positive.
     """
 
-    normal_form: NormalForm
-    sampling_period: float
+    normal_form: NormalForm = field(metadata=converter(as_kind, NormalForm))
     order: int
 
     units: ClassVar[Mapping[str, str]] = {"state": ""}
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
-        highest = as_kind("normal_form", self.normal_form, NormalForm).problem.degree - 1
+        super().__post_init__()
+        highest = self.normal_form.problem.degree - 1
         whole = isinstance(self.order, int | np.integer) and not isinstance(self.order, bool)
         if not whole or not 0 <= self.order <= highest:
             raise InputError(
@@ -82,7 +80,7 @@ class NormalFormObserver(FixedStepObserver[State]):
                 f"{shown(self.order)} must be from 0 to {highest}, one less than the degree of "
                 "the series",
             )
-        put(self, "order", int(self.order))
+        self._set("order", int(self.order))
 
     @property
     def measurements(self) -> int:

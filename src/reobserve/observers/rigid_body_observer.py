@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import Matrix, as_positive, as_vector
+from reobserve.core.matrices import Matrix, as_vector
+from reobserve.core.value import Value, converter
 from reobserve.observers import contract
-from reobserve.observers.contract import check_state
-from reobserve.observers.fixed_step import FixedStepObserver, Steps
-from reobserve.observers.value import Value
+from reobserve.observers.contract import Observer, check_state
+from reobserve.observers.fixed_step import Steps
 from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class State(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RigidBodyObserver(FixedStepObserver[State]):
+class RigidBodyObserver(Observer[State]):
     """An observer that measures w [rad/s], knows u [N m] and estimates the fault torque.
 
     Its estimates are ``rate`` [rad/s] and ``fault`` [N m], shape (k, 3). `Run.before` has the
@@ -74,17 +74,11 @@ class RigidBodyObserver(FixedStepObserver[State]):
         If the model is no rigid body or the period not positive.
     """
 
-    model: RigidBody
-    sampling_period: float
+    model: RigidBody = field(metadata=converter(as_kind, RigidBody))
 
     measurements: ClassVar[int] = 3
     inputs: ClassVar[int] = 3
     units: ClassVar[Mapping[str, str]] = {"rate": "rad/s", "fault": "N m"}
-
-    def __post_init__(self) -> None:
-        as_kind("model", self.model, RigidBody)
-        period = as_positive("sampling_period", self.sampling_period)
-        object.__setattr__(self, "sampling_period", period)
 
     @property
     def _memory_shape(self) -> tuple[int, ...]:
@@ -92,8 +86,12 @@ class RigidBodyObserver(FixedStepObserver[State]):
         return (3,)
 
     @abstractmethod
-    def _run(self, state: State, record: Record, rows: Rows) -> int:
-        """Run the compiled loop on ``state`` in place; return the number of finite rows."""
+    def _run(self, rate: Array, memory: Array, count: int, record: Record, rows: Rows) -> int:
+        """Run the compiled loop; return the number of finite rows.
+
+        ``rate`` and ``memory`` are those of the state, ``count`` steps after the first of all; the
+        loop leaves the new ones in place.
+        """
 
     def init(self, rate: ArrayLike, fault: ArrayLike = (0.0, 0.0, 0.0)) -> State:
         """The state at the first sample; without it a run starts from the first measurement.
@@ -125,10 +123,11 @@ class RigidBodyObserver(FixedStepObserver[State]):
     def _integrate(self, state: State, steps: Steps) -> contract.Rows:
         y, u = steps
         out = Rows(*np.empty((3, y.steps + 1, 3)))
-        working = State(state.rate.copy(), state.memory.copy(), state.sample, state.count)
-        finite = self._run(working, Record(y.right, y.left, u.right, u.left), out)
+        rate, memory = state.rate.copy(), state.memory.copy()
+        record = Record(y.right, y.left, u.right, u.left)
+        finite = self._run(rate, memory, state.count, record, out)
         out.fault_before[0] = out.fault[0]  # the record has nothing before its first row
-        after = State(working.rate, working.memory, state.sample, state.count + y.steps)
+        after = State(rate, memory, state.sample, state.count + y.steps)
         estimates = {"rate": out.rate, "fault": out.fault}
         return contract.Rows(estimates, finite, after, {"fault": out.fault_before})
 

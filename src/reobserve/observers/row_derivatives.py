@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_numbers
-from reobserve.observers.contract import as_sample_rows
+from reobserve.core.matrices import as_numbers, as_sample_rows
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import kernel
-from reobserve.observers.contract import as_sample_rows
+from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.nonlinear_filter import NonlinearFilter, as_covariances
 from reobserve.observers.nonlinear_filter_loop import predict_rows

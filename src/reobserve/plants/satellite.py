@@ -16,7 +16,7 @@ from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Satellite(RigidBody):
     """A rigid body under a control torque u and a fault torque u_f, both signals in N m.
 

@@ -16,7 +16,7 @@ from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.polynomials.powers import Powers
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PolynomialMap:
     """m polynomials in n variables, terms up to a degree.
 
@@ -49,6 +49,10 @@ class PolynomialMap:
                 f"has shape {self.coefficients.shape}, must have {wanted} columns, one for each "
                 f"monomial in {self.variables} variables up to degree {self.degree}",
             )
+
+    def __repr__(self) -> str:
+        sizes = f"{self.components} of {self.variables} variables, degree {self.degree}"
+        return f"{type(self).__name__}({sizes})"
 
     @classmethod
     def from_terms(

@@ -22,6 +22,7 @@ _RANK = 1e-10  # of the size of A and C: the singular value of [A - s I; C] that
 _CIRCLE = 1e-9  # how near to the unit circle an eigenvalue counts as on it
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     """The gain L, shape (n, m), with which A - L C has these eigenvalues.
 
@@ -135,6 +136,7 @@ def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     return hidden[np.abs(hidden) >= 1.0 - _CIRCLE]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     """The eigenvalues of A whose modes C does not show, shape (k,).
 
@@ -145,10 +147,9 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     """
     A, C = _pair(A, C)
     # Rows of C in units of their own: how large they are has no part in what they show.
-    sizes = np.linalg.norm(C, axis=1, keepdims=True)
+    rows = _unit(C / _nonzero(np.abs(C).max(axis=1, keepdims=True)))
     scale = max(float(np.linalg.norm(A, 2)), float(np.finfo(float).tiny))
-    with np.errstate(over="ignore", invalid="ignore"):
-        rows = scale * C / np.where(sizes > 0, sizes, 1.0)
+    rows = scale * rows
     found = []
     for value in np.linalg.eigvals(A):
         pencil = np.vstack([A - value * np.eye(len(A)), rows])
@@ -160,6 +161,14 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
         if smallest <= _RANK * scale:
             found.append(value)
     return np.array(found, dtype=np.complex128)
+
+
+def _unit(rows: Array) -> Array:
+    return rows / _nonzero(np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+def _nonzero(sizes: Array) -> Array:
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:

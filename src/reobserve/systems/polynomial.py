@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
+from reobserve.core.value import Value, converter
 from reobserve.polynomials.arithmetic import Coefficients
 from reobserve.polynomials.expressions import from_expressions
 from reobserve.polynomials.maps import PolynomialMap
 
 
-@dataclass(frozen=True, eq=False)
-class PolynomialSystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialSystem(Value):
     """An autonomous system with the origin as an equilibrium at which the output is zero.
 
     Thomas, Kwatny & Chang, (1) and after (7).
@@ -34,12 +35,11 @@ class PolynomialSystem:
         If the sizes do not fit, or f or h is not zero at the origin.
     """
 
-    dynamics: PolynomialMap
-    output: PolynomialMap
+    dynamics: PolynomialMap = field(metadata=converter(as_kind, PolynomialMap))
+    output: PolynomialMap = field(metadata=converter(as_kind, PolynomialMap))
 
     def __post_init__(self) -> None:
-        as_kind("dynamics", self.dynamics, PolynomialMap)
-        as_kind("output", self.output, PolynomialMap)
+        super().__post_init__()
         n = self.dynamics.variables
         if self.dynamics.components != n:
             raise InputError(

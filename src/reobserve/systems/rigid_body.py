@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
+from reobserve.core.value import Value, converter
 
 
-@dataclass(frozen=True, eq=False)
-class RigidBody:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigidBody(Value):
     """J w' = -w x J w + B u + B_f u_f (Chen & Saif 2007, (1) and (2)).
 
     Parameters
     ----------
     inertia
-        J [kg m^2], 3 x 3, symmetric positive definite.
+        J [kg m^2], 3 x 3, symmetric but for rounding, and positive definite.
     input_matrix, fault_matrix
         B and B_f [1]: a number (times the identity), a diagonal or 3 x 3.
 
@@ -28,21 +29,19 @@ class RigidBody:
         If a shape is wrong or J is not symmetric positive definite.
     """
 
-    inertia: Matrix
-    input_matrix: Matrix = field(default_factory=lambda: np.eye(3))
-    fault_matrix: Matrix = field(default_factory=lambda: np.eye(3))
+    inertia: Matrix = field(metadata=converter(as_positive_definite, 3))
+    input_matrix: Matrix = field(
+        default_factory=lambda: np.eye(3), metadata=converter(as_matrix, 3)
+    )
+    fault_matrix: Matrix = field(
+        default_factory=lambda: np.eye(3), metadata=converter(as_matrix, 3)
+    )
 
     if TYPE_CHECKING:  # what it takes is wider than what it then holds
 
         def __init__(
             self, inertia: ArrayLike, input_matrix: ArrayLike = ..., fault_matrix: ArrayLike = ...
         ) -> None: ...
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "inertia", as_positive_definite("inertia", self.inertia, 3))
-        put(self, "input_matrix", as_matrix("input_matrix", self.input_matrix, 3))
-        put(self, "fault_matrix", as_matrix("fault_matrix", self.fault_matrix, 3))
 
     @property
     def inverse(self) -> Matrix:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,29 @@ from numpy.typing import NDArray
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats
+from reobserve.core.value import Value, converter
 from reobserve.core.vector_field import is_vector_field
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class TriangularModel:
+def _as_vector_field(name: str, value: Any) -> Any:
+    if not is_vector_field(value):
+        raise InputError(
+            name, f"{shown(value)} must be compiled by reobserve.core.vector_field.vector_field"
+        )
+    return value
+
+
+def _as_parameters(name: str, value: Any) -> Array:
+    parameters = as_floats(name, value)
+    if parameters.ndim != 1:
+        raise InputError(name, f"has shape {parameters.shape}, must be a list of numbers")
+    return parameters
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TriangularModel(Value):
     """x' = Lambda x + f(x) + (0, ..., 0, G(y))^T u(t - tau(t)), y = x1, Lambda the shift upwards.
 
     Lechappe et al. 2018, (1) and after (1).
@@ -39,24 +55,7 @@ class TriangularModel:
         If there are no states, a function was not compiled, or a parameter is not finite.
     """
 
-    states: int
-    drift: Any
-    input_gain: Any
-    parameters: Array
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "states", as_whole("states", self.states, 1))
-        for name in ("drift", "input_gain"):
-            field = getattr(self, name)
-            if not is_vector_field(field):
-                raise InputError(
-                    name,
-                    f"{shown(field)} must be compiled by reobserve.core.vector_field.vector_field",
-                )
-        parameters = as_floats("parameters", self.parameters)
-        if parameters.ndim != 1:
-            raise InputError(
-                "parameters", f"has shape {parameters.shape}, must be a list of numbers"
-            )
-        put(self, "parameters", parameters)
+    states: int = field(metadata=converter(as_whole, 1))
+    drift: Any = field(metadata=converter(_as_vector_field))
+    input_gain: Any = field(metadata=converter(_as_vector_field))
+    parameters: Array = field(metadata=converter(_as_parameters))

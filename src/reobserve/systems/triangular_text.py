@@ -15,7 +15,7 @@ from reobserve.systems.triangular import TriangularModel
 _MOST_OPERATIONS = 1000  # of all right-hand sides: compiling takes some milliseconds for each
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TextModel(TriangularModel):
     """A triangular model that keeps what its functions were compiled from.
 

@@ -61,7 +61,7 @@ KINDS = (
 
 def at_rest(model: AugmentedSystem, gains: Gains, y: Array, u: float) -> Array:
     """x, fa and fs as an observer with this model of the plant finds them after 40 s."""
-    observer = ExtendedStateObserver(model, 0.05, gains)
+    observer = ExtendedStateObserver(model, gains, sampling_period=0.05)
     run = observer.run(np.tile(y, (800, 1)), np.full((800, 1), u))
     return np.hstack([run["state"][-1], run["actuator_fault"][-1], run["sensor_fault"][-1]])
 
@@ -249,7 +249,7 @@ def test_a_fault_that_jumps_has_no_bounded_derivative_and_the_norm_promises_noth
 
 
 def test_just_after_a_jump_the_estimate_knows_nothing_of_it() -> None:
-    observer = ExtendedStateObserver(SYSTEM, 1e-6, optimised().gains)
+    observer = ExtendedStateObserver(SYSTEM, optimised().gains, sampling_period=1e-6)
     y = np.tile([1.0, 0.0], (2, 1))  # fs = 1 from now on
     found = observer.run(y, np.zeros((2, 1)))
     assert np.abs(found["sensor_fault"]).max() < 1e-4

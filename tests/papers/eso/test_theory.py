@@ -187,7 +187,7 @@ def test_what_is_missed_of_a_sine_is_what_a_simulation_misses(
     record = plant_stage.simulate(
         {"plant": stated["plant"], "scenario": {**scenario, f"{fault}_fault": sine}, "seed": 0}
     )
-    estimator = ExtendedStateObserver(dc_motor(), 1e-3, gains_of(observer))
+    estimator = ExtendedStateObserver(dc_motor(), gains_of(observer), sampling_period=1e-3)
     found = run_on(estimator, record)[f"{fault}_fault"][:, 0]
     # A sine with free phase through the errors of the last period.
     time = record.time[::2][-8001:]
@@ -283,7 +283,7 @@ def test_control_is_not_in_the_error_unless_the_model_is_wrong() -> None:
     )
     assert np.abs(records[0]["state"] - records[1]["state"]).max() > 0.1
     wrong = dc_motor(B=[[0.0], [1.0]])
-    observer = ExtendedStateObserver(wrong, 1e-3, gains_of("pd_pi"))
+    observer = ExtendedStateObserver(wrong, gains_of("pd_pi"), sampling_period=1e-3)
     one, two = (run_on(observer, record)["actuator_fault"] for record in records)
     assert np.abs(one - two).max() > 0.1
 

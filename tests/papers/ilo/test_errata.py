@@ -8,9 +8,9 @@ import pytest
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
+from reobserve.papers.ilo.theorem import certify, lemma1_sides, theorem1
 from reobserve.plants.satellite import Satellite
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.ilo_theorem import certify, lemma1_sides, theorem1
 from reobserve.systems.rigid_body import RigidBody
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
@@ -44,7 +44,7 @@ def test_the_input_of_3_is_the_estimate() -> None:
     step, steps, delay = 1e-3, 4000, 10
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
-    observer = ILO(RigidBody(INERTIA), step, 0.9, 2000.0, 10.0, delay * step)
+    observer = ILO(RigidBody(INERTIA), 0.9, 2000.0, 10.0, delay * step, sampling_period=step)
     run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     v, seen = run["fault"], 2000.0 * (rate[::2] - run["rate"])
     assert v[delay:] == pytest.approx(0.9 * v[:-delay] + seen[delay:], abs=1e-9)
@@ -108,7 +108,7 @@ def test_the_adaptive_observer_identifies_a_constant_fault() -> None:
     step, steps = 1e-3, 10_000
     nothing, fault = Signal(3, ()), Signal.parse("fault", STUCK, 3)
     rate = Satellite(INERTIA).simulate(np.zeros(3), nothing, fault, step / 2, 2 * steps)
-    observer = AdaptiveObserver(RigidBody(INERTIA), step, 100.0, 100.0, 0.0)
+    observer = AdaptiveObserver(RigidBody(INERTIA), 100.0, 100.0, 0.0, sampling_period=step)
     run = run_on_halves(observer, rate, np.zeros_like(rate), state=observer.init(np.zeros(3)))
     found = run["fault"][:, 0]
     assert abs(found[-1] - 0.5) < 1e-3

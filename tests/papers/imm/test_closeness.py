@@ -25,12 +25,12 @@ from reobserve.papers.imm.detectors import (
     threshold,
     unmixed_log_odds,
 )
+from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.papers.imm.study_closeness import Grid, alarm_time, driven
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import read_job
-from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.systems.linear import LinearModel
 from tests.papers.imm.test_paper import Tree, ledger, record
 

@@ -167,7 +167,7 @@ def test_the_warning_says_how_far_how_long_and_when() -> None:
 
 
 def test_check_domain_warns_and_returns_the_sentence() -> None:
-    observer = IdentityObserver(scalar(1, 1, -0.5, 13), 0.1, 4)
+    observer = IdentityObserver(scalar(1, 1, -0.5, 13), 4, sampling_period=0.1)
     inside, outside = (
         Run(np.arange(2.0), {"state": np.array([[0.0], [top]])}, {}, State(np.zeros(1)))
         for top in (0.9, 1.1)

@@ -85,8 +85,9 @@ def test_one_call_is_the_construction_step_by_step(gain: str) -> None:
     injection = injection_for(system, [-1.2, -2.1])
     series = normal_form(system, 5, injection=PolynomialMap.linear(injection))
     by_hand: list[NormalFormObserver] = [
-        IdentityObserver(series, 0.02, 4, gain), TransformedObserver(series, 0.02, 4)
-    ]  # fmt: skip
+        IdentityObserver(series, 4, gain, sampling_period=0.02),
+        TransformedObserver(series, 4, sampling_period=0.02),
+    ]
     for form, other in zip(("identity", "transformed"), by_hand, strict=True):
         how: dict[str, Any] = {"order": 4, "sampling_period": 0.02, "form": form, "gain": gain}
         for given in ({"poles": [-1.2, -2.1]}, {"injection": injection}):

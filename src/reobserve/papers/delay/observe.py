@@ -9,14 +9,14 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_vector
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
+from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
 from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.replication.parameters.job import Job, Settings, read_job
@@ -50,13 +50,13 @@ def build_extended(job: Job) -> ExtendedHighGainObserver:
     _check_start(job, model.states)
     return ExtendedHighGainObserver(
         model,
-        observer.sampling_period,
         observer.rho,
         observer.order,
         delay_bounds(job.plant),
         observer.threshold,
         observer.switched,
         None if observer.initial_matrix == "algebraic" else observer.initial_matrix,
+        sampling_period=observer.sampling_period,
     )
 
 
@@ -65,7 +65,7 @@ def build_standard(job: Job) -> HighGainObserver:
     observer = job.observer
     model = build_model(job.plant, observer.model)
     _check_start(job, model.states)
-    return HighGainObserver(model, observer.sampling_period, observer.rho)
+    return HighGainObserver(model, observer.rho, sampling_period=observer.sampling_period)
 
 
 def build_estimator(job: Job) -> DelayEstimator:
@@ -78,13 +78,15 @@ def build_estimator(job: Job) -> DelayEstimator:
     """
     observer: keys.Estimator = job.observer
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
-    common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
+    common = (rate, gain, delay_bounds(job.plant))
+    period = observer.sampling_period
     match observer:
         case keys.LeastSquares():
             return LeastSquaresDelayEstimator(
                 *common,
                 initial_covariance=observer.initial_covariance,
                 forgetting=observer.forgetting,
+                sampling_period=period,
             )
         case keys.Adaptive():
             return AdaptiveDelayEstimator(
@@ -92,10 +94,14 @@ def build_estimator(job: Job) -> DelayEstimator:
                 filter_time=observer.filter_time,
                 forgetting=observer.forgetting,
                 adaptation_gain=observer.adaptation_gain,
+                sampling_period=period,
             )
         case keys.Relay():
             return VariableStructureDelayEstimator(
-                *common, relay_gain=observer.relay_gain, relay_on=observer.relay_on
+                *common,
+                relay_gain=observer.relay_gain,
+                relay_on=observer.relay_on,
+                sampling_period=period,
             )
 
 

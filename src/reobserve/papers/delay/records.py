@@ -82,7 +82,9 @@ def differentiator(job: Job, observer: keys.Extended) -> LevantDifferentiator:
     """
     L, period, lambdas = observer.levant()
     multiple("sampling", period, job.plant.step, "plant.step")
-    return LevantDifferentiator(L, period, order=keys.MOST_DERIVATIVES, lambdas=lambdas)
+    return LevantDifferentiator(
+        L, order=keys.MOST_DERIVATIVES, lambdas=lambdas, sampling_period=period
+    )
 
 
 def check_mean_delay(job: Job, mean: float) -> None:

@@ -69,7 +69,7 @@ def _in_noise(
     stream = random_stream(SEED, "delay", "theory", "derivatives")
     drawn = size * unit * stream.standard_normal(int(rows[-1]) + 1)[rows]
     order = keys.MOST_DERIVATIVES + 1
-    law = LevantDifferentiator(body.L, body.sampling, order)
+    law = LevantDifferentiator(body.L, order, sampling_period=body.sampling)
     run = law.run(truth[:, 0] + drawn, state=law.init(np.zeros(order + 1)))
     errors = root_mean_square((run["derivatives"] - truth)[late])
     shares = errors / root_mean_square(truth[late])
@@ -78,7 +78,9 @@ def _in_noise(
 
 
 def _errors(body: keys.Levant, truth: Array, noise: Array) -> Array:
-    law = LevantDifferentiator(body.L, body.sampling, keys.MOST_DERIVATIVES, body.lambdas)
+    law = LevantDifferentiator(
+        body.L, keys.MOST_DERIVATIVES, body.lambdas, sampling_period=body.sampling
+    )
     start = law.init(np.zeros(keys.MOST_DERIVATIVES + 1))
     found: Array = law.run(truth[:, 0] + noise, state=start)["derivatives"] - truth
     return found

@@ -178,7 +178,7 @@ def _projection(job: Job, ramp: Series) -> Iterator[Metric]:
         start = stream.normal(size=2), stream.uniform(least, most)
         for gain, end, kept in ((rho, 2.0, found), (body.rho, first - step, late)):
             rows = 2 * round(end / step) + 1
-            built = ExtendedHighGainObserver(model, step, gain, body.order, bounds)
+            built = ExtendedHighGainObserver(model, gain, body.order, bounds, sampling_period=step)
             run = run_on_halves(built, y[:rows], u[:rows], state=built.init(*start))
             kept.append(run["delay"])
     delays, kept_delays = np.array(found), np.array(late)

@@ -24,7 +24,7 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
     """
     job = read_job(keys.Ledger, settings)
     system, found = stored_design(job.plant, design)
-    return ExtendedStateObserver(system, 2.0 * job.plant.step, found.gains)
+    return ExtendedStateObserver(system, found.gains, sampling_period=2.0 * job.plant.step)
 
 
 def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Series:

@@ -17,12 +17,12 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.design import design
+from reobserve.papers.eso.deviation import held_deviation
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.scoring import scores
 from reobserve.papers.eso.setup import augmented, experiment
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.signals.series import Channel, Series
-from reobserve.synthesis.extended_state.deviation import held_deviation
 
 Row = dict[str, Any]
 
@@ -59,7 +59,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
     with located(f"study.{body.name} at {choice} {level:g}"):
         found = design(job.plant, body)
     system = augmented(job.plant, body.filter_rate)
-    observer = ExtendedStateObserver(system, 2.0 * clean.step, found.gains)
+    observer = ExtendedStateObserver(system, found.gains, sampling_period=2.0 * clean.step)
     run = run_on(observer, clean)
     estimate = Series(
         clean.time[::2],

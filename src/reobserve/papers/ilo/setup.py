@@ -31,7 +31,7 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     built: RigidBodyObserver
     if isinstance(observer, keys.Adaptive):
         gains = (observer.damping, observer.integral_gain, observer.proportional_gain)
-        built = AdaptiveObserver(body, period, *gains)
+        built = AdaptiveObserver(body, *gains, sampling_period=period)
     else:
         interval = observer.update_interval
         if interval > plant.horizon:
@@ -40,7 +40,8 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
                 f"{interval:g} s must be {plant.horizon:g} s at most, the horizon",
             )
         kind = SampledILO if isinstance(observer, keys.Sampled) else ILO
-        built = kind(body, period, observer.K1, observer.K2, observer.damping, interval)
+        learning = (observer.K1, observer.K2, observer.damping, interval)
+        built = kind(body, *learning, sampling_period=period)
     stride(plant, built)
     built.init(observer.initial_rate, observer.initial_fault)
     return built

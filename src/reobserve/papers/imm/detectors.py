@@ -22,9 +22,9 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
-from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
 from reobserve.papers.imm.setup import run, stacked_inputs, start_alone
 from reobserve.papers.imm.study_rows import CUSUM, GLR, UNMIXED
 

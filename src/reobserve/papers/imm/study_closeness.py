@@ -31,6 +31,7 @@ from reobserve.papers.imm.detectors import (
     rest_likelihoods,
     threshold,
 )
+from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
@@ -38,7 +39,6 @@ from reobserve.replication.parameters.job import Job
 from reobserve.signals.grid import multiple
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Series
-from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]

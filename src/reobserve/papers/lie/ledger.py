@@ -33,7 +33,7 @@ def _theory(job: Job, forms: Mapping[str, NormalForm]) -> None:
     theory_conditions.scalar(job.theory)
     theory_conditions.siegel(job.theory)
     with located("compared_order"):
-        IdentityObserver(forms["linear"], 1.0, job.theory.compared_order)
+        IdentityObserver(forms["linear"], job.theory.compared_order, sampling_period=1.0)
 
 
 CHECKS = Checks(

@@ -128,8 +128,10 @@ def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObser
     """
     as_vector("initial_estimate", observer.initial_estimate, form.problem.system.states)
     if isinstance(observer, keys.Identity):
-        return IdentityObserver(form, observer.sampling_period, observer.order, observer.gain)
-    return TransformedObserver(form, observer.sampling_period, observer.order)
+        return IdentityObserver(
+            form, observer.order, observer.gain, sampling_period=observer.sampling_period
+        )
+    return TransformedObserver(form, observer.order, sampling_period=observer.sampling_period)
 
 
 def grid(plant: keys.Plant) -> tuple[int, float]:

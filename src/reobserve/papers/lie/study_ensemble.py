@@ -69,7 +69,10 @@ def _observers(
     for order in study.orders:
         with located("studies.ensemble.orders"):
             found += [
-                *((gain, order, IdentityObserver(form, step, order, gain)) for gain in GAINS),
-                ("transformed", order, TransformedObserver(form, step, order)),
+                *(
+                    (gain, order, IdentityObserver(form, order, gain, sampling_period=step))
+                    for gain in GAINS
+                ),
+                ("transformed", order, TransformedObserver(form, order, sampling_period=step)),
             ]
     return found

@@ -79,7 +79,7 @@ def _with_cubic(job: Job, body: keys.Identity, cubic: tuple[float, float]) -> Id
     injected = replace(design, injection=[*design.injection, *terms])
     problem = build_problem(job.plant, injected, degree=body.order + 1)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
-    return IdentityObserver(form, job.study.sampling_period, body.order, body.gain)
+    return IdentityObserver(form, body.order, body.gain, sampling_period=job.study.sampling_period)
 
 
 def _summary(

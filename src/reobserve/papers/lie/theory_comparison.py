@@ -40,9 +40,11 @@ def measure(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
     with located("compared_order"):
         observers = {
-            "constant": IdentityObserver(form, step, 0),
-            "identity": IdentityObserver(form, step, theory.compared_order, theory.compared_gain),
-            "transformed": TransformedObserver(form, step, theory.compared_order),
+            "constant": IdentityObserver(form, 0, sampling_period=step),
+            "identity": IdentityObserver(
+                form, theory.compared_order, theory.compared_gain, sampling_period=step
+            ),
+            "transformed": TransformedObserver(form, theory.compared_order, sampling_period=step),
         }
     plant = PolynomialPlant(build_system(job.plant))
     estimate = np.array(body.initial_estimate)

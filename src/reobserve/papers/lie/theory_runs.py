@@ -47,7 +47,7 @@ def deviation_from_linear(form: NormalForm, order: int, case: Case) -> float:
     from scipy.linalg import expm
 
     states, output = case.record(form)
-    observer = TransformedObserver(form, case.sampling_period, order)
+    observer = TransformedObserver(form, order, sampling_period=case.sampling_period)
     run = _run(observer, output, case)
     if run.diverged_at is not None:
         return float("nan")
@@ -70,8 +70,8 @@ def difference_of_forms(form: NormalForm, order: int, case: Case) -> float:
     runs = [
         _run(observer, output, case)
         for observer in (
-            TransformedObserver(form, case.sampling_period, order),
-            IdentityObserver(form, case.sampling_period, order, "jacobian"),
+            TransformedObserver(form, order, sampling_period=case.sampling_period),
+            IdentityObserver(form, order, "jacobian", sampling_period=case.sampling_period),
         )
     ]
     if any(run.diverged_at is not None for run in runs):

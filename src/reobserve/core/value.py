@@ -1,0 +1,95 @@
+"""The base class of models, observers and states: fields that are checked once and stay so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import one_line, shown
+
+Array = NDArray[np.float64]
+
+_SMALL = 12  # entries of an array that a repr lists
+_NESTED = 300  # letters of what stands in a field
+
+
+def converter(convert: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
+    """Metadata of a dataclass field whose value is ``convert(name, value, *arguments)``."""
+    return {"converter": (convert, arguments)}
+
+
+class Value:
+    """A frozen dataclass whose fields are converted, and its arrays read-only.
+
+    Fields with a `converter` are converted first; a class that checks more calls this
+    ``__post_init__`` before. Objects are equal to nothing but themselves: a comparison of arrays
+    would be an array, and a model's functions cannot be compared.
+    """
+
+    def __post_init__(self) -> None:
+        kind: Any = type(self)
+        for name, convert, arguments in _conversions(kind):
+            self._set(name, convert(name, getattr(self, name), *arguments))
+
+    def _set(self, name: str, value: Any) -> None:
+        """Replace the value of a field while the object is made."""
+        object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return _with_fields(self)
+
+
+@cache
+def _conversions(kind: Any) -> tuple[tuple[str, Callable[..., Any], tuple[Any, ...]], ...]:
+    return tuple(
+        (one.name, *one.metadata["converter"])
+        for one in fields(kind)
+        if "converter" in one.metadata
+    )
+
+
+def represented(value: Any) -> str:
+    """A value inside a repr: the numbers of small arrays, the shapes of others, on one line."""
+    kind: Any = type(value)
+    if isinstance(value, np.ndarray):
+        told = _array(value)
+    elif isinstance(value, float):
+        told = f"{value:g}"
+    elif isinstance(value, tuple | list) and len(value) <= _SMALL:
+        inside = ", ".join(map(represented, value))
+        told = f"({inside})" if isinstance(value, tuple) else f"[{inside}]"
+    elif is_dataclass(value) and (isinstance(value, Value) or kind.__dataclass_params__.repr):
+        told = _with_fields(value)  # the repr that dataclasses are given spells arrays out
+    elif isinstance(value, Mapping) or kind.__repr__ is object.__repr__:
+        told = shown(value)
+    else:
+        told = repr(value)
+    return one_line(told, _NESTED)
+
+
+def _array(value: NDArray[Any]) -> str:
+    if value.size > _SMALL or value.dtype.kind not in "biufc":
+        return f"array of shape {value.shape}"
+    if value.ndim == 2 and len(value) == value.shape[1] > 1:
+        diagonal = value.diagonal()
+        if diagonal.any() and np.array_equal(value, np.diag(diagonal)):
+            return f"diag({', '.join(map(_numbers, diagonal.tolist()))})"
+    return _numbers(value.tolist())
+
+
+def _with_fields(value: Any) -> str:
+    every = [one for one in fields(value) if one.repr]
+    every.sort(key=lambda one: bool(one.kw_only) or not one.init)  # a base class has them first
+    parts = (f"{one.name}={represented(getattr(value, one.name))}" for one in every)
+    return f"{type(value).__name__}({', '.join(parts)})"
+
+
+def _numbers(numbers: Any) -> str:
+    if isinstance(numbers, list):
+        return f"[{', '.join(map(_numbers, numbers))}]"
+    return f"{numbers:g}" if isinstance(numbers, float) else str(numbers)
