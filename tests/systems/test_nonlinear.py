@@ -83,7 +83,7 @@ def test_a_function_in_python_is_the_text_whatever_it_returns(form: str) -> None
     assert set(model.uncompiled) == ({"f"} if why else set())
     assert why in model.uncompiled.get("f", "")
     assert repr(model) == (
-        "NonlinearModel(2 states, 1 inputs, 1 outputs, sampling_period=1; "
+        "NonlinearModel(2 states, 1 input, 1 output, sampling_period=1; "
         + ("f called from Python)" if why else "compiled)")
     )
 

@@ -172,7 +172,10 @@ class NonlinearModel:
         return cls(f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, **options)
 
     def __repr__(self) -> str:
-        size = f"{self.states} states, {self.inputs} inputs, {self.outputs} outputs"
+        numbers = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        size = ", ".join(
+            f"{number} {kind}{'s' * (number != 1)}" for kind, number in numbers.items()
+        )
         text = all(isinstance(one, tuple) for one in (self.f, self.h))
         how = "from text, compiled" if text else "compiled"
         if self.uncompiled:
