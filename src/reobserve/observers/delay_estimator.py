@@ -242,11 +242,11 @@ class DelayEstimator(Observer[State]):
             None if sample is None else sample[self.measurements :],
         )  # fmt: skip
         completed_record = Record(y, u, (y_before, u_before), (y_middle, u_middle))
-        return replace(state, sample=sample), completed_record
+        return state._with(sample=sample), completed_record
 
     def _fill(self, state: State, record: Record) -> Rows:
         rows = super()._fill(state, record)
-        after = replace(rows.state, recent=latest(state.recent, record.y[:, 0]))
+        after = rows.state._with(recent=latest(state.recent, record.y[:, 0]))
         return rows._replace(state=after)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
