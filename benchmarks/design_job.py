@@ -19,7 +19,7 @@ from unittest.mock import patch
 from benchmarks.design_problem import plant
 from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import design as designs
-from reobserve.synthesis.extended_state import pd_pi, structured
+from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.start import SOLVERS
 from reobserve.synthesis.extended_state.system import AugmentedSystem
@@ -37,7 +37,6 @@ ROADS: dict[str, Road] = {
     "Clarabel": pd_pi.design,
     "SCS": lambda system: pd_pi.design(system, solver="SCS"),
     "unsplit": unsplit,
-    "Riccati": structured.design,
 }
 
 

@@ -1,4 +1,4 @@
-"""Designs of extended state observers by Clarabel, SCS and a Riccati equation, and their use."""
+"""Designs of extended state observers by Clarabel and SCS, and their use."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from benchmarks.report import Check, Row, Section, seconds
 
 _STATES, _FEW_STATES = (2, 4, 8, 12, 16, 24), (2, 8, 12)
 _UNSPLIT = (8, 12)  # states at which cones are left whole, too; it takes much longer with more
-_LARGE, _FEW_LARGE = (24, 50, 100), (24, 50)
-_LIMIT = 10.0  # [s] for a design beyond the reach of (19): an aim
 # Relative to the largest: what is left once Newton's method has finished what a solver began.
 _AGREE = 1e-9
 
@@ -28,7 +26,7 @@ Found = dict[str, dict[str, Any]]
 def run(quick: bool) -> Section:
     """All benchmarks of extended state observers."""
     section = Section(
-        "Extended state observers: design by (19) and by a Riccati equation, and simulation",
+        "Extended state observers: design by (19), and simulation",
         "designs in a fresh process for each plant, warmed up, certificate included: median of "
         f"{'1 round' if quick else '5 rounds, of 3 from n = 12 on'}, peers in turns",
     )
@@ -40,8 +38,6 @@ def run(quick: bool) -> Section:
     for states in _UNSPLIT[:1] if quick else _UNSPLIT:
         if states in by_clarabel:
             _unsplit(section, states, _rounds(states, quick), by_clarabel[states])
-    for states in _FEW_LARGE if quick else _LARGE:
-        _riccati(section, states, _rounds(states, quick), by_clarabel.get(states))
     if len(by_clarabel) > 1:
         section.notes += _growth(by_clarabel)
     design_simulation.add(section, quick)
@@ -108,29 +104,6 @@ def _unsplit(section: Section, states: int, rounds: int, split: dict[str, Any]) 
     _compare(section, f"n = {states}, cones split and unsplit", split, whole)
 
 
-def _riccati(
-    section: Section, states: int, rounds: int, by_clarabel: dict[str, Any] | None
-) -> None:
-    found = _job(section, states, rounds, "Riccati")
-    if found is None:
-        return
-    label, times = f"n = {states}: by a Riccati equation", found["Riccati"]["times"]
-    if by_clarabel is None:
-        section.rows.append(Row(label, times["design"], "limit", _LIMIT, cost=True, aim=1.0))
-    else:
-        peer = by_clarabel["times"]["design"]
-        section.rows.append(Row(label, times["design"], "by Clarabel", peer))
-    section.rows.append(
-        Row(
-            f"n = {states}: of it the certificate",
-            times["certificate"],
-            "whole",
-            times["design"],
-            cost=True,
-        )
-    )
-
-
 def _compare(section: Section, what: str, one: dict[str, Any], other: dict[str, Any]) -> None:
     """Both minimise the same, and the minimum is unique."""
     ours, theirs = one["design"], other["design"]
@@ -184,8 +157,4 @@ def _growth(found: dict[int, dict[str, Any]]) -> list[str]:
         )
         guess += f", and {memory[1] * beyond**factors / 1e9:.0f} GB as the factor grows: guesses"
     threads = found[large]["threads"]
-    notes.append(
-        "the Riccati equation gives a PI observer with the same gamma; beyond N = 30 its "
-        "certificate bounds the norm by the inequality alone, not by Hamiltonian matrices, too"
-    )
     return [*notes, f"{guess}; Clarabel uses {threads} thread{'s' if threads > 1 else ''}, SCS one"]

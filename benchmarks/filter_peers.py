@@ -30,7 +30,7 @@ def by_filterpy(
         one.F, one.B, one.H, _, one.Q, one.R = model.arrays
         filters.append(one)
     bank = IMMEstimator(filters, np.full(len(models), 1.0 / len(models)), transition)
-    freed = measurements - controls @ models[0].arrays.D.T
+    freed = measurements - controls[1:] @ models[0].arrays.D.T
     estimates = np.empty((len(freed), models[0].states))
     probabilities = np.empty((len(freed), len(models)))
     for k in range(len(freed)):
@@ -44,14 +44,14 @@ def by_numpy(
     models: list[LinearModel], transition: Array, measurements: Array, controls: Array
 ) -> Found:
     """The same as it would be written in numpy: the modes side by side, no loop but over time."""
-    A, B, H, D, Q, R = (
+    A, B, C, D, Q, R = (
         np.stack(part) for part in zip(*(model.arrays for model in models), strict=True)
     )
     (r, n), identity = A.shape[:2], np.eye(A.shape[1])
     mean, covariance = np.zeros((r, n)), np.tile(identity, (r, 1, 1))
     mu = np.full(r, 1.0 / r)
-    estimates, probabilities = np.empty((len(controls), n)), np.empty((len(controls), r))
-    for k in range(len(controls)):
+    estimates, probabilities = np.empty((len(measurements), n)), np.empty((len(measurements), r))
+    for k in range(len(measurements)):
         predicted = mu @ transition
         weights = transition * mu[:, np.newaxis] / predicted
         mixed = weights.T @ mean
@@ -61,13 +61,13 @@ def by_numpy(
 
         x = np.einsum("jab,jb->ja", A, mixed) + B @ controls[k]
         P = A @ spread @ A.transpose(0, 2, 1) + Q
-        innovation = measurements[k] - np.einsum("joa,ja->jo", H, x) - D @ controls[k]
-        cross = P @ H.transpose(0, 2, 1)
-        S = H @ cross + R
+        innovation = measurements[k] - np.einsum("joa,ja->jo", C, x) - D @ controls[k + 1]
+        cross = P @ C.transpose(0, 2, 1)
+        S = C @ cross + R
         inverse = np.linalg.inv(S)
         K = cross @ inverse
         mean = x + np.einsum("jao,jo->ja", K, innovation)
-        rest = identity - K @ H
+        rest = identity - K @ C
         covariance = rest @ P @ rest.transpose(0, 2, 1) + K @ R @ K.transpose(0, 2, 1)
 
         distance = np.einsum("jo,jop,jp->j", innovation, inverse, innovation)
@@ -91,16 +91,16 @@ class OwnFilter:
 
     def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
         """Measurement update."""
-        _, _, H, D, _, R = self.model.arrays
+        _, _, C, D, _, R = self.model.arrays
         P = belief.covariance
-        innovation = y - H @ belief.mean - D @ u
-        cross = P @ H.T
-        S = H @ cross + R
+        innovation = y - C @ belief.mean - D @ u
+        cross = P @ C.T
+        S = C @ cross + R
         inverse = np.linalg.inv(S)
         K = cross @ inverse
         mean = belief.mean + K @ innovation
-        rest = np.eye(len(mean)) - K @ H
-        after = Belief(mean, rest @ P @ rest.T + K @ R @ K.T, y - H @ mean - D @ u)
+        rest = np.eye(len(mean)) - K @ C
+        after = Belief(mean, rest @ P @ rest.T + K @ R @ K.T, y - C @ mean - D @ u)
         distance = innovation @ inverse @ innovation
         log_likelihood = -0.5 * (distance + np.linalg.slogdet(2.0 * np.pi * S)[1])
         return Correction(after, innovation, S, float(log_likelihood))

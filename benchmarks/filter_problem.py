@@ -43,7 +43,7 @@ def models() -> list[LinearModel]:
         B = np.array([[0.0], [0.0], [1.0], [0.0]])
         held = zero_order_hold(A, B, _PERIOD)
         found.append(
-            LinearModel(*held, A[2:3], _PROCESS, _MEASUREMENT, D=B[2:3], sampling_period=_PERIOD)
+            LinearModel(*held, A[2:3], B[2:3], _PROCESS, _MEASUREMENT, sampling_period=_PERIOD)
         )
     return found
 
@@ -61,10 +61,13 @@ def banks() -> dict[str, IMM]:
 
 
 def record(steps: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Measurements and controls, shape (k, 1), and the mode in each step."""
+    """Measurements, shape (k, 1), controls, (k + 1, 1), and the mode in each step.
+
+    A control is held over the step to each row; the next one stands in that row's measurement.
+    """
     stream = random_stream(0, "benchmark", "filters")
     arrays = [model.arrays for model in models()]
-    controls = 5.0 * np.repeat(stream.standard_normal(steps // 10 + 1), 10)[:steps, np.newaxis]
+    controls = 5.0 * np.repeat(stream.standard_normal(steps // 10 + 1), 10)[: steps + 1, np.newaxis]
     process = stream.standard_normal((steps, 4)) * np.sqrt(np.diag(_PROCESS))
     noise = stream.standard_normal((steps, 1)) * np.sqrt(_MEASUREMENT)
     draws = stream.random(steps)
@@ -74,7 +77,7 @@ def record(steps: int) -> tuple[Array, Array, NDArray[np.intp]]:
     for k in range(steps):
         mode = min(int(np.searchsorted(thresholds[mode], draws[k])), 2)
         modes[k] = mode
-        A, B, H, D, _, _ = arrays[mode]
+        A, B, C, D, _, _ = arrays[mode]
         x = A @ x + B @ controls[k] + process[k]
-        measurements[k] = H @ x + D @ controls[k] + noise[k]
+        measurements[k] = C @ x + D @ controls[k + 1] + noise[k]
     return measurements, controls, modes

@@ -49,9 +49,9 @@ def run(quick: bool) -> Section:
 
 
 def _run(bank: IMM, z: Array, u: Array) -> Found:
-    """From a step before the first row; u is held up to each row, nothing reads what follows."""
+    """From a step before the first row, over which the first control is held."""
     start = bank.init(np.zeros(4), 1.0, u=u[0])
-    done = bank.run(z, np.concatenate([u[1:], u[-1:]]), state=start)
+    done = bank.run(z, u[1:], state=start)
     return done["state"], done["probability"]
 
 
@@ -97,7 +97,7 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
 def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Peer:
     rows: list[Any] = []
     for model in models():
-        inverse = np.linalg.pinv(model.arrays.H)
+        inverse = np.linalg.pinv(model.arrays.C)
         rows += [*(part.ravel() for part in model.arrays), inverse.ravel(), [LAYER, MEMORY]]
     constants = np.concatenate([*rows, np.ravel(bank.transition)])
     first = np.concatenate(
@@ -124,10 +124,10 @@ def _against_python(section: Section, steps: int, repeats: int) -> None:
 
     def peers(rows: int) -> dict[str, Peer]:
         return {
-            "filterpy": lambda: by_filterpy(modes, TRANSITION, z[:rows], u[:rows]),
-            "numpy": lambda: by_numpy(modes, TRANSITION, z[:rows], u[:rows]),
-            "own filters, one by one": lambda: _run(own, z[:rows], u[:rows]),
-            "our filters, one by one": lambda: _run(called, z[:rows], u[:rows]),
+            "filterpy": lambda: by_filterpy(modes, TRANSITION, z[:rows], u[: rows + 1]),
+            "numpy": lambda: by_numpy(modes, TRANSITION, z[:rows], u[: rows + 1]),
+            "own filters, one by one": lambda: _run(own, z[:rows], u[: rows + 1]),
+            "our filters, one by one": lambda: _run(called, z[:rows], u[: rows + 1]),
         }
 
     done = _run(bank, z, u)

@@ -17,10 +17,10 @@ typedef double tall[STATES][OUTPUTS];
 
 typedef struct {
     square A;
-    double B[STATES][INPUTS], H[OUTPUTS][STATES], D[OUTPUTS][INPUTS];
+    double B[STATES][INPUTS], C[OUTPUTS][STATES], D[OUTPUTS][INPUTS];
     square Q;
     double R[OUTPUTS][OUTPUTS];
-    tall inverse; /* pseudo-inverse of H */
+    tall inverse; /* pseudo-inverse of C */
     double layer[OUTPUTS], memory;
 } mode;
 
@@ -58,12 +58,13 @@ static inline void output_error(const mode *m, const double *z, const double *u,
     EACH(o, OUTPUTS) {
         error[o] = z[o];
         EACH(p, INPUTS) error[o] -= m->D[o][p] * u[p];
-        EACH(a, STATES) error[o] -= m->H[o][a] * x[a];
+        EACH(a, STATES) error[o] -= m->C[o][a] * x[a];
     }
 }
 
 /* One filter takes a sample; returns the squared distance of the measurement, and by `root` the
- * root of the determinant of its covariance: likelihoods differ by nothing else. */
+ * root of the determinant of its covariance: likelihoods differ by nothing else. The
+ * inputs `u` are that over the step, then that of the row. */
 static inline double filter(law gain_law, const mode *m, const double *z, const double *u,
                             double x[STATES], square P, double error[OUTPUTS],
                             double innovation[OUTPUTS], double *root) {
@@ -83,19 +84,19 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         EACH(i, STATES) s += T[a][i] * m->A[b][i];
         spread[a][b] = spread[b][a] = s;
     }
-    output_error(m, z, u, moved, innovation);
+    output_error(m, z, u + INPUTS, moved, innovation);
 
     tall cross, K, rest;
     double L[OUTPUTS][OUTPUTS], distance = 0.0, scaled[OUTPUTS];
     *root = 1.0;
     EACH(a, STATES) EACH(o, OUTPUTS) {
         cross[a][o] = 0.0;
-        EACH(b, STATES) cross[a][o] += spread[a][b] * m->H[o][b];
+        EACH(b, STATES) cross[a][o] += spread[a][b] * m->C[o][b];
     }
     EACH(o, OUTPUTS) {
         EACH(q, o + 1) {
             double s = m->R[o][q];
-            EACH(a, STATES) s += m->H[o][a] * cross[a][q];
+            EACH(a, STATES) s += m->C[o][a] * cross[a][q];
             EACH(i, q) s -= L[o][i] * L[q][i];
             L[o][q] = o == q ? sqrt(s) : s / L[q][q];
         }
@@ -130,14 +131,14 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         x[a] = moved[a];
         EACH(o, OUTPUTS) x[a] += K[a][o] * innovation[o];
     }
-    /* With M = I - K H, first T = M P, then T M' + K R K' = T - (T H' - K R) K'. */
+    /* With M = I - K C, first T = M P, then T M' + K R K' = T - (T C' - K R) K'. */
     EACH(a, STATES) EACH(b, STATES) {
         T[a][b] = spread[a][b];
         EACH(o, OUTPUTS) T[a][b] -= K[a][o] * cross[b][o];
     }
     EACH(a, STATES) EACH(o, OUTPUTS) {
         rest[a][o] = 0.0;
-        EACH(b, STATES) rest[a][o] += T[a][b] * m->H[o][b];
+        EACH(b, STATES) rest[a][o] += T[a][b] * m->C[o][b];
         EACH(q, OUTPUTS) rest[a][o] -= K[a][q] * m->R[q][o];
     }
     EACH(a, STATES) EACH(b, a + 1) {
@@ -145,7 +146,7 @@ static inline double filter(law gain_law, const mode *m, const double *z, const 
         EACH(o, OUTPUTS) s -= rest[a][o] * K[b][o];
         P[a][b] = P[b][a] = s;
     }
-    if (gain_law == SWITCHING) output_error(m, z, u, x, error);
+    if (gain_law == SWITCHING) output_error(m, z, u + INPUTS, x, error);
     return distance;
 }
 

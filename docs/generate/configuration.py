@@ -10,8 +10,8 @@ from typing import Any
 from docs.generate.markdown import block, code, plain, table
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
-from reobserve.estimation.designs.file import KINDS, kind_of
-from reobserve.estimation.examples import NAMES, specification_text
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.examples import examples, specification_text
 from reobserve.replication.parameters.parameter_file import Configuration
 from reobserve.replication.schemas import KINDS as KINDS_OF_FILES
 
@@ -105,12 +105,12 @@ def _keys(found: Mapping[str, Any]) -> str:
 
 def specifications() -> str:
     """The examples of `reobserve estimate`."""
-    return "\n".join(_example(name, specification_text(name), 3) for name in NAMES)
+    return "\n".join(_example(name, specification_text(name), 3) for name in examples())
 
 
 def models() -> str:
     """The examples of `reobserve design`."""
-    return "\n".join(_example(name, kind_of(name).example, 2) for name in KINDS)
+    return "\n".join(_example(name, family(name).example, 2) for name in FAMILIES)
 
 
 def _example(name: str, text: str, level: int) -> str:

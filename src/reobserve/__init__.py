@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from reobserve.core.errors import DivergenceError, InputError
-    from reobserve.estimation.designs.loading import load_design
+    from reobserve.estimation.families.loading import load_design
     from reobserve.observers.adaptive import AdaptiveObserver
     from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-    from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-    from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-    from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
     from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
+    from reobserve.observers.extended_kalman import ExtendedKalmanFilter
     from reobserve.observers.extended_state import ExtendedStateObserver
     from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady_kalman
     from reobserve.observers.high_gain import HighGainObserver
@@ -30,8 +28,11 @@ if TYPE_CHECKING:
     from reobserve.observers.normal_form_transformed import TransformedObserver
     from reobserve.observers.run import Estimate, Run
     from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+    from reobserve.observers.smoother import rts_smoother
+    from reobserve.observers.unscented_kalman import UnscentedKalmanFilter
     from reobserve.replication.replicate import replicate
     from reobserve.systems.linear import LinearModel
+    from reobserve.systems.nonlinear import NonlinearModel
     from reobserve.systems.polynomial import PolynomialSystem
     from reobserve.systems.rigid_body import RigidBody
     from reobserve.systems.triangular import TriangularModel
@@ -39,21 +40,21 @@ if TYPE_CHECKING:
 __all__ = [
     "ILO",
     "IMM",
-    "AdaptiveDelayEstimator",
     "AdaptiveObserver",
     "AugmentedKalmanFilter",
     "DivergenceError",
     "Estimate",
     "ExtendedHighGainObserver",
+    "ExtendedKalmanFilter",
     "ExtendedStateObserver",
     "FixedGainObserver",
     "HighGainObserver",
     "IdentityObserver",
     "InputError",
     "KalmanFilter",
-    "LeastSquaresDelayEstimator",
     "LevantDifferentiator",
     "LinearModel",
+    "NonlinearModel",
     "PolynomialSystem",
     "RigidBody",
     "Run",
@@ -61,27 +62,27 @@ __all__ = [
     "SmoothVariableStructureFilter",
     "TransformedObserver",
     "TriangularModel",
-    "VariableStructureDelayEstimator",
+    "UnscentedKalmanFilter",
     "load_design",
     "luenberger",
     "normal_form_observer",
     "replicate",
+    "rts_smoother",
     "steady_kalman",
 ]
 
 _HOMES = {
-    "estimation.designs.loading": ("load_design",),
+    "estimation.families.loading": ("load_design",),
     "core.errors": ("DivergenceError", "InputError"),
     "systems.linear": ("LinearModel",),
+    "systems.nonlinear": ("NonlinearModel",),
     "systems.polynomial": ("PolynomialSystem",),
     "systems.rigid_body": ("RigidBody",),
     "systems.triangular": ("TriangularModel",),
     "observers.adaptive": ("AdaptiveObserver",),
     "observers.augmented_kalman": ("AugmentedKalmanFilter",),
-    "observers.delay_adaptive": ("AdaptiveDelayEstimator",),
-    "observers.delay_least_squares": ("LeastSquaresDelayEstimator",),
-    "observers.delay_variable_structure": ("VariableStructureDelayEstimator",),
     "observers.extended_high_gain": ("ExtendedHighGainObserver",),
+    "observers.extended_kalman": ("ExtendedKalmanFilter",),
     "observers.extended_state": ("ExtendedStateObserver",),
     "observers.fixed_gain": ("FixedGainObserver", "luenberger", "steady_kalman"),
     "observers.high_gain": ("HighGainObserver",),
@@ -95,6 +96,8 @@ _HOMES = {
     "observers.normal_form_transformed": ("TransformedObserver",),
     "observers.run": ("Estimate", "Run"),
     "observers.smooth_variable_structure": ("SmoothVariableStructureFilter",),
+    "observers.smoother": ("rts_smoother",),
+    "observers.unscented_kalman": ("UnscentedKalmanFilter",),
     "replication.replicate": ("replicate",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import reobserve
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import luenberger
+from reobserve.papers.ilo.theorem import certify
 from reobserve.synthesis.high_gain import high_gain_over_time
 from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
-from reobserve.synthesis.ilo_theorem import certify
 from reobserve.synthesis.linear import hidden_modes, place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 from tests.library.calls import Call, calls
@@ -164,7 +164,7 @@ def test_everything_that_the_package_offers_is_called() -> None:
 
 
 HUGE = [[1e308, 1e308], [1e308, 1e308]]
-STIFF = LinearModel([[1e300, 1.0], [0.0, 1e-300]], [[0.0], [1.0]], [[1.0, 0.0]], 1e-4, 1e-2)
+STIFF = LinearModel([[1e300, 1.0], [0.0, 1e-300]], [[0.0], [1.0]], [[1.0, 0.0]], Q=1e-4, R=1e-2)
 REFUSED: dict[str, Callable[[], object]] = {
     "poles: far from the eigenvalues": lambda: luenberger(linear_model(), [1e150, 2e150]),
     "poles: near the largest number": lambda: luenberger(linear_model(), [5e299, 6e299]),

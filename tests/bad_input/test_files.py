@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reobserve.core.documents import parse_yaml, read_yaml
-from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.replication.prepare import load_parameters
 from reobserve.signals.inputs import Signal
 
@@ -104,7 +104,7 @@ def user_design(kind: str, to: str) -> Reader:
 
 def user_model(kind: str) -> Reader:
     line = words("design", kind, "in.yaml", "--out", "out.json")
-    return Reader("in.yaml", line, parse_yaml(kind_of(kind).example, "in.yaml"))
+    return Reader("in.yaml", line, parse_yaml(family(kind).example, "in.yaml"))
 
 
 def specification(name: str) -> Reader:
@@ -169,8 +169,8 @@ def record(name: str) -> dict[str, bytes]:
     return {"r.csv": valid.csv_record(name)}
 
 
-EXAMPLES = ("kalman", "levant", "eso", "pi", "fixed-gain", "delay-least-squares", "svsf")
-QUICK = [kind for kind in KINDS if kind != "eso"]  # others take a solver seconds
+EXAMPLES = ("kalman", "levant", "eso", "adaptive-pi", "luenberger-gain", "svsf")
+QUICK = [kind for kind in FAMILIES if kind != "eso"]  # others take a solver seconds
 READERS: dict[Callable[..., Reader], list[Any]] = {
     parameter_file: [*valid.PAPERS],
     checked_file: ["eso"],

@@ -116,7 +116,7 @@ def test_other_columns(data: st.DataObject) -> None:
     (observed if paper in valid.PAPERS else estimated)(paper, written(other))
 
 
-@pytest.mark.parametrize("name", ["levant", "eso", "delay-least-squares"])
+@pytest.mark.parametrize("name", ["levant", "eso", "extended-high-gain"])
 def test_a_reading_near_the_largest_number_warns_of_nothing(name: str) -> None:
     rows = valid.csv_record(name).decode().splitlines()
     time, _, *others = rows[5].split(",")

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import parse_yaml, read_yaml
-from reobserve.estimation.designs.file import kind_of, save_design
-from reobserve.estimation.examples import simulated, specification_text
+from reobserve.estimation.families import family
+from reobserve.estimation.families.examples import simulated, specification_text
+from reobserve.estimation.families.file import save_design
 from reobserve.replication.golden.files import read_metrics
 from reobserve.replication.metrics.metrics import write_metrics
 
@@ -106,7 +107,7 @@ def study() -> tuple[Path, list[Path]]:
 @cache
 def saved_design(kind: str) -> bytes:
     """The design of the example of a kind."""
-    made: Any = kind_of(kind)
+    made: Any = family(kind)
     path = Path(_FOLDER.name, f"{kind}.design.json")
     save_design(path, made.designed(parse_yaml(made.example, "model.yaml")))
     return path.read_bytes()

@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
-from reobserve.estimation.designs.file import KINDS, kind_of
+from reobserve.estimation.families import FAMILIES, family
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_gain import luenberger
 from reobserve.observers.high_gain import HighGainObserver
@@ -39,7 +36,7 @@ def model(factor: float = 1.0) -> LinearModel:
     """Three states, two outputs of correlated noise, one of them with feedthrough."""
     A = factor * np.array([[0.9, 0.1, 0], [0, 0.8, 0.1], [0.05, 0, 0.7]])
     return LinearModel(
-        A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], [0.1, 0.2, 0.3], [[1, 0.2], [0.2, 2]],
+        A, [[0], [1], [0.5]], [[1, 0, 0], [0, 1, 0]], Q=[0.1, 0.2, 0.3], R=[[1, 0.2], [0.2, 2]],
         D=[[0.1 * factor], [0]],
     )  # fmt: skip
 
@@ -47,7 +44,7 @@ def model(factor: float = 1.0) -> LinearModel:
 def free() -> LinearModel:
     """The same without an input."""
     whole = model()
-    return LinearModel(whole.A, np.zeros((3, 0)), whole.H, whole.Q, whole.R)
+    return LinearModel(whole.A, np.zeros((3, 0)), whole.C, Q=whole.Q, R=whole.R)
 
 
 def filtering(made: Any) -> Made:
@@ -106,19 +103,6 @@ def alone() -> Made:
     return made, made.run(y, u, state=made.init([0.0], 0.2)).state
 
 
-def delay(
-    kind: type, *gains: Any, begun: bool = False, least: float = 0.02, period: float = 0.01
-) -> Made:
-    """Delays that meet their bounds."""
-    made = kind(1.0, -2.0, (least, 15.5 * period), period, *gains)
-    past = 0.1 * np.sin(0.13 * np.arange(-20.0, 1.0))
-    state = made.init(0.05, 0.1, past if begun else np.full(21, 0.03))
-    if begun:
-        y, u = (0.1 * np.sin(rate * np.arange(-3.0, 0.0))[:, None] for rate in (0.21, 0.13))
-        state = made.run(y, u, state=state).state
-    return made, state
-
-
 FACTORS = (1.0, 0.8, 0.5)
 CASES: dict[str, Callable[[], Made]] = {
     "gain": lambda: filtering(luenberger(model(), [0.3, 0.4, 0.5])),
@@ -147,16 +131,6 @@ CASES: dict[str, Callable[[], Made]] = {
     "extended_all": lambda: extended(switched="all", begun=True),
     "extended_unswitched": lambda: extended(order=1, threshold=0.0),
     "extended_alone": alone,
-    "squares": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5, begun=True),
-    # Between rows 42 and 43 its delay turns round below the least one, and is held on the way.
-    "squares_held": lambda: delay(LeastSquaresDelayEstimator, 30.0, 0.5, least=0.018333),
-    "squares_alone": lambda: delay(LeastSquaresDelayEstimator, 100.0, 0.5),
-    "filtered": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0),
-    "filtered_alone": lambda: delay(AdaptiveDelayEstimator, 0.05, 1.0, 100.0, begun=True),
-    "relay": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", least=0.0),
-    "relay_alone": lambda: delay(VariableStructureDelayEstimator, 90.0, "inverse"),
-    "relay_slow": lambda: delay(VariableStructureDelayEstimator, 2.0, "inverse", period=0.2),
-    "relay_alone_on": lambda: delay(VariableStructureDelayEstimator, 0.5, "delay", begun=True),
     "identity": lambda: (pendulum(order=4), None),
     "constant": lambda: (pendulum(order=0), None),
     "transformed": lambda: (pendulum(order=4, form="transformed"), None),
@@ -165,7 +139,7 @@ CASES: dict[str, Callable[[], Made]] = {
 
 def designed(kind: str) -> Any:
     """The design of the example of a kind, certified."""
-    made: Any = kind_of(kind)
+    made: Any = family(kind)
     found = made.designed(parse_yaml(made.example, "model.yaml"))
     return found, found.start()
 
@@ -186,4 +160,4 @@ def columns_of(name: str, observer: Any) -> tuple[int, int]:
     return (1, 1) if "alone" in name else (observer.measurements, observer.inputs)
 
 
-NAMES = (*CASES, *(f"example-{kind}" for kind in KINDS))
+NAMES = (*CASES, *(f"example-{kind}" for kind in FAMILIES))

@@ -1,4 +1,4 @@
-"""Exported code does what `step` does, to 1e-12 of its estimates: in C, and in Python alone."""
+"""Exported C does what `step` does, to 1e-12 of its estimates."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.codegen import c_code, c_test, python_code
-from reobserve.codegen.program_of import program_of
+from reobserve.codegen import c_code, c_test
 from reobserve.codegen.record import test_run as run_record
 from reobserve.core.errors import InputError
+from reobserve.estimation.families.program import program_of
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.plants.pendulum import pendulum
 from reobserve.systems.triangular_text import triangular_model
@@ -63,16 +63,7 @@ def write(name: str, folder: Path) -> tuple[Any, Any, Any, Any]:
     (folder / f"{c}.h").write_text(c_code.header(program, c, SIGNALS, "About it.", period))
     (folder / f"{c}.c").write_text(c_code.source(program, c))
     (folder / f"{c}_test.c").write_text(c_test.test_source(program, c, y, u, expected))
-    (folder / f"{c}.py").write_text(python_code.module(program, SIGNALS, "About it.", period))
     return observer, y, u, expected
-
-
-def python_of(name: str, folder: Path) -> dict[str, Any]:
-    """What the Python that was written of an observer defines."""
-    c = name.replace("-", "_")
-    scope: dict[str, Any] = {"__name__": c}
-    exec(compile((folder / f"{c}.py").read_text(), c, "exec"), scope)
-    return scope
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
@@ -90,60 +81,34 @@ def test_c_compiles_without_a_warning_and_agrees(name: str, folder: Path) -> Non
     assert source.count("#include") == 2  # its own header, and that of mathematics
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_python_agrees_and_imports_nothing(name: str, folder: Path) -> None:
-    observer, y, u, expected = write(name, folder)
-    c = name.replace("-", "_")
-    text = (folder / f"{c}.py").read_text()
-    imports = [line for line in text.splitlines() if "import" in line]
-    assert all(line == "import math" or line.startswith("from math import ") for line in imports)
-    exported = python_of(name, folder)["Observer"]()
-    for k in range(len(y)):
-        row = (y[k].tolist(), u[k].tolist()) if observer.inputs else (y[k].tolist(),)
-        found = exported.step(*row)
-        for each, values in expected.items():
-            size = 1.0 if each == "switched_off" else np.nanmax(np.abs(values))
-            assert found[each] == pytest.approx(values[k], abs=1e-12 * size, rel=0, nan_ok=True)
-
-
-@pytest.mark.parametrize("name", ["relay", "squares_alone"])
-def test_an_input_of_a_time_that_is_no_number_is_none(name: str, folder: Path) -> None:
-    write(name, folder)
-    scope = python_of(name, folder)
-    u = [0.0, 0.0]
-    scope["past"](scope["Observer"]().cells, 0, 0.0, 1.0, u)
-    assert np.isfinite(u).all()
-    for lag in (np.nan, np.inf):
-        u = [0.0, 0.0]
-        scope["past"](scope["Observer"]().cells, 0, 0.0, lag, u)
-        assert np.isnan(u).all()
-
-
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")
 def test_a_row_that_every_mode_finds_hardly_possible_still_tells_them_apart(folder: Path) -> None:
-    """All likelihoods are below the least number there is: only their ratios can be had."""
+    """All likelihoods are below the smallest number there is: only their ratios can be had."""
     observer, *_ = write("imm", folder)
-    exported, (_, state), least = python_of("imm", folder)["Observer"](), observer_of("imm"), 0.0
-    for y in ([1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]):
-        found = exported.step(y, [0.5])
+    rows = [[1.0, 2.0], [0.9, 1.6], [0.8, 1.3], [3000.0, -2000.0], [1.1, 1.9]]
+    (folder / "rows.c").write_text(
+        '#include "imm.h"\n#include <stdio.h>\n'
+        "int main(void) {\n"
+        "    imm_memory memory;\n    imm_estimate estimate;\n"
+        f"    const double y[5][2] = {c_test.literal(np.array(rows))}, u[1] = {{0.5}};\n"
+        "    imm_start(&memory);\n"
+        "    for (int32_t k = 0; k < 5; ++k) {\n"
+        "        (void)imm_step(&memory, y[k], u, &estimate);\n"
+        '        printf("%.17g", estimate.log_likelihood);\n'
+        '        for (int32_t j = 0; j < 3; ++j) printf(" %.17g", estimate.probability[j]);\n'
+        '        printf("\\n");\n    }\n'
+        "    return 0;\n}\n"
+    )
+    command = c_test.COMPILE.format(name="imm").replace("imm_test.c", "rows.c").split()
+    assert ran(folder, *command, "-o", "rows").returncode == 0
+    (_, state), least = observer_of("imm"), 0.0
+    for y, line in zip(rows, ran(folder, "./rows").stdout.splitlines(), strict=True):
         state, expected = observer.step(state, y, [0.5])
         least = min(least, float(expected["log_likelihood"]))
-        for each in ("probability", "log_likelihood"):
-            assert found[each] == pytest.approx(expected[each], abs=1e-9, rel=1e-9), (y, each)
+        log_likelihood, *probability = map(float, line.split())
+        assert log_likelihood == pytest.approx(expected["log_likelihood"], abs=1e-9, rel=1e-9), y
+        assert probability == pytest.approx(expected["probability"], abs=1e-9, rel=1e-9), y
     assert least < -1000.0
-
-
-def test_a_table_of_gains_lists_what_was_designed_and_no_more() -> None:
-    designed = {
-        "gain": ["L"], "kalman": [], "svsf": ["memory_rate", "layer"], "imm": ["Chain"],
-        "imm_svsf": ["memory_rate", "layer", "Chain"], "sampled": ["K1", "K2", "Damping"],
-        "continuous": ["K1", "K2", "Injection"], "adaptive": ["Gamma", "Kp", "Injection"],
-        "levant": ["factor"], "high_gain": ["K"], "extended": ["K"], "squares": [],
-        "filtered": ["gain"], "relay": ["M"], "transformed": ["Phi"],
-    }  # fmt: skip
-    for name, gains in designed.items():
-        observer, state = observer_of(name)
-        constants = program_of(observer, state, columns_of(name, observer)).constants
-        assert [each for each, one in constants.items() if one.gain] == gains, name
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no compiler of C")

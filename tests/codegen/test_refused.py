@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reobserve.codegen.program_of import program_of
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.export_command import exported
+from reobserve.estimation.families.export_command import exported, run
+from reobserve.estimation.families.program import program_of
 from reobserve.observers.kalman import KalmanFilter
 from tests.codegen import cases
 
@@ -33,16 +34,16 @@ def columns(name: str, y: int, u: int) -> Callable[[], Any]:
 ONE_KIND = "observer: cannot be exported: its filters must all be Kalman filters, or all SVSFs of"
 REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "another language": (
-        lambda: exported(DESIGN, "java", "swing"),
-        "to: 'java' must be one of c, python, latex, json",
+        lambda: run(Path("d.json"), "java", Path()),
+        "to: 'java' must be c",
     ),
     "a name from a digit on": (
-        lambda: exported(DESIGN, "c", "2nd"),
-        "name: '2nd' must be an identifier of C and Python",
+        lambda: exported(DESIGN, "2nd"),
+        "name: '2nd' must be an identifier of C",
     ),
     "a name of another alphabet": (
-        lambda: exported(DESIGN, "c", "größe"),
-        "name: 'größe' must be an identifier of C and Python",
+        lambda: exported(DESIGN, "größe"),
+        "name: 'größe' must be an identifier of C",
     ),
     "no observer": (lambda: program_of(3), "observer: 3 must be an observer"),  # type: ignore[arg-type]
     "an observer of one's own": (
@@ -50,7 +51,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "observer: a Own cannot be exported; ",
     ),
     "columns of another number": (columns("kalman", 1, 1), "columns: (1, 1) must be (2, 1), or 1"),
-    "inputs of another number": (columns("relay", 2, 3), "columns: (2, 3) must be (2, 2), or 1"),
+    "inputs of another number": (columns("extended", 1, 2), "columns: (1, 2) must be (1, 3), or 1"),
     "a bank of two kinds": (bank(KALMAN, KALMAN, cases.switching("pseudo")), ONE_KIND),
     "a bank of two laws": (
         bank(*map(cases.switching, ("pseudo", "weighted", "pseudo"))),

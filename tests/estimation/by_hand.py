@@ -43,7 +43,7 @@ def motor_model(friction: float = 10.0) -> ro.LinearModel:
     """That of the examples."""
     A, B = zero_order_hold([[-friction, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], PERIOD)
     return ro.LinearModel(
-        A, B, np.eye(2), [1e-4, 1e-4], [1e-3, 1e-4], unusual=True, sampling_period=PERIOD
+        A, B, np.eye(2), Q=[1e-4, 1e-4], R=[1e-3, 1e-4], unusual=True, sampling_period=PERIOD
     )
 
 
@@ -87,21 +87,6 @@ def extended_high_gain(columns: Columns) -> Run[Any]:
     return observer.run(y, u, state=observer.init([0.0], 0.3))
 
 
-def delay(kind: Callable[..., Any], *names: str, **options: Any) -> Callable[[Columns], Run[Any]]:
-    """Of a level and a valve in percent, and their rates."""
-
-    def run(columns: Columns) -> Run[Any]:
-        observer = kind(
-            decay=1.0, input_gain=1.0, delay_bounds=(0.0, 1.5), sampling_period=PERIOD, **options
-        )
-        y = read(columns, "%", "1", *names)
-        past = np.full(observer.history_steps + 1, 0.29)
-        state = observer.init(y[0, 0], 0.3, past)
-        return observer.run(y, read(columns, "%", "1", "valve", "valve_rate"), state=state)
-
-    return run
-
-
 def levant(columns: Columns) -> Run[Any]:
     return ro.LevantDifferentiator(1.5, sampling_period=PERIOD).run(
         read(columns, "mV", "V", "voltage")
@@ -132,27 +117,17 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "ilo-sampled": rigid(lambda: ro.SampledILO(*LEARNING, **EACH)),
     "ilo-continuous": rigid(lambda: ro.ILO(*LEARNING, **EACH)),
     "ilo-forgetting": rigid(lambda: ro.ILO(*FORGETTING, **EACH)),
-    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 100.0, 0.0, sampling_period=PERIOD)),
-    "pi": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 200.0, 30.0, sampling_period=PERIOD)),
+    "adaptive": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 100.0, 0.0, **EACH)),
+    "adaptive-pi": rigid(lambda: ro.AdaptiveObserver(BODY, 100.0, 200.0, 30.0, **EACH)),
     "normal-form-constant": pendulum(order=0),
     "normal-form-identity": pendulum(order=4),
     "normal-form-transformed": pendulum(order=4, form="transformed"),
     "high-gain": high_gain,
     "extended-high-gain": extended_high_gain,
-    "delay-adaptive": delay(
-        ro.AdaptiveDelayEstimator, "level", filter_time=0.05, forgetting=1.0, adaptation_gain=100.0
-    ),
-    "delay-least-squares": delay(
-        ro.LeastSquaresDelayEstimator, "level", initial_covariance=1000.0, forgetting=0.1
-    ),
-    "delay-variable-structure": delay(
-        ro.VariableStructureDelayEstimator, "level", "level_rate", relay_gain=0.5,
-        relay_on="inverse",
-    ),
     "levant": levant,
     "kalman": motor(lambda: ro.KalmanFilter(motor_model())),
     "augmented-kalman": motor(
-        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.03622], [0.18122]], 1e-3)
+        lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
     ),
     "svsf": motor(svsf),
     "imm-kalman": motor(
@@ -160,9 +135,9 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     ),
     "imm-svsf": motor(lambda: ro.IMM([svsf(f) for f in (10.0, 20.0)], STAYS)),
     "eso": motor(eso, lambda observer: observer.init()),
-    "fixed-gain": motor(
+    "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
     ),
-    "luenberger": motor(lambda: ro.luenberger(motor_model(), [0.5, 0.6])),
-    "steady-kalman": motor(lambda: ro.steady_kalman(motor_model())),
+    "luenberger": motor(lambda: ro.luenberger(motor_model(), np.exp([-0.7, -0.5]))),
+    "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.validation import parse
-from reobserve.estimation.examples import specification_text
+from reobserve.estimation.estimate import Estimation
+from reobserve.estimation.families.examples import specification_text
+from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification
+from reobserve.estimation.writing import header
 
 Array = NDArray[np.float64]
 
@@ -48,3 +51,11 @@ def read_results(path: Path) -> tuple[dict[str, Array], list[str]]:
         for c, name in enumerate(names[:-1])
     }
     return numbers, [row[-1] for row in rows]
+
+
+def streamed(chosen: Specification, text: Path) -> str:
+    """The results of a record that comes line by line."""
+    titles, *lines = text.read_text(encoding="utf-8").splitlines(keepends=True)
+    estimation = Estimation(chosen, titles.strip().split(","), str(text))
+    rows = RowByRow(estimation, titles.strip().split(","))
+    return header(estimation.titles) + "".join(map(rows.read, lines)) + rows.finish()

@@ -1,4 +1,4 @@
-"""Stamps that are dates: the same bits as seconds, whatever offset from UTC they have."""
+"""Timestamps that are dates: the same bits as seconds, whatever offset from UTC they have."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pyarrow.parquet as parquet
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.account import Account
 from reobserve.estimation.commands import estimate_file, estimate_stream
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import nanoseconds, spelled
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.row_by_row import RowByRow
@@ -39,9 +39,9 @@ def moments() -> list[datetime]:
     return [START + timedelta(milliseconds=10 * k) for k in range(ROWS) if not 100 <= k < 120]
 
 
-def rows(stamps: list[str]) -> list[str]:
+def rows(timestamps: list[str]) -> list[str]:
     places = [k for k in range(ROWS) if not 100 <= k < 120]
-    return [f"{text},{float(VALUES[k])!r}\n" for text, k in zip(stamps, places, strict=True)]
+    return [f"{text},{float(VALUES[k])!r}\n" for text, k in zip(timestamps, places, strict=True)]
 
 
 def local(moment: datetime) -> str:
@@ -60,8 +60,8 @@ SPELLINGS = {
 def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     folder = tmp_path_factory.mktemp("seconds")
     second = START.replace(microsecond=0)
-    stamps = [repr((moment - second).total_seconds()) for moment in moments()]
-    (folder / "r.csv").write_text("t,v\n" + "".join(rows(stamps)))
+    timestamps = [repr((moment - second).total_seconds()) for moment in moments()]
+    (folder / "r.csv").write_text("t,v\n" + "".join(rows(timestamps)))
     estimate_file(chosen("s"), folder / "r.csv", folder / "e.csv")
     return (folder / "e.csv").read_bytes()
 
@@ -74,16 +74,16 @@ def test_dates_give_the_bits_of_seconds(spelling: str, expected: bytes, tmp_path
         block=1000,
     )  # fmt: skip
     assert (tmp_path / "e.csv").read_bytes() == expected
-    assert made.account.first == 0.58
-    assert made.account.jitter < 1e-12
+    assert made.report.first == 0.58
+    assert made.report.jitter < 1e-12
     assert json.loads((tmp_path / "r.json").read_text())["origin"] == "2026-03-29T00:59:58Z"
 
 
 @pytest.mark.parametrize("kind", ["timestamps", "texts"])
 def test_parquet_holds_dates_too(kind: str, expected: bytes, tmp_path: Path) -> None:
     places = [k for k in range(ROWS) if not 100 <= k < 120]
-    stamps = pa.array(moments()) if kind == "timestamps" else pa.array(SPELLINGS["UTC"])
-    table = pa.table({"t": stamps, "v": VALUES[places]})
+    timestamps = pa.array(moments()) if kind == "timestamps" else pa.array(SPELLINGS["UTC"])
+    table = pa.table({"t": timestamps, "v": VALUES[places]})
     parquet.write_table(table, tmp_path / "r.parquet")
     estimate_file(chosen("iso8601"), tmp_path / "r.parquet", tmp_path / "e.csv")
     assert (tmp_path / "e.csv").read_bytes() == expected
@@ -127,8 +127,8 @@ def test_a_header_may_say_that_they_are_dates(expected: bytes, tmp_path: Path) -
     "cell", ["12.5", "yesterday", "2026-02-30T00:00:00Z", "99999-01-01", "20260329"]
 )
 def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
-    stamps = SPELLINGS["UTC"][:30]
-    text = "t,v\n" + "".join(f"{stamp},1.0\n" for stamp in [*stamps, cell])
+    timestamps = SPELLINGS["UTC"][:30]
+    text = "t,v\n" + "".join(f"{timestamp},1.0\n" for timestamp in [*timestamps, cell])
     (tmp_path / "r.csv").write_text(text)
     problem = f"row 31 is '{cell}', must be a date with a time, as 2026-03-29T01:59:58Z"
     with pytest.raises(InputError, match=problem):
@@ -143,11 +143,11 @@ def test_what_is_no_date_is_refused(cell: str, tmp_path: Path) -> None:
 
 
 def test_fifty_kilohertz_are_even() -> None:
-    account = Account()
+    report = DataReport()
     moments = [START + timedelta(microseconds=20 * k) for k in range(1000)]
-    times = [account.clock(nanoseconds(moment.isoformat())) for moment in moments]
+    times = [report.clock(nanoseconds(moment.isoformat())) for moment in moments]
     assert times == [(580_000 + 20 * k) / 1e6 for k in range(1000)]
-    assert account.clock(None) != account.clock(None)  # nan
+    assert report.clock(None) != report.clock(None)  # nan
 
 
 def test_nanoseconds_since_1970() -> None:
@@ -165,13 +165,13 @@ def test_whoever_forgets_the_unit_is_told(tmp_path: Path) -> None:
         reader.read(rows(SPELLINGS["UTC"])[0])
     table = pa.table({"t": pa.array(moments()), "v": np.zeros(len(moments()))})
     parquet.write_table(table, tmp_path / "r.parquet")
-    with pytest.raises(InputError, match=r"'t' holds dates; as stamps their unit is iso8601"):
+    with pytest.raises(InputError, match=r"'t' holds dates; as timestamps their unit is iso8601"):
         estimate_file(chosen("ms"), tmp_path / "r.parquet", tmp_path / "e.csv")
 
 
 def test_a_clock_that_goes_back_is_told(tmp_path: Path) -> None:
-    stamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
-    texts = [stamp.replace(tzinfo=None).isoformat() for stamp in stamps]
+    timestamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
+    texts = [timestamp.replace(tzinfo=None).isoformat() for timestamp in timestamps]
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))
-    with pytest.raises(InputError, match=r"row 123: the stamp goes back, at .* without an offset"):
+    with pytest.raises(InputError, match=r"row 123: the timestamp goes back, .* without an offset"):
         estimate_file(chosen("iso8601"), tmp_path / "r.csv", tmp_path / "e.csv")

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from reobserve.cli.estimation import _MORE
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.example_records import _followed
-from reobserve.estimation.examples import NAMES, simulated
+from reobserve.estimation.families.examples import examples, simulated
 from tests.estimation.by_hand import BY_HAND
 from tests.estimation.records import read_results, specification, write_record
 
+NAMES = tuple(examples())
 Array = NDArray[np.float64]
 
 # By the column of the truth: how far the estimate may be off in the last fifth of the record, in
-# the root mean square, with even stamps; and with jittered ones, a gap and a dead sensor. Where a
-# voltage jumps between two stamps nobody knows when, and the current is off until it is at rest.
+# the root mean square, with even timestamps; and with jittered ones, a gap and a dead sensor. Where
+# a voltage jumps between two timestamps, the current is off until it is at rest.
 ERRORS = {
     "fault_1": (0.03, 0.03), "fault_2": (2e-3, 2e-3), "fault_3": (3e-3, 3e-3),
     "angle": (2e-4, 5e-4), "rate": (1e-3, 5e-3), "delay": (3e-3, 3e-3), "level": (1e-5, 2e-5),
@@ -100,52 +101,41 @@ def test_even_records_lead_to_the_truth(name: str, tmp_path: Path) -> None:
     made = estimate_file(specification(name), record, tmp_path / "e.csv")
     for column, error in errors(name, tmp_path / "e.csv").items():
         assert error < ERRORS[column][0], column
-    assert made.account.warnings == []
+    assert made.report.warnings == []
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_jitter_a_gap_and_a_dead_sensor_do_not_lead_away(name: str, tmp_path: Path) -> None:
-    """Stamps off by a third of a period, a gap of half a second, and a sensor that falls silent."""
+    """Timestamps off by a third of a period, a gap of half a second, and a silent sensor."""
     plant = simulated(name)
     random = np.random.default_rng(5)
     even = plant.time[::10]
-    stamps = even + plant.period * random.uniform(-0.3, 0.3, len(even))
-    stamps[0], stamps[-1] = even[0], even[-1]
-    last = stamps[-1]
-    stamps = stamps[(stamps < 0.3 * last) | (stamps > 0.3 * last + 0.5)]
-    columns = plant.record(stamps)
+    timestamps = even + plant.period * random.uniform(-0.3, 0.3, len(even))
+    timestamps[0], timestamps[-1] = even[0], even[-1]
+    last = timestamps[-1]
+    timestamps = timestamps[(timestamps < 0.3 * last) | (timestamps > 0.3 * last + 0.5)]
+    columns = plant.record(timestamps)
     sensor = list(columns)[1]
-    silent = (stamps > 0.5 * last) & (stamps < 0.5 * last + 5.5 * plant.period)
+    silent = (timestamps > 0.5 * last) & (timestamps < 0.5 * last + 5.5 * plant.period)
     columns[sensor][silent] = np.nan
     chosen = specification(name, sampling={"uneven": "linear"})
     made = estimate_file(chosen, write_record(tmp_path / "r.csv", columns), tmp_path / "e.csv")
     for column, error in errors(name, tmp_path / "e.csv").items():
         assert error < ERRORS[column][1], column
-    account, (_, status) = made.account, read_results(tmp_path / "e.csv")
-    assert account.gap_count == 1
-    start, end = account.gaps[0]
+    report, (_, status) = made.report, read_results(tmp_path / "e.csv")
+    assert report.gap_count == 1
+    start, end = report.gaps[0]
     assert start is not None
     assert end is not None
     assert abs(start - 0.3 * last) < 3 * plant.period
     assert abs(end - start - 0.5) < 5 * plant.period
-    assert account.missing[sensor] == silent.sum()
-    assert 0.1 < account.jitter < 1.0
+    assert report.missing[sensor] == silent.sum()
+    assert 0.1 < report.jitter < 1.0
     if made.can_skip:
         partial = len(list(simulated(name).logged)) - len(plant.held) > 1
         assert ("partial" if partial else "predicted") in status
         assert status.count("restarted") == 0
         assert status.count("predicted") >= 0.5 / plant.period - 4
     else:
-        assert account.restarts == status.count("restarted") == 1
-        assert account.filled[sensor] > silent.sum() - 2
-
-
-def test_an_input_that_is_not_told_was_zero_before_the_record(tmp_path: Path) -> None:
-    told = specification("delay-adaptive").observer.start
-    record = write_record(tmp_path / "r.csv", simulated("delay-adaptive").record())
-    found = []
-    for start in ({"delay": told.delay}, {"delay": told.delay, "past_input": 0.0}):
-        chosen = specification("delay-adaptive", observer={"start": start})
-        estimate_file(chosen, record, tmp_path / "e.csv")
-        found.append((tmp_path / "e.csv").read_bytes())
-    assert found[0] == found[1]
+        assert report.restarts == status.count("restarted") == 1
+        assert report.filled[sensor] > silent.sum() - 2

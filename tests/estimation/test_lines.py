@@ -50,7 +50,7 @@ def test_the_last_line_of_a_pipe_may_lack_its_end() -> None:
 def test_a_mark_of_utf_8_counts_at_the_very_beginning_only() -> None:
     mark = "\ufeff"
     assert told(f"{mark}a\n{mark}b\n".encode()) == ["a\n", f"{mark}b\n"]
-    with pytest.raises(InputError, match=r"^the pipe: .*xe9.* is not UTF-8$"):
+    with pytest.raises(InputError, match=r"^the pipe: .*xe9.* is not UTF-8, see columns.encoding$"):
         told(b"a\n\xe9\n")
 
 

@@ -11,7 +11,7 @@ import pytest
 from reobserve.cli.main import main
 from reobserve.core.errors import InputError
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
 from tests.estimation.records import specification
 
 
@@ -19,10 +19,11 @@ def inputs(*given: dict[str, Any]) -> dict[str, Any]:
     return {"columns": {"inputs": [{"unit": "V", **one} for one in given]}}
 
 
+CHAIN = {"transition": [[0.9, 0.1], [0.1, 0.9]]}
 ALARM = {"name": "fast", "of": "speed", "above": 1.0}
 AXES = [{"column": one, "unit": "rpm", "model_unit": "rpm"} for one in ("wx", "wy", "wz")]
 REFUSED: list[tuple[str, dict[str, Any], str]] = [
-    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the separato"),
+    ("kalman", {"columns": {"decimal": ","}}, "columns.decimal: must be another than the delimite"),
     ("kalman", {"columns": {"measurements": []}}, "columns.measurements: are none, must be one or"),
     ("kalman", inputs({"column": "speed"}), "columns.inputs: take the column 'speed' a second"),
     ("kalman", inputs({"column": "t"}), "columns.inputs: take the column 't' a second time"),
@@ -38,11 +39,20 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", {"sampling": {"gap": -1.0}}, "sampling.gap: -1 must not be negative"),
     ("kalman", {"alarms": [ALARM, ALARM]}, "alarms: have the name 'fast' twice"),
     ("imm-kalman", {"observer": {"modes": {}}}, "observer.modes: has 0 modes, must have 1 to 50"),
-    ("imm-kalman", {"observer": {"memory": 0.1}}, "observer.memory: must be left out; only the"),
-    ("imm-svsf", {"observer": {"memory": None}}, "observer.memory: is missing; only the filter"),
-    ("ilo-forgetting", {"observer": {"K1": 1.0}}, "observer.K1: has the spectral radius 1; to"),
-    ("pi", {"observer": {"proportional_gain": None}}, "observer.proportional_gain: is missing;"),
-    ("adaptive", {"observer": {"proportional_gain": 3.0}}, "observer.proportional_gain: must be"),
+    ("imm-kalman", {"observer": {"gains": {**CHAIN, "memory": 0.1}}}, "observer.gains.memory: must"),
+    ("imm-svsf", {"observer": {"gains": {**CHAIN, "filter": "svsf", "boundary_layer": 1.0}}},
+     "observer.gains.memory: is missing with the filter svsf"),
+    ("ilo-forgetting", {"observer": {"gains": {"K1": 1.0, "K2": 1.0, "damping": 9.0}}},
+     "observer.gains.K1: has the spectral radius 1; to"),
+    ("kalman", {"observer": {"H": [[1.0]]}}, "observer.H: is now C, with y = C x + D u"),
+    ("kalman", {"observer": {"start": {}}}, "observer.start: is now initial_state"),
+    ("kalman", {"observer": {"kind": "steady_kalman"}}, "observer.kind: steady_kalman is now kal"),
+    ("kalman", {"observer": {"gains": {"gain": [[1.0]]}}}, "observer.gains: must be left out whe"),
+    ("kalman", {"observer": {"sampling_period": 1.0}}, "observer.sampling_period: must be left"),
+    ("luenberger", {"observer": {"poles": [2.25, -1]}}, "observer.poles.0: 2.25 is not stable"),
+    ("luenberger", {"observer": {"poles": ["1+2j"]}}, "observer.poles.0: '1+2j' is not stable"),
+    ("normal-form-identity", {"observer": {"poles": [-1, 0]}}, "observer.poles.1: 0 is not stabl"),
+    ("augmented-kalman", {"observer": {"fault_matrix": [[1.0]]}}, "observer.fault_matrix: has sh"),
     ("ilo-sampled", {"columns": {"measurements": AXES}}, "columns.measurements.0.model_unit:"),
 ]  # fmt: skip
 

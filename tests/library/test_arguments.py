@@ -32,7 +32,7 @@ from reobserve.systems.rigid_body import RigidBody
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 READ_ONLY = ROWS.copy()
 READ_ONLY.flags.writeable = False
-PLAIN = LinearModel([[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0]], 0.1, 0.2)
+PLAIN = LinearModel([[0.9, 0.1], [0.0, 0.8]], [[0.0], [1.0]], [[1.0, 0.0]], Q=0.1, R=0.2)
 
 
 class Odd:

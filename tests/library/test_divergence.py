@@ -17,7 +17,6 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers import halving
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.contract import Rows
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.observers.fixed_step import Samples, Steps, run_on_halves
@@ -258,7 +257,7 @@ def test_a_last_row_that_the_loop_did_not_reach_is_no_end(short: int, reached: b
 # --- Every observer and filter: loud by default, and quiet if asked -------------------------------
 
 UNSEEN = LinearModel(
-    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0, sampling_period=0.5
+    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0, sampling_period=0.5
 )
 NONE = np.zeros((1, 0))
 SYSTEM = AugmentedSystem([[-1.0]], [[1.0]], [[1.0]], NONE, NONE, [[1.0]], NONE)
@@ -288,13 +287,6 @@ def of_extended_state(**how: Any) -> Any:
     return observer.run(y, y, **how)
 
 
-def of_least_squares(**how: Any) -> Any:
-    estimator = LeastSquaresDelayEstimator(1.0, 1.0, (0.0, 1.5), 1.0, 100.0, sampling_period=0.01)
-    state = estimator.init(0.4, 0.3, np.ones(151))
-    output = 1 - 0.5 * np.exp(-0.01 * np.arange(1001.0))
-    return estimator.run(output, np.ones(1001), state=state, **how)
-
-
 def of_adaptive(**how: Any) -> Any:
     observer = AdaptiveObserver(BODY, 300.0, 1.0, 0.0, sampling_period=0.01)
     start = observer.init([0.1, 0.2, -0.1])
@@ -307,7 +299,6 @@ RUNS: dict[str, Callable[..., Any]] = {
     "bank": of_bank,
     "differentiator": of_levant,
     "extended state": of_extended_state,
-    "least squares": of_least_squares,
     "rigid body": of_adaptive,
 }
 

@@ -18,7 +18,7 @@ from reobserve.core.errors import InputError
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.definiteness import ball_matrix, prove_negative_definite
-from reobserve.synthesis.extended_state import pd_pi, pi, structured
+from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
@@ -54,7 +54,6 @@ NEEDS: dict[str, list[Callable[[], object]]] = {
     "flint": [
         lambda: pd_pi.design(MOTOR),
         lambda: pi.design_feasible(MOTOR, 1.0),
-        lambda: structured.design(MOTOR),
         lambda: certify(MOTOR, GAINS),
         lambda: h_infinity_norm([[-1.0]], [[1.0]], [[1.0]]),
         lambda: prove_negative_definite([[-1.0]]),

@@ -11,15 +11,15 @@ import pytest
 
 from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
-from reobserve.estimation.designs.poles import parse_poles
+from reobserve.estimation.families.poles import parse_poles
 from reobserve.observers.fixed_step import run_on_halves
+from reobserve.papers.ilo.lyapunov import gyroscopic_eta
+from reobserve.papers.ilo.theorem import certify
 from reobserve.papers.imm.keys import bounds
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
-from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
-from reobserve.synthesis.ilo_theorem import certify
 from reobserve.systems.rigid_body import RigidBody
 
-KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], 1.0, 1.0, sampling_period=0.1))
+KALMAN = KalmanFilter(LinearModel([[1.0]], [[1.0]], [[1.0]], Q=1.0, R=1.0, sampling_period=0.1))
 BANK = IMM([KALMAN, KALMAN], [[0.9, 0.1], [0.1, 0.9]])
 LEARNING = ILO(RigidBody(np.diag([1.0, 2.0, 3.0])), 0.9, 5.0, 5.0, 0.1, sampling_period=0.1)
 ZERO, TWO = np.zeros(3), np.zeros((2, 3))

@@ -19,7 +19,7 @@ class Nothing:
 
 # Words of the user's own, which only stand in sentences.
 LABELS = {
-    "signals.signals.Signal.check_grid": "name",
+    "signals.inputs.Signal.check_grid": "name",
     "plants.delayed_input.check_delay": "name",
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mpmath
@@ -43,7 +43,7 @@ def continuous(mode: str) -> tuple[Array, Array]:
 def velocity_model(mode: str, R: float = 1e-4, Q: ArrayLike = 1e-6) -> LinearModel:
     """4 states, and the velocity measured, every 1 ms."""
     A, B = zero_order_hold(*continuous(mode), 1e-3)
-    return LinearModel(A, B, np.eye(1, 4), Q, R, sampling_period=1e-3)
+    return LinearModel(A, B, np.eye(1, 4), Q=Q, R=R, sampling_period=1e-3)
 
 
 def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
@@ -55,7 +55,13 @@ def motion_model(mode: str, feedthrough: bool = True) -> LinearModel:
     H[[0, 1, 2], [0, 1, 2]] = 1 / SCALE, 1.0, SCALE
     D = np.array([[0.0], [0.0], [B[1, 0]]]) if feedthrough else None
     Q, R = [3.4e-6, 4.8e-5, 3.4e-4, 3.2e-4, 2.8e-4], [4.6e-5, 2.5e-2, 70.0]
-    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q, R, D, sampling_period=5e-3)
+    return LinearModel(*zero_order_hold(A, B, 5e-3), H, Q=Q, R=R, D=D, sampling_period=5e-3)
+
+
+def left_limit(model: LinearModel) -> LinearModel:
+    """The model whose measurements have the input up to a row in them: a second column of u."""
+    B, D = np.pad(model.B, ((0, 0), (0, 1))), np.pad(model.D, ((0, 0), (1, 0)))
+    return replace(model, B=B, D=D)
 
 
 def moved(model: LinearModel, T: Array) -> LinearModel:
@@ -64,7 +70,7 @@ def moved(model: LinearModel, T: Array) -> LinearModel:
     back = np.linalg.inv(T)
     period = model.sampling_period
     Q = symmetric(T @ Q @ T.T)
-    return LinearModel(T @ A @ back, T @ B, H @ back, Q, R, D, sampling_period=period)
+    return LinearModel(T @ A @ back, T @ B, H @ back, Q=Q, R=R, D=D, sampling_period=period)
 
 
 def symmetric(matrix: Array) -> Array:
@@ -82,13 +88,16 @@ def ripple(rows: int, columns: int = 1) -> Array:
 
 
 def simulated(model: LinearModel, controls: Array, start: ArrayLike | None = None) -> Array:
-    """What is measured without any noise, shape (k, m)."""
-    A, B, H, D = model.arrays[:4]
+    """What is measured without any noise, shape (k, m), of a model driven by inputs up to each row.
+
+    In a row's measurement stands the input from that row on.
+    """
+    A, B, C, D = model.arrays[:4]
     x = np.zeros(len(A)) if start is None else np.array(start, dtype=float)
     rows = []
-    for u in controls:
+    for u, now in zip(controls, from_rows_on(controls), strict=True):
         x = A @ x + B @ u
-        rows.append(H @ x + D @ u)
+        rows.append(C @ x + D @ now)
     return np.array(rows)
 
 
@@ -128,14 +137,14 @@ def rounded(matrix: Any) -> Array:
 
 
 def kalman_law(model: Any, covariance: Any, S: Any, e: Any, last: Any) -> Any:
-    return covariance * model.H.T * S**-1
+    return covariance * model.C.T * S**-1
 
 
 def switching_law(psi: Sequence[float], gamma: float) -> Law:
     """(15) as it is printed, with the pseudo-inverse that is missing there."""
 
     def law(model: Any, covariance: Any, S: Any, e: Any, last: Any) -> Any:
-        H = model.H
+        H = model.C
         share = mpmath.diag(
             [
                 (abs(e[o]) + mpmath.mpf(gamma) * abs(last[o]))
@@ -165,10 +174,11 @@ def reference(
     with mpmath.workdps(50):
         r, p = len(models), exact(transition)
         bank = [ModelArrays(*(exact(part) for part in one.arrays)) for one in models]
-        n, m = bank[0].A.rows, bank[0].H.rows
+        n, m = bank[0].A.rows, bank[0].C.rows
         x, P = [exact(mean)] * r, [exact(covariance)] * r
         error, mu = [mpmath.zeros(m, 1)] * r, [mpmath.mpf(1) / r] * r
-        for z, u in zip(map(exact, measurements), map(exact, controls), strict=True):
+        rows = measurements, controls, from_rows_on(controls)
+        for z, u, now in zip(*(map(exact, part) for part in rows), strict=True):
             c = [mpmath.fsum(p[i, j] * mu[i] for i in range(r)) for j in range(r)]
             if mixing:
                 weights = [[p[i, j] * mu[i] / c[j] for i in range(r)] for j in range(r)]
@@ -177,13 +187,13 @@ def reference(
             for j, (one, law) in enumerate(zip(bank, laws, strict=True)):
                 x[j] = one.A * x[j] + one.B * u
                 P[j] = one.A * P[j] * one.A.T + one.Q
-                e = z - one.H * x[j] - one.D * u
-                S = one.H * P[j] * one.H.T + one.R
+                e = z - one.C * x[j] - one.D * now
+                S = one.C * P[j] * one.C.T + one.R
                 K = law(one, P[j], S, e, error[j])
-                M = mpmath.eye(n) - K * one.H
+                M = mpmath.eye(n) - K * one.C
                 x[j] = x[j] + K * e
                 P[j] = M * P[j] * M.T + K * one.R * K.T
-                error[j] = z - one.H * x[j] - one.D * u
+                error[j] = z - one.C * x[j] - one.D * now
                 exponent = -0.5 * (e.T * S**-1 * e)[0]
                 mu[j] = c[j] * mpmath.exp(exponent) / mpmath.sqrt(mpmath.det(2 * mpmath.pi * S))
             whole = mpmath.fsum(mu)

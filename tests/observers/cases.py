@@ -7,6 +7,12 @@ from collections.abc import Callable
 from tests.observers.case import Case
 from tests.observers.cases_delay import DELAY_CASES
 from tests.observers.cases_filters import FILTER_CASES
+from tests.observers.cases_nonlinear import NONLINEAR_CASES
 from tests.observers.cases_rigid_body import RIGID_BODY_CASES
 
-CASES: dict[str, Callable[[], Case]] = {**RIGID_BODY_CASES, **FILTER_CASES, **DELAY_CASES}
+CASES: dict[str, Callable[[], Case]] = {
+    **RIGID_BODY_CASES,
+    **FILTER_CASES,
+    **NONLINEAR_CASES,
+    **DELAY_CASES,
+}

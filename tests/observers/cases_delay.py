@@ -7,16 +7,12 @@ expansion of Taylor is exact, and so are straight lines between samples.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.observers.levant import LevantDifferentiator
@@ -66,19 +62,6 @@ def extended(alone: bool) -> Case:
     return Case(observer, x, known, observer.init(x[:1], 0.3), truth, bounds, 400, 1e4, 1e308)
 
 
-def estimator(
-    observer: Any, alone: bool, bound: float, worse: float, huge: float | None = 1e300
-) -> Case:
-    """The ramp for an estimator of the delay alone, from a wrong start."""
-    time, u, x = _ramp(800)
-    past = SLOPE * PERIOD * np.arange(-50.0, 1.0)
-    known = u if alone else np.column_stack([u, np.full_like(u, SLOPE)])
-    before = past if alone else np.column_stack([past, np.full_like(past, SLOPE)])
-    start = observer.init(x[0], 0.3, before)
-    truth = {"delay": np.full_like(time, DELAY)}
-    return Case(observer, x, known, start, truth, {"delay": bound}, 600, worse, huge)
-
-
 def levant() -> Case:
     """A parabola, in numbers that do not round: it is followed to the last bit."""
     time = np.arange(400) / 64
@@ -105,37 +88,10 @@ def normal_form(kind: str) -> Case:
     return Case(observer, x[:, 0], None, observer.init(x[0]), truth, bounds, 0, 100.0)
 
 
-_COMMON = (1.0, 1.0, BOUNDS)
-
-
-def least_squares(alone: bool) -> Case:
-    """Of little memory."""
-    observer = LeastSquaresDelayEstimator(*_COMMON, 10.0, 1.0, sampling_period=PERIOD)
-    return estimator(observer, alone, 1e-3, 20.0)
-
-
-def adaptive(alone: bool) -> Case:
-    """On a ramp its linearisation is exact."""
-    observer = AdaptiveDelayEstimator(*_COMMON, 0.1, 1.0, 10.0, sampling_period=PERIOD)
-    return estimator(observer, alone, 1e-9, 1e6)
-
-
-def relay() -> Case:
-    """It chatters by 4 ms."""
-    observer = VariableStructureDelayEstimator(*_COMMON, 0.2, "delay", sampling_period=PERIOD)
-    case = estimator(observer, True, 5e-3, 4.0, None)
-    return replace(case, notices_midpoints=False)
-
-
 DELAY_CASES: dict[str, Callable[[], Case]] = {
     "high gain": high_gain,
     "extended high gain": lambda: extended(False),
     "extended high gain, u alone": lambda: extended(True),
-    "least squares for a delay": lambda: least_squares(False),
-    "least squares for a delay, u alone": lambda: least_squares(True),
-    "adaptive for a delay": lambda: adaptive(False),
-    "adaptive for a delay, u alone": lambda: adaptive(True),
-    "relay for a delay, x and u alone": relay,
     "differentiator": levant,
     "normal form, identity": lambda: normal_form("identity"),
     "normal form, transformed": lambda: normal_form("transformed"),

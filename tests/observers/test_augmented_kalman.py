@@ -26,7 +26,7 @@ POSITION = np.array([[1.0, 0.0]])
 
 def mass(R: float = 1e-4, H: Any = POSITION) -> LinearModel:
     """A mass on a spring, its position measured."""
-    return LinearModel(*HELD, H, 1e-8, R, sampling_period=PERIOD)
+    return LinearModel(*HELD, H, Q=1e-8, R=R, sampling_period=PERIOD)
 
 
 def moved(u: Array, force: Array, start: Any = (0.3, -0.1)) -> Array:
@@ -46,7 +46,7 @@ def inputs(rows: int) -> tuple[Array, Array]:
 def test_without_noise_the_unknown_input_of_the_row_before_is_found_exactly() -> None:
     u, force = inputs(120)
     states = moved(u, force)
-    model = LinearModel(*HELD, np.eye(2), 0.0, 1e-14, sampling_period=PERIOD)
+    model = LinearModel(*HELD, np.eye(2), Q=0.0, R=1e-14, sampling_period=PERIOD)
     observer = AugmentedKalmanFilter(model, FORCE, 1.0)
     run = observer.run(states, u, state=observer.init([0.0, 0.0], 1.0, [0.0], 1.0))
     assert np.abs(run["unknown_input"][1:] - force[:-1]).max() < 1e-9

@@ -19,10 +19,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.value import Value
-from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
-from reobserve.observers.imm import IMM
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from tests.observers.case import Case, observe
 from tests.observers.cases import CASES
@@ -224,8 +221,19 @@ def test_a_run_as_a_data_frame(case: Case) -> None:
     frame = run.to_pandas()
     assert frame.index.name == "time"
     assert np.array_equal(frame.index, run.time)
+    named = case.observer.component_names
     columns = [
-        "_".join((name, *(str(place + 1) for place in index)))
+        "_".join(
+            (
+                name,
+                *(
+                    str(place + 1) if names is None else names[place]
+                    for place, names in zip(
+                        index, named.get(name, (None,) * len(index)), strict=True
+                    )
+                ),
+            )
+        )
         for name in run.estimates
         for index in np.ndindex(run[name].shape[1:])
     ]
@@ -287,7 +295,8 @@ def test_the_plant_comes_first_and_the_sampling_period_by_its_name() -> None:
         observer = make().observer
         parameters = inspect.signature(type(observer)).parameters
         assert next(iter(parameters)) in plant
-        if isinstance(observer, LinearFilter | IMM | AugmentedKalmanFilter):
+        one = getattr(observer, "filters", (observer,))[0]
+        if hasattr(getattr(one, "model", None), "sampling_period"):
             assert "sampling_period" not in parameters
         else:
             period = parameters["sampling_period"]

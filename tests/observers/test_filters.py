@@ -22,6 +22,7 @@ from tests.observers.actuator_models import (
     ACTUATOR,
     Reference,
     exact,
+    from_rows_on,
     kalman_law,
     motion_model,
     reference,
@@ -38,7 +39,7 @@ Array = NDArray[np.float64]
 
 PSI, GAMMA = [0.01, 0.3, 20.0], 0.1
 NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
-ONE = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.0, 4.0)
+ONE = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.0, R=4.0)
 NOISE = np.array([0.01, 0.5, 20.0])
 
 
@@ -147,7 +148,7 @@ def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_i
     z, u = [0.7], [0.0]
     found = kalman.correct(kalman.init(np.zeros(4), CORRELATED).belief, z, u).belief.covariance
     with mpmath.workdps(50):
-        P, H, R = exact(CORRELATED), exact(model.arrays.H), exact(model.arrays.R)
+        P, H, R = exact(CORRELATED), exact(model.arrays.C), exact(model.arrays.R)
         K = P * H.T * (H * P * H.T + R) ** -1
         expected = rounded((mpmath.eye(4) - K * H) * P)
     assert expected[0, 0] == pytest.approx(1e-14, rel=1e-13)
@@ -155,7 +156,7 @@ def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_i
     assert np.array_equal(found, found.T)
     assert np.linalg.eigvalsh(found)[0] > 0
 
-    H = model.arrays.H
+    H = model.arrays.C
     gain = CORRELATED @ H.T / (H @ CORRELATED @ H.T + model.arrays.R)
     short = (np.eye(4) - gain @ H) @ CORRELATED
     assert np.abs(short / expected - 1).max() > 5e-4
@@ -168,7 +169,7 @@ def correlated(covariance: Array) -> Array:
 
 
 def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_does_not() -> None:
-    R = 1e-14 * np.diag(MOTION.arrays.H @ MOTION.arrays.H.T)
+    R = 1e-14 * np.diag(MOTION.arrays.C @ MOTION.arrays.C.T)
     model = replace(MOTION, R=R, Q=1e-12)
     A, _, H, _, Q, _ = model.arrays
     kalman = KalmanFilter(model)
@@ -197,7 +198,7 @@ def test_the_svsf_needs_josephs_form() -> None:
     # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
     smooth = svsf(NORMAL, 1.0, 0.1)
     found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).belief, [0.4], [0.0]).belief
-    K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.H
+    K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.C
     M = np.eye(4) - K @ H
     whole = M @ CORRELATED @ M.T + 1e-4 * K @ K.T
     assert found.covariance == pytest.approx(whole, rel=1e-14)
@@ -232,7 +233,7 @@ def test_a_filter_of_three_outputs_agrees_with_fifty_digits(kind: str) -> None:
 # --- The smooth variable structure filter -------------------------------------------------------
 
 SQUARE = LinearModel(
-    [[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], [[2.0, 1.0], [-1.0, 3.0]], 0.01, 0.1
+    [[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], [[2.0, 1.0], [-1.0, 3.0]], Q=0.01, R=0.1
 )
 
 
@@ -289,14 +290,14 @@ def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None
     assert np.isfinite(told.belief.covariance).all()
     # gamma |e(k|k)| / psi is left of the gain: it counts in the covariance.
     P = MOTION.arrays.A @ start.covariance @ MOTION.arrays.A.T + MOTION.arrays.Q
-    K = np.linalg.pinv(MOTION.arrays.H) @ np.diag(GAMMA / np.array(PSI))
-    M = np.eye(5) - K @ MOTION.arrays.H
+    K = np.linalg.pinv(MOTION.arrays.C) @ np.diag(GAMMA / np.array(PSI))
+    M = np.eye(5) - K @ MOTION.arrays.C
     expected = M @ P @ M.T + K @ MOTION.arrays.R @ K.T
     assert told.belief.covariance == pytest.approx(expected, rel=1e-12)
 
 
 def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
-    model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], 0.01, 0.1)
+    model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], Q=0.01, R=0.1)
     smooth = svsf(model, 0.5, 0.0)
     belief = smooth.init([1.0, 2.0], 1.0).belief
     predicted = smooth.predict(belief, [1.0])
@@ -316,9 +317,9 @@ def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() 
     back = np.linalg.inv(turn)
     spread = turn @ Q @ turn.T
     turned = LinearModel(
-        turn @ A @ back, turn @ B, (H @ back)[1:], (spread + spread.T) / 2, R[1:, 1:], D[1:]
+        turn @ A @ back, turn @ B, (H @ back)[1:], Q=(spread + spread.T) / 2, R=R[1:, 1:], D=D[1:]
     )
-    plain = LinearModel(A, B, H[1:], Q, R[1:, 1:], D[1:])
+    plain = LinearModel(A, B, H[1:], Q=Q, R=R[1:, 1:], D=D[1:])
     z, u = motion_record(300)
     one, two = weighted(plain), weighted(turned)
     found = one.run(z[:, 1:], u, state=one.init(np.zeros(5), np.eye(5)))
@@ -394,12 +395,15 @@ def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
     found = made.correct(start.belief, z[0], u[0])
     for k in range(9):
         if k:
-            found = both(made, found.belief, z[k], u[k - 1])
+            found = made.correct(made.predict(found.belief, u[k - 1]), z[k], u[k])
         assert np.array_equal(run["state"][k], found.belief.mean)
         assert np.array_equal(run["innovation"][k], found.innovation)
     moved = u.copy()
-    moved[-1] += 1.0
-    assert np.array_equal(made.run(z, moved, state=start)["state"], run["state"])
+    moved[-1] += 1.0  # feeds through to the last row, and drives none
+    changed = made.run(z, moved, state=start)
+    assert np.array_equal(changed["state"][:-1], run["state"][:-1])
+    apart = run["innovation"][-1] - changed["innovation"][-1]
+    assert apart == pytest.approx(MOTION.D[:, 0], rel=1e-12)
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
@@ -432,7 +436,7 @@ def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[in
 
     def made(outputs: list[int]) -> LinearFilter:
         model = replace(
-            MOTION, H=MOTION.H[outputs], D=MOTION.D[outputs],
+            MOTION, C=MOTION.C[outputs], D=MOTION.D[outputs],
             R=MOTION.R[np.ix_(outputs, outputs)],
         )  # fmt: skip
         chosen: LinearFilter = svsf(model, [PSI[o] for o in outputs])
@@ -464,11 +468,11 @@ def test_a_correction_tells_what_was_foretold() -> None:
     z, u = motion_record(5)
     run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
     belief = run.state.belief
-    found = both(kalman, belief, z[4], u[3])
+    found = kalman.correct(kalman.predict(belief, u[3]), z[4], u[4])
     A, B, H, D, Q, R = MOTION.arrays
     P = A @ belief.covariance @ A.T + Q
     S = H @ P @ H.T + R
-    e = z[4] - H @ (A @ belief.mean + B @ u[3]) - D @ u[3]
+    e = z[4] - H @ (A @ belief.mean + B @ u[3]) - D @ u[4]
     assert found.innovation == pytest.approx(e, rel=1e-12)
     assert found.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
     logged = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
@@ -479,7 +483,6 @@ def test_a_correction_tells_what_was_foretold() -> None:
 
 
 def test_the_input_of_a_first_row_is_read_where_it_feeds_through() -> None:
-    # Only a feedthrough reads it there; without one given, the row's own stands for it.
     z, u = motion_record(3)
     kalman = KalmanFilter(MOTION)
     run = kalman.run(z[:1], u[:1], state=kalman.init(np.zeros(5), 1.0))
@@ -526,9 +529,9 @@ def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
     run = run_over(own, z, u, np.zeros(5), 1.0)
     x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ H
     means, variances = [], []
-    for measurement, control in zip(z, u, strict=True):
+    for measurement, control, now in zip(z, u, from_rows_on(u), strict=True):
         x, P = A @ x + B @ control, A @ P @ A.T + Q
-        x = x + K @ (measurement - H @ x - D @ control)
+        x = x + K @ (measurement - H @ x - D @ now)
         P = M @ P @ M.T + K @ R @ K.T
         means.append(x)
         variances.append(np.diag(P))
@@ -539,7 +542,7 @@ def test_a_gain_of_ones_own_runs_in_the_compiled_loop() -> None:
 # --- Divergence ---------------------------------------------------------------------------------
 
 # State 1 grows tenfold a sample, out of sight of the measurement of state 2.
-UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0)
+UNSEEN = LinearModel([[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0)
 
 
 @pytest.mark.parametrize("taken", [True, False], ids=["measured", "missing"])

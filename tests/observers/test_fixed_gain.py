@@ -13,6 +13,7 @@ from reobserve.observers.fixed_gain import FixedGainObserver, luenberger, steady
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
+    from_rows_on,
     motion_model,
     ripple,
     run_over,
@@ -35,14 +36,14 @@ def relative(found: Array, expected: Array) -> float:
 def test_the_arithmetic_is_a_prediction_and_a_correction() -> None:
     u = square_wave(80, 12)
     z = simulated(motion_model("leakage"), u) + ripple(80, 3)
-    A, B, H, D, Q, R = MOTION.arrays
+    A, B, C, D, Q, R = MOTION.arrays
     K = steady_kalman(MOTION).gain
     run = run_over(FixedGainObserver(MOTION, K), z, u, np.zeros(5), 1.0)
-    x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ H
+    x, P, M = np.zeros(5), np.eye(5), np.eye(5) - K @ C
     means, variances = [], []
-    for measurement, control in zip(z, u, strict=True):
+    for measurement, control, now in zip(z, u, from_rows_on(u), strict=True):
         x, P = A @ x + B @ control, A @ P @ A.T + Q
-        x = x + K @ (measurement - H @ x - D @ control)
+        x = x + K @ (measurement - C @ x - D @ now)
         P = M @ P @ M.T + K @ R @ K.T
         means.append(x)
         variances.append(np.diag(P))
@@ -58,7 +59,7 @@ def test_the_error_moves_by_the_poles_as_placed() -> None:
     truth = [np.array([1.0, -2.0, 0.5, 1.0])]
     for k in range(29):
         truth.append(NORMAL.A @ truth[-1] + NORMAL.B @ u[k])
-    run = observer.run(np.array(truth) @ NORMAL.H.T, u, state=observer.init(np.zeros(4)))
+    run = observer.run(np.array(truth) @ NORMAL.C.T, u, state=observer.init(np.zeros(4)))
     error = run["state"] - truth
     coefficients = np.poly(POLES).real[::-1]
     left = [coefficients @ error[k : k + 5] for k in range(25)]
@@ -67,7 +68,7 @@ def test_the_error_moves_by_the_poles_as_placed() -> None:
 
 
 def test_poles_at_the_origin_find_the_state_in_as_many_rows_as_there_are_states() -> None:
-    model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]], [[1.0, 0.0]], 0.0, 1.0)
+    model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]], [[1.0, 0.0]], Q=0.0, R=1.0)
     observer, u = luenberger(model, [0.0, 0.0]), np.array([[1.0], [-2.0], [0.5], [0.0]])
     x, truth = np.array([0.3, -1.0]), []
     for control in u:
@@ -114,7 +115,7 @@ def test_gains_that_cannot_be(gain: Any, said: str) -> None:
 
 
 def test_what_cannot_be_observed_or_is_no_model_is_refused() -> None:
-    hidden = LinearModel(np.diag([0.5, 0.9]), np.zeros((2, 1)), [[1.0, 0.0]], 1.0, 1.0)
+    hidden = LinearModel(np.diag([0.5, 0.9]), np.zeros((2, 1)), [[1.0, 0.0]], Q=1.0, R=1.0)
     with pytest.raises(InputError, match=r"^A, C: do not show the mode of the eigenvalue 0.9"):
         luenberger(hidden, [0.1, 0.2])
     with pytest.raises(InputError, match=r"^gain: gives no stable observer"):

@@ -147,7 +147,7 @@ def test_after_an_outlier_filterpy_forgets_its_evidence_and_the_bank_does_not() 
 
 # --- The chain of modes -------------------------------------------------------------------------
 
-CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 4.0)
+CONSTANT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=4.0)
 
 
 def scalar_run(
@@ -199,7 +199,7 @@ def test_a_mode_that_is_left_decays_below_the_range_of_floats() -> None:
 def test_modes_that_never_change_are_weighed_by_the_whole_record() -> None:
     # mu_j is then proportional to the product of likelihoods; the other mode comes back from
     # far below the range of floats, with all its digits.
-    other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
+    other = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=1.0)
     z = np.concatenate([6.0 * ripple(500), 0.2 * ripple(6000)])
     bank = IMM(kalmans([CONSTANT, other]), np.eye(2))
     run = bank.run(z, state=bank.init([0.0], 1.0))
@@ -493,7 +493,7 @@ def test_the_mean_over_missing_measurements_is_what_the_mixture_predicts() -> No
 # --- Divergence ---------------------------------------------------------------------------------
 
 GROWING = LinearModel(
-    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], 0.0, 1.0, sampling_period=0.25
+    [[10.0, 0.0], [0.0, 0.5]], np.empty((2, 0)), [[0.0, 1.0]], Q=0.0, R=1.0, sampling_period=0.25
 )
 
 
@@ -519,7 +519,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
 def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
     """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
-    slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 1e-3, 4.0)
+    slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=1e-3, R=4.0)
     bank = IMM(kalmans([CONSTANT, slow]), [[1.0, 0.0], [1.0, 0.0]])
     run = run_over(bank, z, None, [0.0], 1.0, [0.4, 0.6])
     alone = KalmanFilter(slow)

@@ -34,7 +34,7 @@ from reobserve.cli.main import main
 
 for name in reobserve.__all__:
     getattr(reobserve, name)
-walk = reobserve.LinearModel([[1.0]], [[0.0]], H=[[1.0]], Q=1.0, R=1.0, sampling_period=1.0)
+walk = reobserve.LinearModel([[1.0]], [[0.0]], C=[[1.0]], Q=1.0, R=1.0, sampling_period=1.0)
 observer = reobserve.steady_kalman(walk)
 golden = (np.sqrt(5) - 1) / 2  # the gain is golden
 run = observer.run(np.ones((9, 1)), np.zeros((9, 1)), state=observer.init([0.0]))

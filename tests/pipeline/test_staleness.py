@@ -50,22 +50,22 @@ def edited(path: Path, old: str = "", new: str = "# edited\n") -> Iterator[None]
 # The module, and the jobs of `ilo` that its edit makes stale: its stage's and those that follow.
 EDITS = {
     "papers/ilo/metrics.py": {"metrics": 6, "plot": 6},
-    "stages/parameters.py": {},
+    "cli/stages/parameters.py": {},
 }
 MORE_EDITS = {
     "plants/satellite.py": ALL,
     "papers/ilo/plant.py": ALL,
-    "models/rigid_body.py": ALL,  # imported by plant and observers, indirectly
+    "systems/rigid_body.py": ALL,  # imported by plant and observers, indirectly
     "papers/ilo/observe.py": FROM_OBSERVE,
-    "stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
+    "cli/stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
     "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
     "papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
     "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
     "papers/ilo/plot.py": {"plot": 6},
-    "drawing/figures.py": {"plot": 6},
-    "drawing/captions.py": {"plot": 6},
-    "evidence/golden/comparison.py": {},
-    "ledger/overview.py": {},
+    "plotting/figures.py": {"plot": 6},
+    "replication/captions.py": {"plot": 6},
+    "replication/golden/comparison.py": {},
+    "replication/parameters/overview.py": {},
     "replication/logs.py": {},
     "replication/prepare.py": {},
 }

@@ -294,9 +294,9 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     [
         ("papers/toy/design.py", FROM_DESIGN),
         # The robustness evaluates in its own process, but starts from the study.
-        ("stages/design.py", FROM_DESIGN),
+        ("cli/stages/design.py", FROM_DESIGN),
         ("papers/toy/table.py", {"table": 1, **TOLD}),
-        ("stages/table.py", {"table": 1, **TOLD}),
+        ("cli/stages/table.py", {"table": 1, **TOLD}),
         ("papers/toy/plant.py", {k: n for k, n in ALL.items() if k not in STATIC}),
         ("replication/steps.py", ALL),
     ],

@@ -44,7 +44,7 @@ def test_gains_at_rest(mode: str, gain: float) -> None:
     assert MODELS[mode].gain == pytest.approx(gain, abs=5e-5)
     one = MODELS[mode].sampled("velocity", 1e-3, FREQUENCY)
     still = np.linalg.solve(np.eye(4) - one.A, one.B)
-    assert (one.H @ still + one.D).item() == pytest.approx(MODELS[mode].gain, rel=1e-12)
+    assert (one.C @ still + one.D).item() == pytest.approx(MODELS[mode].gain, rel=1e-12)
 
 
 # --- Sampling -----------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def test_samples_are_those_of_the_transfer_function(mode: str, realisation: str)
     x, rows = np.zeros(len(one.A)), []
     for _, volts in held(mode):
         x = one.A @ x + one.B[:, 0] * volts
-        rows.append(one.H @ x + one.D[:, 0] * volts)
+        rows.append(one.C @ x + one.D[:, 0] * volts)
     assert len(one.A) == (5 if realisation == "motion" else 4)
     for name, found in zip(REALISATIONS[realisation], np.array(rows).T, strict=True):
         value = wanted[name][1:]
@@ -168,7 +168,7 @@ def test_frequency_response_by_partial_fractions(mode: str, frequency: float) ->
                 one = MODELS[mode].sampled(realisation, period, frequency)
                 turn = complex(z)
                 inner = np.linalg.solve(turn * np.eye(len(one.A)) - one.A, one.B)
-                found = (one.H @ inner * turn + one.D)[:, 0]
+                found = (one.C @ inner * turn + one.D)[:, 0]
                 for name, value in zip(names, found, strict=True):
                     assert abs(value / complex(wanted[name]) - 1) < 1e-9, (realisation, name)
 
@@ -180,7 +180,7 @@ def test_no_unit_of_the_states_shows_outside() -> None:
         x = one.B[:, 0]
         rows = []
         for _ in range(20):
-            rows.append(one.H @ x)
+            rows.append(one.C @ x)
             x = one.A @ x
         parts.append(np.array(rows))
     size = np.abs(parts[0]).max(axis=0)

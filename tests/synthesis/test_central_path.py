@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.code_paths import unpinned
 from reobserve.core.errors import InputError
-from reobserve.synthesis.extended_state import pd_pi, pi, structured
+from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Term, minimiser
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.factored import above, pd_pi_sides, pi_sides
@@ -145,7 +145,6 @@ DESIGNS: dict[str, Any] = {
     "least gamma, -50 to -2": lambda system, solver: pd_pi.design_least_gamma(
         system, 2.0, 50.0, solver=solver
     ),
-    "Riccati": lambda system, _: structured.design(system),
 }
 
 
@@ -164,7 +163,7 @@ def gains(design: Design) -> Array:
     return np.array([design.gains.L, design.gains.Ld])
 
 
-# Near the floor SCS does not end with "optimal", and a Riccati equation has no solver.
+# Near the floor SCS does not end with "optimal".
 @pytest.mark.parametrize(
     "name",
     [
@@ -172,7 +171,7 @@ def gains(design: Design) -> Array:
         *(
             pytest.param(name, marks=pytest.mark.nightly)
             for name in DESIGNS
-            if name not in (*ORDINARY, "PD/PI, 1.02", "Riccati")
+            if name not in (*ORDINARY, "PD/PI, 1.02")
         ),
     ],
 )

@@ -8,17 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_are
 from scipy.optimize import minimize
 
-from reobserve.core.errors import InputError
-from reobserve.synthesis.extended_state import pd_pi, pi, structured
+from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
 from reobserve.synthesis.extended_state.floor import gamma_floor
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
-from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from tests.papers.eso.plants import dc_motor, random_plant
 
 Array = NDArray[np.float64]
@@ -221,52 +218,6 @@ def test_poles_are_in_the_strip_asked_for(decay: float, bound: float, gamma: flo
     assert found.radius == 3000
     real = [pole[0] for pole in found.certificate.poles]
     assert -bound < min(real) <= max(real) < -decay
-
-
-def test_the_riccati_design_solves_scipys_equation_and_bears_the_noise() -> None:
-    system = dc_motor()
-    found = structured.design(system)
-    gamma, rho, N = found.gamma, found.objective, system.size
-    assert gamma is not None
-    source = system.Bo @ system.Bo.T
-    X = solve_continuous_are(
-        system.A_tilde.T,
-        np.hstack([system.C_tilde.T, np.eye(N)]),
-        source + 1e-4 * np.linalg.norm(source, 2) * np.eye(N),
-        np.diag([rho**2] * 2 + [-(gamma**2)] * N),
-    )
-    np.testing.assert_allclose(found.gains.L, X @ system.C_tilde.T / rho**2, rtol=1e-8)
-    Ao = system.A_tilde - found.gains.L @ system.C_tilde
-    noisy = np.hstack([system.Bo, rho * found.gains.L])
-    assert h_infinity_norm(Ao, noisy, np.eye(N)).upper < gamma
-    assert h_infinity_norm(Ao, system.Bo, np.eye(N)).upper == found.certificate.norm_upper
-
-
-def test_the_noise_is_half_of_the_largest_of_the_halves_that_has_a_solution() -> None:
-    """Where a half of gamma has one it is a quarter, where only an eighth has a sixteenth."""
-    for factor, halvings in ((3.0, 2), (1.5, 3)):
-        found = structured.design(dc_motor(), factor)
-        assert found.gamma is not None
-        assert found.objective == found.gamma / 2**halvings
-        structured.design(dc_motor(), factor, noise=2 * found.objective)
-        if halvings > 2:
-            with pytest.raises(InputError, match=r"^noise: .* allows no observer"):
-                structured.design(dc_motor(), factor, noise=4 * found.objective)
-
-
-def test_less_noise_makes_the_riccati_design_faster() -> None:
-    fastest = [
-        structured.design(dc_motor(), noise=noise).certificate.poles[-1][0]
-        for noise in (0.03, 0.01, 0.003)
-    ]
-    np.testing.assert_array_less(np.diff(fastest), -10)
-
-
-def test_a_plant_with_fifty_states_takes_seconds() -> None:
-    found = structured.design(random_plant(1, 50)).certificate
-    assert found.holds
-    assert found.inequality_margin > 1e-5
-    assert found.norm_upper == pytest.approx(1.05 * found.floor, rel=1e-12)
 
 
 def test_a_design_survives_json() -> None:

@@ -105,7 +105,7 @@ def test_hidden_modes_whatever_the_units_of_the_measurement() -> None:
 
 
 def scalar(A: float, Q: float, R: float = 1.0) -> LinearModel:
-    return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q, R)
+    return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q=Q, R=R)
 
 
 def test_the_gain_of_a_random_walk() -> None:
@@ -139,11 +139,11 @@ def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
     ("model", "said"),
     [
         (
-            LinearModel(np.diag([0.5, 1.1]), np.empty((2, 0)), [[1.0, 0.0]], 1.0, 1.0),
-            "has a mode of the eigenvalue 1.1 that H does not show and that does not decay",
+            LinearModel(np.diag([0.5, 1.1]), np.empty((2, 0)), [[1.0, 0.0]], Q=1.0, R=1.0),
+            "has a mode of the eigenvalue 1.1 that C does not show and that does not decay",
         ),
         (
-            LinearModel(np.diag([0.5, 1.0]), np.empty((2, 0)), [[1.0, 1.0]], [1.0, 0.0], 1.0),
+            LinearModel(np.diag([0.5, 1.0]), np.empty((2, 0)), [[1.0, 1.0]], Q=[1.0, 0.0], R=1.0),
             "has a mode of the eigenvalue 1 on the unit circle that Q does not drive",
         ),
     ],
@@ -153,9 +153,9 @@ def test_where_there_is_no_steady_gain_a_sentence_says_why(model: LinearModel, s
         steady_kalman_gain(model)
     # Noise of the rate moves the position, too; noise of the position alone leaves the rate still.
     ramp = np.array([[1.0, 1.0], [0.0, 1.0]])
-    driven = LinearModel(ramp, np.empty((2, 0)), [[1.0, 0.0]], [0.0, 1.0], 1.0)
+    driven = LinearModel(ramp, np.empty((2, 0)), [[1.0, 0.0]], Q=[0.0, 1.0], R=1.0)
     assert steady_kalman_gain(driven).all()
     with pytest.raises(InputError, match=r"^model: .* on the unit circle that Q does not drive"):
         steady_kalman_gain(replace(driven, Q=[1.0, 0.0]))
-    hidden = LinearModel(np.diag([0.5, 0.9]), np.empty((2, 0)), [[1.0, 0.0]], 1.0, 1.0)
+    hidden = LinearModel(np.diag([0.5, 0.9]), np.empty((2, 0)), [[1.0, 0.0]], Q=1.0, R=1.0)
     assert steady_kalman_gain(hidden)[1, 0] == pytest.approx(0.0, abs=1e-14)

@@ -12,25 +12,25 @@ import scipy.linalg
 
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form import normal_form_observer
-from reobserve.synthesis import floquet
+from reobserve.papers.eso.deviation import held_deviation
+from reobserve.papers.ilo.lyapunov import RepairedLyapunov
+from reobserve.papers.ilo.theorem import bound18, certify, theorem1
+from reobserve.papers.lie import floquet
+from reobserve.papers.lie.floquet import limit_cycle
 from reobserve.synthesis.extended_state import central_path
 from reobserve.synthesis.extended_state import pd_pi as extended
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.floor import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
-from reobserve.synthesis.floquet import limit_cycle
 from reobserve.synthesis.ilo_accuracy import error_transfer, predicted_rms_error
 from reobserve.synthesis.ilo_error_system import LearningLaw
-from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
 from reobserve.synthesis.ilo_sampled_stability import sampled_limit_gain, sampled_map
 from reobserve.synthesis.ilo_stability import continuous_stability
-from reobserve.synthesis.ilo_theorem import bound18, certify, theorem1
 from reobserve.synthesis.linear import steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 from tests.papers.eso.plants import dc_motor
-from tests.synthesis.test_floquet import system
+from tests.papers.lie.test_floquet import system
 
 MOTOR = dc_motor()  # of six errors and two outputs
 GAINS = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
@@ -165,7 +165,7 @@ def test_a_riccati_equation_that_has_no_solution_in_floats(monkeypatch: pytest.M
 
     monkeypatch.setattr(scipy.linalg, "solve_discrete_are", fail)
     with pytest.raises(InputError, match=r"^model: has modes too near to the unit circle, or hid"):
-        steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], 1.0, 1.0))
+        steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], Q=1.0, R=1.0))
 
 
 def test_what_a_solver_cannot_do_is_its_refusal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,12 +12,11 @@ from reobserve.core.errors import shown
 
 _MORE = """\
 examples, each a specification and a record to run it on:
-  ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, pi,
+  ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, adaptive-pi,
   normal-form-constant, normal-form-identity, normal-form-transformed,
   high-gain, extended-high-gain, levant,
-  delay-adaptive, delay-least-squares, delay-variable-structure,
-  kalman, augmented-kalman, svsf, imm-kalman, imm-svsf,
-  fixed-gain, luenberger, steady-kalman, eso
+  kalman, kalman-steady, augmented-kalman, svsf, imm-kalman, imm-svsf,
+  luenberger, luenberger-gain, eso
 
   reobserve estimate --example kalman --out kalman.yaml --data kalman.csv
   reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png

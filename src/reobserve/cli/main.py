@@ -26,7 +26,7 @@ from reobserve.core.errors import InputError, ReobserveError, one_line, shown
 from reobserve.core.extras import EXTRAS, missing
 
 # The extra of pyproject.toml that the commands of a package take, if not `pipeline`.
-_EXTRAS = {"estimation.commands": "data", "estimation.designs": "design", "codegen": "design"}
+_EXTRAS = {"estimation.commands": "data", "estimation.families": "design", "codegen": "design"}
 
 _MOST_SAID = 10_000  # letters of a message: several claims may be broken at once
 

@@ -1,5 +1,4 @@
-"""Observers as code of their own: one step of each as statements on matrices, and its printers.
+"""C99 from observers: one step as a function, and a test that compares it with the library.
 
-`reobserve.codegen.programs.program_of` makes the statements of an observer; `c_code`, `python_code`
-and `latex` print them.
+`programs` build the step of an observer, as its family says; `c_code` and `c_test` write the files.
 """

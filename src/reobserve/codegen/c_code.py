@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.codegen.expressions import Shape
-from reobserve.codegen.lowering import Block, Branch, Line, Loop, Lowered, nest
-from reobserve.codegen.naming import function_block, places, replaced, step_block
-from reobserve.codegen.statements import Function, Program
+from reobserve.codegen.expressions import Name, Shape
+from reobserve.codegen.program import WIDTH, Block, Function, Program, margins
 
 Array = NDArray[np.float64]
-
-_WIDTH = 100
 
 _HEADER = """\
 /* {title}
@@ -69,22 +63,15 @@ int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
 """
 
 _MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
-_WHOLE = """\
-static int32_t whole(const double value)
-{
-    return (int32_t)value;
-}
-
-"""
 
 
 def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
     """The header; ``signals`` say what the columns of y and u are."""
     told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
-    arguments = "\n".join(wrap(told, _WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
+    arguments = "\n".join(wrap(told, WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
     return _HEADER.format(
         title=program.title, name=name, guard=f"{name.upper()}_H", upper=name.upper(),
-        about="\n".join(wrap(about, _WIDTH, initial_indent=" * ", subsequent_indent=" *   ")),
+        about="\n".join(wrap(about, WIDTH, initial_indent=" * ", subsequent_indent=" *   ")),
         and_inputs=" and inputs" if program.inputs else "", arguments=arguments,
         period=repr(period), p=program.measurements, u=_u(program),
         memory="".join(
@@ -100,10 +87,8 @@ def header(program: Program, name: str, signals: tuple[str, str], about: str, pe
 
 def source(program: Program, name: str) -> str:
     """The source that goes with the header."""
-    used = [function_block(program, function) for function in program.functions]
-    functions = "".join(map(_function, program.functions, used))
-    step = "".join(_step(program))
-    constants = {each: part.values for each, part in program.constants.items()}
+    functions = "".join(map(_function, program.functions))
+    constants = dict(program.constants)
     for each, kept in program.memory.items():
         if kept.initial.size > _MOST_ASSIGNED:
             constants[f"{each}_at_start"] = kept.initial
@@ -114,8 +99,7 @@ def source(program: Program, name: str) -> str:
             for each, values in constants.items()
         )
         + "\n",
-        functions=(_WHOLE if "whole(" in functions + step else "") + functions,
-        start="".join(_starts(program)), step=step,
+        functions=functions, start=_start(program), step=_step(program),
     )  # fmt: skip
 
 
@@ -124,10 +108,8 @@ def literal(values: Array) -> str:
     if values.ndim == 0:
         return "NAN" if np.isnan(values) else repr(float(values))
     inner = ", ".join(map(literal, values))
-    return f"{{{inner}}}" if values.ndim == 1 or len(inner) < 80 else _broken(values)
-
-
-def _broken(values: Array) -> str:
+    if values.ndim == 1 or len(inner) < 80:
+        return f"{{{inner}}}"
     rows = ",\n    ".join(map(literal, values))
     return f"{{\n    {rows}}}"
 
@@ -140,80 +122,47 @@ def _size(shape: Shape) -> str:
     return "".join(f"[{size}]" for size in shape)
 
 
-def _function(function: Function, block: Block) -> str:
+def _function(function: Function) -> str:
     # C99 makes no array of arrays constant by handing it over.
     given = ", ".join(
         f"{'const ' if len(one.shape) < 2 else ''}double {one.name}{_size(one.shape)}"
         for one in function.arguments
     )
     result = f"double {function.result.name}{_size(function.result.shape)}"
-    lines = list(_printed(block.lines, {}, 1))
-    unread = [one.name for one in function.arguments if not _is_read(one.name, lines)]
-    body = "".join((*_variables(block), *(f"    (void){name};\n" for name in unread), *lines))
-    head = wrap(f"static void {function.name}({given}, {result})", _WIDTH, **_margins(""))
+    lines = "".join(function.block.lines)
+    unread = [one.name for one in function.arguments if not re.search(rf"\b{one.name}\b", lines)]
+    ignored = "".join(f"    (void){name};\n" for name in unread)
+    head = wrap(f"static void {function.name}({given}, {result})", WIDTH, **margins(""))
     told = "\n".join(head)
-    return f"{told}\n{{\n{body}}}\n\n"
+    return f"{told}\n{{\n{_variables(function.block)}{ignored}{lines}}}\n\n"
 
 
-def _is_read(name: str, lines: list[str]) -> bool:
-    return any(re.search(rf"\b{name}\b", line) for line in lines)
-
-
-def _starts(program: Program) -> Iterator[str]:
+def _start(program: Program) -> str:
+    lines = Program("", 0, 0)
     for name, part in program.memory.items():
+        whole = Name(f"memory->{name}", part.initial.shape)
         if part.initial.size > _MOST_ASSIGNED:
-            copy = f"memory->{name}{{at}} = {name}_at_start{{at}}"
-            yield from _printed(_each(copy, part.initial.shape), {}, 1)
+            lines.let(whole, Name(f"{name}_at_start", whole.shape))
             continue
         for index in np.ndindex(part.initial.shape):
-            place, value = "".join(f"[{one}]" for one in index), part.initial[index]
-            begun = str(int(value)) if part.counter else literal(value)
-            yield f"    memory->{name}{place} = {begun};\n"
+            value = part.initial[index]
+            lines.line(f"{whole[index]} = {int(value) if part.counter else literal(value)};")
+    return "".join(lines.body.lines)
 
 
-def _step(program: Program) -> Iterator[str]:
-    block, named = step_block(program), places(program, "memory->", "estimate->")
-    yield from _variables(block)
-    yield "    double finite = 0.0;\n\n"
-    yield from _printed(block.lines, named, 1)
-    yield "\n"
+def _step(program: Program) -> str:
+    lines, finite = Program("", 0, 0), Name("finite")
     for name, part in program.memory.items():
         if not part.counter:
-            yield from _printed(_each(f"finite += memory->{name}{{at}}", part.initial.shape), {}, 1)
-    yield "    return isfinite(finite) ? 0 : 1;\n"
+            with lines.entries(part.initial.shape) as at:
+                lines.line(f"{finite} += {Name(f'memory->{name}')[at]};")
+    declared = f"{_variables(program.body)}    double {finite} = 0.0;\n\n"
+    checked = f"\n{''.join(lines.body.lines)}    return isfinite({finite}) ? 0 : 1;\n"
+    return declared + "".join(program.body.lines) + checked
 
 
-def _each(line: str, shape: Shape) -> list[Lowered]:
-    return list(nest(shape, lambda at: [Line(line.format(at=at))]))
-
-
-def _variables(block: Block) -> Iterator[str]:
-    for name, shape in block.variables.items():
-        yield f"    double {name}{_size(shape)}{'' if shape else ' = 0.0'};\n"
-
-
-def _margins(space: str) -> dict[str, Any]:
-    return {
-        "initial_indent": space, "subsequent_indent": f"{space}    ", "break_long_words": False,
-        "break_on_hyphens": False,
-    }  # fmt: skip
-
-
-def _printed(lines: Iterable[Lowered], named: dict[str, str], depth: int) -> Iterator[str]:
-    space = "    " * depth
-    for line in lines:
-        if isinstance(line, Line):
-            told = f"{'double ' if line.declares else ''}{replaced(line.text, named)};"
-            yield from (f"{part}\n" for part in wrap(told, _WIDTH, **_margins(space)))
-        elif isinstance(line, Loop):
-            v = line.variable
-            yield f"{space}for (int32_t {v} = {line.first}; {v} < {line.end}; ++{v}) {{\n"
-            yield from _printed(line.body, named, depth + 1)
-            yield f"{space}}}\n"
-        elif isinstance(line, Branch):
-            yield f"{space}if ({replaced(line.condition, named)}) {{\n"
-            yield from _printed(line.then, named, depth + 1)
-            if line.otherwise:
-                yield f"{space}}} else {{\n"
-                yield from _printed(line.otherwise, named, depth + 1)
-            yield f"{space}}}\n"
+def _variables(block: Block) -> str:
+    return "".join(
+        f"    double {name}{_size(shape)}{'' if shape else ' = 0.0'};\n"
+        for name, shape in block.variables.items()
+    )

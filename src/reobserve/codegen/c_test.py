@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.codegen.c_code import literal
-from reobserve.codegen.statements import Program
+from reobserve.codegen.program import Program
 
 Array = NDArray[np.float64]
 

@@ -1,190 +1,160 @@
-"""Expressions on numbers, vectors and matrices of fixed shape: what statements compute."""
+"""Expressions on numbers, vectors and matrices of fixed shape, and their entries in C."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Union
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 Shape = tuple[int, ...]
-Operand = Union["Expression", float]
+Index = tuple[str, ...]
+Operand: TypeAlias = "Expression | float"
 
 
 class Expression:
-    """What has a shape: () of a number, (n,) of a vector, (n, m) of a matrix."""
+    """Something with a shape: () of a number, (n,) of a vector, (n, m) of a matrix."""
 
-    shape: Shape
+    shape: Shape = ()
+    parts: tuple[Expression, ...] = ()
+
+    def at(self, index: Index) -> str:
+        """The entry at an index in C; an expression with a `Product` inside has none."""
+        return self._at(index if self.shape else ())
+
+    def inside(self, index: Index) -> str:
+        """The same where no parentheses are needed around a sum."""
+        return self.at(index)[1:-1] if isinstance(self, Sum) else self.at(index)
+
+    def _at(self, index: Index) -> str:
+        raise NotImplementedError
 
     def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return self
+        """The same operation on changed parts."""
+        return replace(self, parts=tuple(map(change, self.parts))) if self.parts else self  # type: ignore[type-var]
 
     def __add__(self, other: Operand) -> Expression:
-        return Sum((*_terms(self), *_terms(of(other))))
+        return summed([(1, self), (1, of(other))])
 
     def __radd__(self, other: Operand) -> Expression:
         return of(other) + self
 
     def __sub__(self, other: Operand) -> Expression:
-        return Sum((*_terms(self), *((-sign, term) for sign, term in _terms(of(other)))))
+        return summed([(1, self), (-1, of(other))])
 
     def __neg__(self) -> Expression:
-        return Sum(tuple((-sign, term) for sign, term in _terms(self)))
+        return summed([(-1, self)])
 
     def __mul__(self, other: Operand) -> Expression:
-        return Scaled(of(other), self) if of(other).shape == () else Scaled(self, of(other))
+        return times(of(other), self) if of(other).shape == () else times(self, of(other))
 
     def __rmul__(self, other: Operand) -> Expression:
-        return Scaled(of(other), self)
+        return times(of(other), self)
 
     def __truediv__(self, other: Operand) -> Expression:
-        return Quotient(self, of(other))
+        below = of(other)
+        form = "{} / ({})" if isinstance(below, Elementwise) and not below.call else "{} / {}"
+        return Elementwise(form, (self, below), self.shape)
 
     def __rtruediv__(self, other: Operand) -> Expression:
-        return Quotient(of(other), self)
+        return of(other) / self
 
     def __matmul__(self, other: Expression) -> Expression:
-        return Product(self, other)
+        return Product((self, other), self.shape[:-1] + other.shape[1:])
 
     @property
     def T(self) -> Expression:
         """Transposed."""
-        return Transposed(self)
+        return Transposed((self,), self.shape[::-1])
 
 
 @dataclass(frozen=True, eq=False)
 class Name(Expression):
-    """A variable or constant, or a part of one: ``index`` are numbers or variables of loops."""
+    """A variable or constant, or a part of one: ``index`` holds numbers or loop variables."""
 
     name: str
     shape: Shape = ()
-    index: tuple[str, ...] = ()
+    index: Index = ()
 
-    def __getitem__(self, place: int | str | tuple[int | str, ...]) -> Name:
+    def __getitem__(self, place: int | str | Name | tuple[int | str | Name, ...]) -> Name:
         places = place if isinstance(place, tuple) else (place,)
         more = tuple(str(one) for one in places)
         return Name(self.name, self.shape[len(more) :], self.index + more)
 
+    def __str__(self) -> str:
+        return self.at(())
+
+    def _at(self, index: Index) -> str:
+        return self.name + bracketed((*self.index, *index))
+
 
 @dataclass(frozen=True, eq=False)
 class Number(Expression):
-    """A number."""
+    """A number, or an array that holds it everywhere."""
 
     value: float
     shape: Shape = ()
+
+    def _at(self, index: Index) -> str:
+        return repr(self.value) if self.value >= 0 else f"({self.value!r})"
 
 
 @dataclass(frozen=True, eq=False)
 class Sum(Expression):
     """A sum of terms of one shape, each with its sign."""
 
-    terms: tuple[tuple[int, Expression], ...]
+    signs: tuple[int, ...]
+    parts: tuple[Expression, ...]
+    shape: Shape
 
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """That of all terms."""
-        return self.terms[0][1].shape
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Sum(tuple((sign, change(term)) for sign, term in self.terms))
+    def _at(self, index: Index) -> str:
+        terms = zip(self.signs, self.parts, strict=True)
+        return f"({joined([(sign, part.at(index)) for sign, part in terms])})"
 
 
 @dataclass(frozen=True, eq=False)
-class Scaled(Expression):
-    """A number times something."""
+class Elementwise(Expression):
+    """An operation on each entry, in which numbers stand beside arrays; ``form`` is its C."""
 
-    factor: Expression
-    of: Expression
+    form: str
+    parts: tuple[Expression, ...]
+    shape: Shape = ()
+    call: bool = False
 
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """That of what is scaled."""
-        return self.of.shape
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Scaled(change(self.factor), change(self.of))
-
-
-@dataclass(frozen=True, eq=False)
-class Quotient(Expression):
-    """Something divided by a number."""
-
-    above: Expression
-    below: Expression
-
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """That of what is divided."""
-        return self.above.shape
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Quotient(change(self.above), change(self.below))
+    def _at(self, index: Index) -> str:
+        if self.call:
+            return self.form.format(", ".join(part.inside(index) for part in self.parts))
+        return self.form.format(*(part.at(index) for part in self.parts))
 
 
 @dataclass(frozen=True, eq=False)
 class Product(Expression):
     """A product of matrices and vectors."""
 
-    left: Expression
-    right: Expression
-
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """What matrix multiplication leaves."""
-        return self.left.shape[:-1] + self.right.shape[1:]
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Product(change(self.left), change(self.right))
+    parts: tuple[Expression, ...]
+    shape: Shape
 
 
 @dataclass(frozen=True, eq=False)
 class Outer(Expression):
     """A column times a row."""
 
-    left: Expression
-    right: Expression
+    parts: tuple[Expression, ...]
+    shape: Shape
 
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """A matrix."""
-        return self.left.shape + self.right.shape
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Outer(change(self.left), change(self.right))
+    def _at(self, index: Index) -> str:
+        left, right = self.parts
+        return f"{left.at(index[: len(left.shape)])} * {right.at(index[len(left.shape) :])}"
 
 
 @dataclass(frozen=True, eq=False)
 class Transposed(Expression):
     """A matrix with rows for columns."""
 
-    of: Expression
+    parts: tuple[Expression, ...]
+    shape: Shape
 
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """The other way round."""
-        return self.of.shape[::-1]
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Transposed(change(self.of))
-
-
-@dataclass(frozen=True, eq=False)
-class Call(Expression):
-    """A function of numbers, by its name in C, which Python's ``math`` has too."""
-
-    function: str
-    arguments: tuple[Expression, ...]
-    shape: Shape = ()
-
-    def mapped(self, change: Callable[[Expression], Expression]) -> Expression:
-        """The same of changed parts."""
-        return Call(self.function, tuple(map(change, self.arguments)), self.shape)
+    def _at(self, index: Index) -> str:
+        return self.parts[0].at(index[::-1])
 
 
 def of(value: Operand) -> Expression:
@@ -192,16 +162,48 @@ def of(value: Operand) -> Expression:
     return value if isinstance(value, Expression) else Number(float(value))
 
 
-def call(function: str, *arguments: Operand) -> Call:
-    """A function of numbers."""
-    return Call(function, tuple(map(of, arguments)))
+def times(factor: Expression, value: Expression) -> Expression:
+    """A number times something."""
+    return Elementwise("{} * {}", (factor, value), value.shape)
+
+
+def call(function: str, *arguments: Operand) -> Expression:
+    """A function of numbers, by its name in C."""
+    return Elementwise(f"{function}({{}})", tuple(map(of, arguments)), call=True)
 
 
 def total(terms: Iterable[Expression]) -> Expression:
     """The sum of several; zero of none."""
-    among = tuple(part for term in terms for part in _terms(term))
-    return Sum(among) if among else Number(0.0)
+    among = [(1, term) for term in terms]
+    return summed(among) if among else Number(0.0)
 
 
-def _terms(expression: Expression) -> tuple[tuple[int, Expression], ...]:
-    return expression.terms if isinstance(expression, Sum) else ((1, expression),)
+def outer(left: Expression, right: Expression) -> Expression:
+    """A column times a row."""
+    return Outer((left, right), left.shape + right.shape)
+
+
+def summed(terms: Iterable[tuple[int, Expression]]) -> Expression:
+    """The sum of signed terms; sums among them are written out."""
+    flat = [(sign * own, part) for sign, term in terms for own, part in signed(term)]
+    signs, parts = zip(*flat, strict=True)
+    return Sum(signs, parts, parts[0].shape)
+
+
+def signed(expression: Expression) -> list[tuple[int, Expression]]:
+    """The terms of a sum with their signs; anything else is one term."""
+    if isinstance(expression, Sum):
+        return list(zip(expression.signs, expression.parts, strict=True))
+    return [(1, expression)]
+
+
+def joined(terms: list[tuple[int, str]]) -> str:
+    """A sum of texts."""
+    (sign, first), *rest = terms
+    start = f"-{first}" if sign < 0 else first
+    return start + "".join(f" {'-' if sign < 0 else '+'} {term}" for sign, term in rest)
+
+
+def bracketed(index: Index) -> str:
+    """An index in C."""
+    return "".join(f"[{one}]" for one in index)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import Observer
-from reobserve.observers.delay_estimator import DelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.imm import IMM
 from reobserve.observers.linear_filter import LinearFilter
@@ -32,7 +31,7 @@ def test_run(
 ) -> tuple[Array, Array, Run[Any]]:
     """Measurements, inputs and the estimates of the library, one row a sample.
 
-    ``columns`` are as `reobserve.codegen.program_of.program_of` has them.
+    ``columns`` are as `reobserve.estimation.families.program.program_of` has them.
 
     Raises
     ------
@@ -41,7 +40,7 @@ def test_run(
     """
     p, m = columns
     make = _waves
-    if isinstance(observer, ExtendedHighGainObserver | DelayEstimator):
+    if isinstance(observer, ExtendedHighGainObserver):
         make = partial(_derivatives, period=observer.sampling_period)
     y, u = make(p, 0.21), make(m, 0.13)
     if isinstance(observer, LinearFilter | AugmentedKalmanFilter | IMM):
@@ -66,12 +65,11 @@ def _derivatives(columns: int, rate: float, period: float) -> Array:
 def _simulated(observer: LinearFilter | AugmentedKalmanFilter | IMM, state: Any, u: Array) -> Array:
     """Measurements of the model, of a bank of the first one."""
     first = observer.filters[0] if isinstance(observer, IMM) else observer
-    A, B, H, D, _, R = first.model.arrays
+    A, B, C, D, _, R = first.model.arrays
     x = (state.beliefs[0] if isinstance(observer, IMM) else state.belief).mean[: len(A)]
-    noise = np.random.default_rng(ROWS).standard_normal((ROWS, len(H))) * np.sqrt(np.diag(R))
-    y, held = np.empty((ROWS, len(H))), u[0]
+    noise = np.random.default_rng(ROWS).standard_normal((ROWS, len(C))) * np.sqrt(np.diag(R))
+    y = np.empty((ROWS, len(C)))
     for k in range(ROWS):
-        if k:
-            x, held = A @ x + B @ u[k - 1], u[k - 1]
-        y[k] = H @ x + D @ held + noise[k]
+        y[k] = C @ x + D @ u[k] + noise[k]
+        x = A @ x + B @ u[k]
     return y

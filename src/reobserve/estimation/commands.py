@@ -14,16 +14,16 @@ from typing import Any
 from reobserve.core.errors import InputError, shown
 from reobserve.core.files import check_replaceable, read_text, write_text
 from reobserve.estimation import state_file
-from reobserve.estimation.account import Account, as_json, as_table
+from reobserve.estimation.data_report import DataReport, as_json, as_table
 from reobserve.estimation.dates import spelled
+from reobserve.estimation.diagnostics import FirstRows, diagnostics
 from reobserve.estimation.estimate import Estimated, Estimation
-from reobserve.estimation.head import Head
-from reobserve.estimation.misleading import misleading
-from reobserve.estimation.picture import Picture, check_picture
-from reobserve.estimation.reading import BLOCK, File, titles
+from reobserve.estimation.plot import Plot, check_plot
+from reobserve.estimation.reading import BLOCK, File, states_delimiter, titles
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.specification import Specification, read_specification
 from reobserve.estimation.streaming import Lines, Stop, open_file
+from reobserve.estimation.timestamps import UnevenError, least_jitter
 from reobserve.estimation.writing import check_name, header, write_results
 
 
@@ -78,7 +78,7 @@ def run(
         name = "DATA" if data is None else "--out"
         raise InputError(name, "is missing: reobserve estimate SPEC.yaml DATA.csv --out RESULT.csv")
     made = estimate_file(chosen, data, out, plot=plot, report=report)
-    print(as_table(made.account, chosen.sampling.period), file=sys.stderr)
+    print(as_table(made.report, chosen.sampling.period), file=sys.stderr)
     return None
 
 
@@ -91,7 +91,7 @@ def estimate_file(
     report: Path | None = None,
     block: int = BLOCK,
 ) -> Estimation:
-    """Estimates of a record in a file, written to another; what became of it is in the account.
+    """Estimates of a record in a file, written to another; what became of it is in the report.
 
     Raises
     ------
@@ -102,45 +102,65 @@ def estimate_file(
     """
     check_name(out)
     if plot is not None:
-        check_picture(plot)
+        check_plot(plot)
     written = [path.absolute() for path in (out, plot, report) if path is not None]
     for path in written:
         check_replaceable(path)
         if written.count(path) > 1 or path == data.absolute():
             raise InputError(str(path), "is named twice; each file needs a name of its own")
     columns = specification.columns
-    file = File(data, columns.separator, columns.decimal, block)
+    file = File(
+        data, columns.delimiter, columns.decimal, columns.encoding, columns.time.format, block
+    )
     estimation = Estimation(specification, file.header(), str(data))
-    picture = None if plot is None else Picture(estimation)
+    curves = None if plot is None else Plot(estimation)
 
     def about() -> dict[str, Any]:
-        return as_json(estimation.account, {"record": data.name})
+        return as_json(estimation.report, {"record": data.name})
 
-    write_results(out, estimation.titles, _blocks(estimation, file, picture), about)
-    if picture is not None and plot is not None:
-        picture.save(plot)
+    try:
+        write_results(out, estimation.titles, _blocks(estimation, file, curves), about)
+    except UnevenError as error:
+        raise _over_all(error, estimation, file) from None
+    if curves is not None and plot is not None:
+        curves.save(plot)
     if report is not None:
         write_text(report, json.dumps(about(), indent=1) + "\n")
     return estimation
 
 
-def _blocks(estimation: Estimation, file: File, picture: Picture | None) -> Iterator[Estimated]:
-    head = estimation.head = Head()
+def _over_all(error: UnevenError, estimation: Estimation, file: File) -> InputError:
+    """The same, with what the whole record says of the jitter and the sampling period."""
+    layout, period = estimation.layout, estimation.specification.sampling.period
+    titles, dated = layout.titles[:1], layout.titles[0] if layout.dated else ""
+    times = (layout.conversions[0].of(block[:, 0]) for block in file.blocks(titles, dated))
+    least, interval = least_jitter(times, period)
+    if interval is not None:
+        return InputError(
+            "sampling.period",
+            f"{period:g} s disagrees with the timestamps of {file.path}, which go on by "
+            f"{interval:.6g} s on average",
+        )
+    return UnevenError(error.found, least, "the record")
+
+
+def _blocks(estimation: Estimation, file: File, curves: Plot | None) -> Iterator[Estimated]:
+    first_rows = estimation.first_rows = FirstRows()
     layout = estimation.layout
     dated = layout.titles[0] if layout.dated else ""
-    for raw in file.blocks(layout.titles, dated, estimation.account):
+    for raw in file.blocks(layout.titles, dated, estimation.report):
         block = estimation.feed(raw)
-        if picture is not None:
-            picture.add(block)
+        if curves is not None:
+            curves.add(block)
         yield block
     block = estimation.finish()
-    if picture is not None:
-        picture.add(block)
+    if curves is not None:
+        curves.add(block)
     yield block
-    if not estimation.account.estimates:
+    if not estimation.report.estimates:
         raise InputError(str(file.path), "has no row from which the observer could start")
-    for sentence in misleading(estimation, head):
-        estimation.account.warn(sentence)
+    for sentence in diagnostics(estimation, first_rows):
+        estimation.report.warn(sentence)
 
 
 def estimate_stream(
@@ -175,24 +195,30 @@ def estimate_stream(
         if data is not None:
             stream = held.enter_context(open_file(data, 0))
         held.enter_context(stop.listening())
-        lines = Lines(stream, stop, place, idle if data is not None else 0.0)
+        text = specification.columns
+        idle = idle if data is not None else 0.0
+        lines = Lines(stream, stop, place, idle, text.encoding)
         first = next(iter(lines), "")
+        if states_delimiter(first.encode(), text.delimiter):
+            first = next(iter(lines), "")
         if not first:
             raise InputError(place, "is empty, must begin with the titles of the columns")
-        columns = titles(first.encode(), specification.columns.separator, place)
+        columns = titles(first.encode(), text.delimiter, place)
         estimation = Estimation(specification, columns, place)
         rows = RowByRow(estimation, columns)
         if resumed and state is not None:
             offset = state_file.load_state(state, estimation, digest)
             if data is not None and offset is not None:
-                lines = Lines(held.enter_context(open_file(data, offset)), stop, place, idle)
+                lines = Lines(
+                    held.enter_context(open_file(data, offset)), stop, place, idle, text.encoding
+                )
                 lines.offset = offset
         else:
             _put(header(estimation.titles))
         dated = False
         for line in filter(str.strip, lines):
             _put(rows.read(line))
-            dated = dated or _tell_origin(estimation.account)
+            dated = dated or _tell_origin(estimation.report)
         if state is not None:
             rows.settle()
             offset = None if data is None else lines.offset
@@ -200,16 +226,16 @@ def estimate_stream(
         else:
             _put(rows.finish())
     if report is not None:
-        told = as_json(estimation.account, {"record": place})
+        told = as_json(estimation.report, {"record": place})
         write_text(report, json.dumps(told, indent=1) + "\n")
-    print(as_table(estimation.account, specification.sampling.period), file=sys.stderr)
+    print(as_table(estimation.report, specification.sampling.period), file=sys.stderr)
 
 
-def _tell_origin(account: Account) -> bool:
+def _tell_origin(report: DataReport) -> bool:
     """What time counts from, as soon as it is known: who reads along must be able to date rows."""
-    if account.origin is None:
+    if report.origin is None:
         return False
-    print(f"reobserve: time counts from {spelled(account.origin)}", file=sys.stderr, flush=True)
+    print(f"reobserve: time counts from {spelled(report.origin)}", file=sys.stderr, flush=True)
     return True
 
 
@@ -234,7 +260,7 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
     InputError
         If there is no such example, or a file cannot be written.
     """
-    from reobserve.estimation.examples import simulated, specification_text
+    from reobserve.estimation.families.examples import simulated, specification_text
 
     text = specification_text(name)
     if record is not None:

@@ -1,4 +1,4 @@
-"""Stamps that are dates with times of day, as ISO 8601 spells them: ``2026-03-29T01:59:58.250Z``.
+"""Timestamps that are dates with times of day, by ISO 8601 (``2026-03-29T01:59:58.250Z``).
 
 They are read as whole nanoseconds since 1970, and what an observer is given counts from an origin
 near the first of them, so that no digit is lost. In text, digits beyond a microsecond are cut.
@@ -18,29 +18,52 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _DATED = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d")  # a day and the beginning of an hour
 
 
-def nanoseconds(text: str) -> int:
-    """Since 1970; a stamp without an offset from UTC is one of UTC.
+def nanoseconds(text: str, form: str = "") -> int:
+    """Since 1970, of a date by ISO 8601 or a format; without an offset from UTC it is one of UTC.
 
     Raises
     ------
     ValueError
         If the text spells no day with a time of day.
     """
-    if not looks_dated(text):
+    if form:
+        moment = datetime.strptime(text, form)  # without an offset it is one of UTC
+    elif looks_dated(text):
+        moment = datetime.fromisoformat(text)
+    else:
         raise ValueError
-    moment = datetime.fromisoformat(text)
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
 def looks_dated(text: str) -> bool:
-    """Whether a text begins as such a stamp does."""
+    """Whether a text begins as a timestamp by ISO 8601 does."""
     return _DATED.match(text) is not None
 
 
-def stamp(cell: str, nothing: tuple[str, ...], title: str, row: int) -> int | None:
-    """The stamp [ns] in a cell; None where it holds one of the words for ``nothing``.
+def check_format(place: str, form: str) -> None:
+    """Refuse a format that does not have the day and the time of day.
+
+    Raises
+    ------
+    InputError
+        If a date that is written and read by it is another one.
+    """
+    moment = datetime(2026, 3, 29, 13, 58)
+    try:
+        same = datetime.strptime(moment.strftime(form), form).replace(tzinfo=None) == moment
+    except (ValueError, re.error):
+        same = False
+    if not same:
+        problem = "must have the day and the time of day, as %d.%m.%Y %H:%M:%S"
+        raise InputError(place, f"{shown(form)} {problem}")
+
+
+def timestamp(
+    cell: str, nothing: tuple[str, ...], title: str, row: int, form: str = ""
+) -> int | None:
+    """The timestamp [ns] in a cell; None where it holds one of the words for ``nothing``.
 
     Raises
     ------
@@ -49,12 +72,14 @@ def stamp(cell: str, nothing: tuple[str, ...], title: str, row: int) -> int | No
     """
     text = cell.strip().strip('"')
     try:
-        return nanoseconds(text)
+        return nanoseconds(text, form)
     except ValueError:
         if text in nothing:
             return None
-        problem = f"row {row} is {shown(cell)}, must be a date with a time, as 2026-03-29T01:59:58Z"
-        raise InputError(title, problem) from None
+        wanted = f"by columns.time.format, {form}" if form else (
+            "with a time, as 2026-03-29T01:59:58Z; columns.time.format states another form"
+        )  # fmt: skip
+        raise InputError(title, f"row {row} is {shown(cell)}, must be a date {wanted}") from None
 
 
 def spelled(origin: int) -> str:

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located
-from reobserve.estimation.account import Account
-from reobserve.estimation.alarms import alarms
+from reobserve.estimation.alarms import alarms, start_up
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.diagnostics import FirstRows
 from reobserve.estimation.gaps import Gaps, Stretch
-from reobserve.estimation.head import Head
 from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
 from reobserve.estimation.outputs import Outputs, outputs
 from reobserve.estimation.specification import Specification
-from reobserve.estimation.stamps import Stamps
+from reobserve.estimation.timestamps import Timestamps
 
 Array = NDArray[np.float64]
 
@@ -68,22 +68,25 @@ class Estimation:
             if getattr(sampling, key) == word and not self.can_skip:
                 problem = f"{word} is for observers that predict without measurements, as Kalman "
                 raise InputError(f"sampling.{key}", f"{problem}filters do; here it may be {others}")
-        self.account = Account()
-        self.stamps = Stamps(sampling, self.account, place)
+        self.report = DataReport()
+        self.timestamps = Timestamps(sampling, self.report, place)
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
         self.interpolation = _interpolation(
             specification, width, len(names), self.setup.holds_inputs
         )
-        self.gaps = Gaps(sampling, self.account, place, names, width, self.can_skip)
+        self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip)
         self.state: Any = None
-        self.head: Head | None = None
+        self.first_rows: FirstRows | None = None
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
             self.setup, self.layout, self.sample, specification.estimates
         )
-        self.alarms = alarms(specification.alarms, self.outputs.columns)
-        self.account.warnings += self.setup.unseen
+        self.start_up: list[float] | None = None
+        self.alarms = alarms(
+            specification.alarms, self.outputs.columns, self.report, period, self._start_up
+        )
+        self.report.warnings += self.setup.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros: their shapes; it compiles what is to run."""
@@ -92,6 +95,21 @@ class Estimation:
         run = self.observer.run(y, np.zeros((1, inputs)), state=state)
         self.template = run.state
         return run.estimates
+
+    def _start_up(self, column: int) -> float:
+        """How long [s] a column needs to forget how the observer started."""
+        if self.start_up is None:
+            inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
+
+            def run(y: Array) -> Array:
+                state, u = self.setup.start(y[0]), np.zeros((len(y), inputs))
+                return self.outputs.numbers(y, self.observer.run(y, u, state=state).estimates)
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                rows = start_up(run, self.layout.measurements, len(self.outputs.columns))
+            self.start_up = (self.specification.sampling.period * rows).tolist()
+        return self.start_up[column]
 
     def feed(self, raw: Array) -> Estimated:
         """The estimates that are settled with these rows, cells in the order of the layout.
@@ -103,17 +121,17 @@ class Estimation:
         DivergenceError
             If the observer diverges, with the time of the record.
         """
-        time, values = self.layout.values(raw, self.account)
+        time, values = self.layout.values(raw, self.report)
         if not self.layout.timed:
-            first = self.account.rows
+            first = self.report.rows
             rows = np.arange(first, first + len(values), dtype=np.float64)
             time = self.specification.sampling.period * rows
-        stamps, values, slots = self.stamps.read(time, values)
-        return self._estimate(self.interpolation.feed(stamps, values, slots), False)
+        timestamps, values, slots = self.timestamps.read(time, values)
+        return self._estimate(self.interpolation.feed(timestamps, values, slots), False)
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
-        self.stamps.judge()
+        self.timestamps.judge()
         if self.interpolation.values is None:
             return self._none()
         return self._estimate(self.interpolation.finish(), True)
@@ -133,10 +151,12 @@ class Estimation:
         return Estimated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _run(self, stretch: Stretch) -> Estimated:
-        if self.head is not None:
-            self.head.take(stretch)
+        if self.first_rows is not None:
+            self.first_rows.take(stretch)
         if stretch.fresh:
             self.state = self.setup.start(stretch.y[0])
+            for found in self.report.alarms.values():
+                found.started = float(stretch.time[0])
         begun = self.state.sample is not None
         rows = self.state.count + 1 if begun else 0
         with warnings.catch_warnings():
@@ -160,8 +180,8 @@ class Estimation:
         numbers = self.outputs.numbers(y, estimates)
         raised = np.empty((len(time), len(self.alarms)))
         for k, alarm in enumerate(self.alarms):
-            raised[:, k] = alarm.raised(time, numbers[:, alarm.column], self.account)
-        self.account.estimates += len(time)
+            raised[:, k] = alarm.raised(time, numbers, self.report)
+        self.report.estimates += len(time)
         return Estimated(time, numbers, raised, status)
 
     @property

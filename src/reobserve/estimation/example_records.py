@@ -1,7 +1,7 @@
 """Records that go with the examples: small plants, simulated, in units that a log would have.
 
 Each plant is followed on a grid ten times as fine as its samples, so that it may be asked for any
-stamps: uneven ones, too.
+timestamps: uneven ones, too.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class Simulated:
         return np.asarray(np.interp(times, self.time, self.signals[name]))
 
     def record(self, times: Array | None = None) -> dict[str, Array]:
-        """The columns, ``t`` [ms] first, at stamps [s]; left out, at all samples."""
-        stamps = self.time[::_FINE] if times is None else times
+        """The columns, ``t`` [ms] first, at timestamps [s]; left out, at all samples."""
+        timestamps = self.time[::_FINE] if times is None else times
         random = np.random.default_rng(12)
-        columns = {"t": 1000.0 * stamps}
+        columns = {"t": 1000.0 * timestamps}
         for title, (name, factor, noise) in self.logged.items():
-            columns[title] = factor * self.at(name, stamps) + noise * random.normal(
-                size=len(stamps)
+            columns[title] = factor * self.at(name, timestamps) + noise * random.normal(
+                size=len(timestamps)
             )
         return columns
 

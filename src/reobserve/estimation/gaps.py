@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.account import Account
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.interpolation import Settled
 from reobserve.estimation.specification import Sampling
 
@@ -40,7 +40,7 @@ class Gaps:
     """
 
     sampling: Sampling
-    account: Account
+    report: DataReport
     place: str
     columns: tuple[str, ...]
     measurements: int
@@ -82,7 +82,7 @@ class Gaps:
             begins = False
             if usable[k]:
                 begins = self._begins(float(rows.time[k]))
-                if begins and self.account.restarts:
+                if begins and self.report.restarts:
                     status[k] = RESTARTED
             elif self._bridges(k, rows, bool(known[k]), final):
                 status[k] = PREDICTED
@@ -103,11 +103,11 @@ class Gaps:
     def _begins(self, now: float) -> bool:
         """Whether the observer starts with a usable row; it closes a gap."""
         if self.in_gap:
-            self.account.close_gap(now)
+            self.report.close_gap(now)
             self.in_gap = False
         begins = not self.started
         if begins and self.last is not None:
-            self.account.restarts += 1
+            self.report.restarts += 1
         self.started, self.last = True, now
         return begins
 
@@ -118,24 +118,24 @@ class Gaps:
             self._refuse(k, rows)
         if not self.started or self.last is None:
             if self.in_gap:
-                self.account.dropped += 1
+                self.report.dropped += 1
             else:
-                self.account.before_start += 1
+                self.report.before_start += 1
             return False
         near = float(rows.time[k]) - self.last <= sampling.longest * (1.0 + 1e-9)
         if sampling.missing == "skip" and near and known:
             return True
         if final and not self.in_gap and sampling.missing == "interpolate":
-            self.account.after_end += 1
+            self.report.after_end += 1
             return False
         if sampling.at_gap == "refuse":
             self._refuse(k, rows)
         if not self.in_gap:
             self.in_gap = True
-            self.account.open_gap(self.last)
+            self.report.open_gap(self.last)
         if sampling.at_gap == "coast" and known:
             return True
-        self.account.dropped += 1
+        self.report.dropped += 1
         self.started = False
         return False
 
@@ -156,8 +156,8 @@ class Gaps:
 
     def _count(self, rows: Settled, there: NDArray[np.bool_]) -> None:
         for c, name in enumerate(self.columns):
-            self.account.count(self.account.filled, name, (rows.between[:, c] & there[:, c]).sum())
+            self.report.count(self.report.filled, name, (rows.between[:, c] & there[:, c]).sum())
 
     def _tell(self, status: NDArray[np.int8]) -> None:
         for code, count in zip(*np.unique(status, return_counts=True), strict=True):
-            self.account.count(self.account.statuses, STATUSES[code], count)
+            self.report.count(self.report.statuses, STATUSES[code], count)

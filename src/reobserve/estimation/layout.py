@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.account import Account
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
-from reobserve.estimation.kinds.setup import Setup
+from reobserve.estimation.families.setup import Setup
 from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns
 
 Array = NDArray[np.float64]
 
 _TITLE = re.compile(r"(.*?)\s*\[([^\[\]]*)\]\s*")
+_DATED = re.compile(r"\d{1,4}[./-]\d\d?[./-]\d{2,4} \d")
+_DECIMAL = re.compile(r"[+-]?\d*@\d+([eE][+-]?\d+)?")
 NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-")
 
 
@@ -42,8 +44,9 @@ class Layout:
     measurements: int
     decimal: str
     dated: bool = False
+    format: str = ""
 
-    def values(self, raw: Array, account: Account) -> tuple[Array, Array]:
+    def values(self, raw: Array, report: DataReport) -> tuple[Array, Array]:
         """Times [s], empty without a column for them, and y and u, from the cells of rows.
 
         Raises
@@ -55,23 +58,23 @@ class Layout:
             row, column = np.argwhere(np.isinf(raw))[0]
             raise InputError(
                 self.titles[column],
-                f"row {account.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
+                f"row {report.rows + row + 1} is {raw[row, column]}, must be a number, or empty "
                 "if it is missing",
             )
-        columns = [self._column(raw[:, c].copy(), c, account) for c in range(raw.shape[1])]
+        columns = [self._column(raw[:, c].copy(), c, report) for c in range(raw.shape[1])]
         time = columns[0] if self.timed else np.empty(0)
         values = np.column_stack(columns[self.timed :])
         lost = np.isnan(values).sum(axis=0)
         if lost.any():
             for name, count in zip(self.names[self.timed :], lost, strict=True):
-                account.count(account.missing, name, count)
+                report.count(report.missing, name, count)
         return time, values
 
-    def _column(self, cells: Array, c: int, account: Account) -> Array:
+    def _column(self, cells: Array, c: int, report: DataReport) -> Array:
         limits = self.ranges[c]
         if limits is not None:
             outside = (cells <= limits[0]) | (cells >= limits[1])
-            account.count(account.saturated, self.names[c], outside.sum())
+            report.count(report.saturated, self.names[c], outside.sum())
             if self.lost_at_range[c]:
                 cells[outside] = np.nan
         converted: Array = self.conversions[c].of(cells)
@@ -95,13 +98,20 @@ class Layout:
         except ValueError:
             if text in NOTHING:
                 return math.nan
-            raise InputError(self.titles[column], no_number(row, cell, text)) from None
+            problem = no_number(row, cell, text, self.decimal)
+            raise InputError(self.titles[column], problem) from None
         return value
 
 
-def no_number(row: int, cell: str, text: str) -> str:
-    """What is told of a cell that spells none."""
-    hint = f"; of dates the unit is {ISO}" if looks_dated(text) else ""
+def no_number(row: int, cell: str, text: str, decimal: str = ".") -> str:
+    """What is said of a cell that spells none, with the key that would read it."""
+    hint, other = "", "," if decimal == "." else "."
+    if looks_dated(text):
+        hint = f"; of dates the unit is {ISO}"
+    elif _DATED.match(text):
+        hint = '; of dates state columns.time.format, as "%d.%m.%Y %H:%M:%S"'
+    elif _DECIMAL.fullmatch(cell.strip().strip('"').replace(other, "@", 1)):
+        hint = f'; state columns.decimal: "{other}"'
     return f"row {row} is {shown(cell)}, must be a number{hint}"
 
 
@@ -114,6 +124,14 @@ def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -
         If there is no such column, or two; if the observer reads another number of them; or if
         units are unknown, are not those of the header, or cannot become those of the model.
     """
+    if len(header) == 1:
+        others = [one for one in ",;\t" if one != columns.delimiter and one in header[0]]
+        if others and header[0] not in {one.column for one in columns.measurements}:
+            raise InputError(
+                "columns.delimiter",
+                f"{shown(columns.delimiter)} is not in the header of {place}, {shown(header[0])}; "
+                f"it may be {' or '.join(map(repr, others))}",
+            )
     for title in header:
         if list(header).count(title) > 1:
             raise InputError(place, f"has the column {shown(title)} twice")
@@ -132,10 +150,10 @@ def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -
     every = [column for _, column, _ in wanted]
     timed, dated = bool(columns.time.column), False
     if timed:
-        unit = columns.time.unit
+        unit = columns.time.dated
         clock = Column(columns.time.column, "" if unit == ISO else unit)
         title, unit = _title("columns.time", clock, header, place)
-        dated = ISO in (columns.time.unit, unit)
+        dated = ISO in (columns.time.dated, unit)
         way = SAME if dated else conversion("columns.time.unit", unit or "s", "s")
         parts.insert(0, (title, way, "s"))
         every.insert(0, clock)
@@ -144,7 +162,7 @@ def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -
         tuple(part[1] for part in parts), tuple(part[2] for part in parts),
         tuple(column.range for column in every),
         tuple(column.saturated == "missing" for column in every), timed,
-        len(columns.measurements), columns.decimal, dated,
+        len(columns.measurements), columns.decimal, dated, columns.time.format,
     )  # fmt: skip
 
 
@@ -181,6 +199,7 @@ def _find(
         problem = f"{column.model_unit} must be {fixed}, in which this observer reads"
         raise InputError(f"{at}.model_unit", problem)
     model = fixed or column.model_unit
-    if not model or not unit:
-        return title, SAME, model or unit
-    return title, conversion(f"{at}.unit", unit, model), model
+    way = conversion(f"{at}.unit", unit, model) if model and unit else SAME
+    if column.offset is not None:  # of a deviation, a scale's own zero cancels
+        way = Conversion(way.factor, 0.0, column.offset)
+    return title, way, model or unit

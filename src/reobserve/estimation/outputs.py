@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.kinds.setup import Setup
+from reobserve.estimation.families.setup import Setup
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.quantities import SAME, Conversion, conversion, rate_unit
 

@@ -12,13 +12,16 @@ _LONGEST = 60  # characters
 
 
 class Conversion(NamedTuple):
-    """``factor`` times a value plus ``offset``; values whose unit stays are left as they are."""
+    """A value less ``zero``, times ``factor``, plus ``offset``; what does nothing is skipped."""
 
     factor: float
     offset: float
+    zero: float = 0.0
 
     def of(self, values: Any) -> Any:
         """A number or an array in the other unit."""
+        if self.zero:
+            values = values - self.zero
         if self.factor != 1.0:
             values = values * self.factor
         return values + self.offset if self.offset else values

@@ -16,24 +16,27 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 from reobserve.core.files import reason
-from reobserve.estimation.account import Account
-from reobserve.estimation.dates import ISO, SECOND, stamp
+from reobserve.estimation.data_report import DataReport
+from reobserve.estimation.dates import ISO, SECOND, timestamp
 from reobserve.estimation.layout import NOTHING, no_number
 
 Array = NDArray[np.float64]
 
 BLOCK = 4 * 2**20  # bytes of text, and about as many of numbers
 _NO_NUMBER = re.compile(r"Row #(\d+): CSV conversion error to double: invalid value '(.*)'$")
+_DELIMITER = re.compile(rb"(?:\xef\xbb\xbf)?sep=([,;\t])\r?\n?")
 _ENDINGS = (".csv", ".csv.gz", ".parquet")
 
 
 @dataclass(frozen=True)
 class File:
-    """A file of columns; ``separator`` and ``decimal`` are those of its text."""
+    """A file of columns; the keys are those of `reobserve.estimation.specification.Columns`."""
 
     path: Path
-    separator: str = ","
+    delimiter: str = ","
     decimal: str = "."
+    encoding: str = "utf-8"
+    format: str = ""
     block: int = BLOCK
 
     def __post_init__(self) -> None:
@@ -60,32 +63,38 @@ class File:
                 import pyarrow.parquet as parquet
 
                 return [str(name) for name in parquet.ParquetFile(self.path).schema_arrow.names]
-            with self._text() as stream:
-                first = bytearray()
-                while b"\n" not in first and len(first) < 2**16:
-                    chunk = stream.read(4096)
-                    if not chunk:
-                        break
-                    first += chunk
-            return titles(bytes(first).partition(b"\n")[0], self.separator, str(self.path))
+            lines = self._first_lines()
+            line = lines[1 if states_delimiter(lines[0], self.delimiter) else 0]
+            return titles(line, self.delimiter, str(self.path), self.encoding)
+
+    def _first_lines(self) -> list[bytes]:
+        """The first two lines of text."""
+        first = bytearray()
+        with self._text() as stream:
+            while first.count(b"\n") < 2 and len(first) < 2**16:
+                chunk = stream.read(4096)
+                if not chunk:
+                    break
+                first += chunk
+        return [*bytes(first).split(b"\n"), b""][:2]
 
     def blocks(
-        self, columns: Sequence[str], dated: str = "", account: Account | None = None
+        self, columns: Sequence[str], dated: str = "", report: DataReport | None = None
     ) -> Iterator[Array]:
         """The cells of these columns, nan where they are empty, some rows at a time.
 
-        Those of the column ``dated`` are dates, which become times by the clock of the account.
+        Those of the column ``dated`` are dates, which become times by the clock of the report.
 
         Raises
         ------
         InputError
             If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
-        rows, account = 0, account or Account()
+        rows, report = 0, report or DataReport()
         with self._told():
             for batch in self._batches(list(columns), dated):
                 read = [
-                    self._times(batch, name, rows, account)
+                    self._times(batch, name, rows, report)
                     if name == dated
                     else self._floats(batch, name)
                     for name in columns
@@ -111,9 +120,10 @@ class File:
                 stream,
                 read_options=reader_of_csv.ReadOptions(
                     use_threads=False, block_size=self.block, column_names=self.header(),
-                    skip_rows=1,
+                    skip_rows=1 + states_delimiter(self._first_lines()[0], self.delimiter),
+                    encoding=self.encoding.replace("utf-8", "utf8"),
                 ),
-                parse_options=reader_of_csv.ParseOptions(delimiter=self.separator),
+                parse_options=reader_of_csv.ParseOptions(delimiter=self.delimiter),
                 convert_options=reader_of_csv.ConvertOptions(
                     include_columns=columns, column_types=kinds,
                     null_values=list(NOTHING), decimal_point=self.decimal,
@@ -126,25 +136,27 @@ class File:
 
         return pa.input_stream(str(self.path), compression="detect")
 
-    def _times(self, batch: Any, name: str, rows: int, account: Account) -> Array:
+    def _times(self, batch: Any, name: str, rows: int, report: DataReport) -> Array:
         import pyarrow as pa
         import pyarrow.compute as compute
 
         column = batch.column(name)
         if pa.types.is_timestamp(column.type):
             ticks = compute.fill_null(column.cast(pa.timestamp("ns")).cast(pa.int64()), 0)
-            stamps = ticks.to_numpy(zero_copy_only=False)
+            timestamps = ticks.to_numpy(zero_copy_only=False)
             known = column.is_valid().to_numpy(zero_copy_only=False)
             if not known.any():
                 return np.full(len(known), np.nan)
-            account.clock(int(stamps[known.argmax()]))
-            assert account.origin is not None
-            return np.where(known, (stamps - account.origin * SECOND) / SECOND, np.nan)
+            report.clock(int(timestamps[known.argmax()]))
+            assert report.origin is not None
+            return np.where(known, (timestamps - report.origin * SECOND) / SECOND, np.nan)
         if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
             problem = f"column {shown(name)} is of the type {column.type}, must be dates"
             raise InputError(str(self.path), problem)
         cells = enumerate((text or "" for text in column.to_pylist()), rows + 1)
-        return np.array([account.clock(stamp(cell, NOTHING, name, row)) for row, cell in cells])
+        return np.array(
+            [report.clock(timestamp(cell, NOTHING, name, row, self.format)) for row, cell in cells]
+        )
 
     def _floats(self, batch: Any, name: str) -> Array:
         import pyarrow as pa
@@ -152,7 +164,7 @@ class File:
         column = batch.column(name)
         kind = column.type
         if pa.types.is_timestamp(kind):
-            problem = f"column {shown(name)} holds dates; as stamps their unit is {ISO}"
+            problem = f"column {shown(name)} holds dates; as timestamps their unit is {ISO}"
             raise InputError(str(self.path), problem)
         if not (
             pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_decimal(kind)
@@ -174,26 +186,49 @@ class File:
         except (OSError, ValueError, KeyError, MemoryError, EOFError, pa.ArrowException) as error:
             said = reason(error).splitlines() or [type(error).__name__]
             if found := _NO_NUMBER.search(said[0]):
-                row, cell = int(found[1]) - 1, found[2]  # it counts the header, too
-                raise InputError(str(self.path), no_number(row, cell, cell)) from None
+                above = 1 + states_delimiter(self._first_lines()[0], self.delimiter)
+                row, cell = int(found[1]) - above, found[2]
+                raise InputError(str(self.path), no_number(row, cell, cell, self.decimal)) from None
             raise InputError(str(self.path), f"cannot be read ({said[0]})") from None
 
 
-def titles(line: bytes, separator: str, place: str) -> list[str]:
-    """The titles in the first line of a text, which is called ``place`` in messages.
+def states_delimiter(line: bytes, delimiter: str) -> bool:
+    """Whether a file's first line is ``sep=;``, as spreadsheets write it.
 
     Raises
     ------
     InputError
-        If it is not UTF-8 or has none.
+        If it is another delimiter than the one of the specification.
+    """
+    found = _DELIMITER.fullmatch(line)
+    if found is None:
+        return False
+    said = found[1].decode()
+    if said != delimiter:
+        raise InputError(
+            "columns.delimiter",
+            f"{shown(delimiter)} must be {shown(said)}, as the record's first line says",
+        )
+    return True
+
+
+def titles(line: bytes, delimiter: str, place: str, encoding: str = "utf-8") -> list[str]:
+    """The titles in the header of a text, which is called ``place`` in messages.
+
+    Raises
+    ------
+    InputError
+        If it is not in this encoding or has none.
     """
     try:
-        text = line.decode("utf-8-sig").strip("\r\n")
+        text = line.decode("utf-8-sig" if encoding == "utf-8" else encoding).strip("\r\n")
     except UnicodeDecodeError as error:
         raise InputError(
-            place, f"its header cannot be read (byte {error.start + 1} is not UTF-8)"
+            place,
+            f"its header cannot be read (byte {error.start + 1} is not {encoding.upper()}); "
+            "columns.encoding may state cp1252 or latin-1",
         ) from None
-    found = [title.strip() for row in csv.reader([text], delimiter=separator) for title in row]
+    found = [title.strip() for row in csv.reader([text], delimiter=delimiter) for title in row]
     if not any(found):
         raise InputError(place, "its header is empty, must name the columns")
     return found

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from reobserve.core.errors import InputError
-from reobserve.estimation.dates import nanoseconds, stamp
+from reobserve.estimation.dates import nanoseconds, timestamp
 from reobserve.estimation.estimate import Estimation
 from reobserve.estimation.gaps import MEASURED, STATUSES
 from reobserve.estimation.layout import NOTHING
@@ -31,9 +31,7 @@ class RowByRow:
         self.places = [header.index(title) for title in layout.titles]
         readers = [self._time if layout.dated else float] + [float] * len(self.places)
         self.cells = list(zip(readers, self.places, strict=False))
-        self.factors = [(way.factor, way.offset) for way in layout.conversions]
-        self.separator = estimation.specification.columns.separator
-        self.period, self.slack = sampling.period, sampling.jitter * sampling.period
+        self.delimiter = estimation.specification.columns.delimiter
         self.short = (
             sampling.uneven == "refuse" and layout.timed and layout.decimal == "."
             and not any(layout.ranges)
@@ -52,9 +50,9 @@ class RowByRow:
         DivergenceError
             If the observer diverges.
         """
-        cells = row.rstrip("\r\n").split(self.separator)
+        cells = row.rstrip("\r\n").split(self.delimiter)
         if len(cells) != self.width:
-            at = self.estimation.account.rows + 1
+            at = self.estimation.report.rows + 1
             problem = f"row {at} has {len(cells)} cells, the header has {self.width}"
             raise InputError(self.estimation.place, problem)
         if self.short:
@@ -67,45 +65,31 @@ class RowByRow:
         return self._long(cells)
 
     def _time(self, cell: str) -> float:
-        return self.estimation.account.clock(nanoseconds(cell))
+        return self.estimation.report.clock(nanoseconds(cell, self.estimation.layout.format))
 
     def _regular(self, numbers: list[float]) -> bool:
         """Whether a row stands a period after the one before, and all of it was measured."""
         made = self.estimation
-        account, gaps = made.account, made.gaps
-        if account.rows < _PATIENCE or not gaps.started or gaps.in_gap or account.last is None:
+        report, gaps = made.report, made.gaps
+        if report.rows < _PATIENCE or not gaps.started or gaps.in_gap or report.last is None:
             return False
         if len(made.interpolation.asked) or not math.isfinite(sum(numbers)):
             return False
-        factor, offset = self.factors[0]
-        time = numbers[0]
-        if factor != 1.0:
-            time *= factor
-        time += offset
-        step = time - account.last
-        return step > 0.5 * self.period and abs(step - self.period) <= self.slack
+        return made.timestamps.follows(made.layout.conversions[0].of(numbers[0]))
 
     def _short(self, numbers: list[float]) -> str:
         made = self.estimation
-        values = []
-        for number, (factor, offset) in zip(numbers, self.factors, strict=True):
-            value = number
-            if factor != 1.0:
-                value *= factor
-            if offset:
-                value += offset
-            values.append(value)
-        account, gaps = made.account, made.gaps
+        values = [
+            way.of(number) for way, number in zip(made.layout.conversions, numbers, strict=True)
+        ]
+        report, gaps = made.report, made.gaps
         time = values.pop(0)
-        assert account.last is not None
-        off = abs(time - account.last - self.period) / self.period
-        account.jitter = max(account.jitter, off)
-        account.rows += 1
-        account.intervals += 1
-        account.estimates += 1
+        report.rows += 1
+        report.intervals += 1
+        report.estimates += 1
         word = STATUSES[MEASURED]
-        account.statuses[word] = account.statuses.get(word, 0) + 1
-        account.last = gaps.last = time
+        report.statuses[word] = report.statuses.get(word, 0) + 1
+        report.last = gaps.last = time
         self.recent = (time, values)
         measured = self.y.shape[1]
         y, u = self.y, self.u
@@ -117,12 +101,8 @@ class RowByRow:
             with made.dated(time, begun):
                 raise
         found = made.outputs.row(y, estimates)
-        raised = []
-        for alarm in made.alarms:
-            one = alarm.raised(
-                np.array([time]), np.array([found[alarm.column]]), account
-            )  # fmt: skip
-            raised.append(float(one[0]))
+        at, row = np.array([time]), np.array([found])
+        raised = [float(alarm.raised(at, row, report)[0]) for alarm in made.alarms]
         return line(time, found, raised, MEASURED)
 
     def settle(self) -> None:
@@ -136,15 +116,15 @@ class RowByRow:
 
     def _long(self, cells: list[str]) -> str:
         self.settle()
-        layout, row = self.estimation.layout, self.estimation.account.rows + 1
+        layout, row = self.estimation.layout, self.estimation.report.rows + 1
         dated = int(layout.dated)
         numbers = [
             layout.number(cells[place], row, column)
             for column, place in enumerate(self.places[dated:], dated)
         ]
         if dated:
-            read = stamp(cells[self.places[0]], NOTHING, layout.titles[0], row)
-            numbers.insert(0, self.estimation.account.clock(read))
+            read = timestamp(cells[self.places[0]], NOTHING, layout.titles[0], row, layout.format)
+            numbers.insert(0, self.estimation.report.clock(read))
         return text(self.estimation.feed(np.array([numbers])))
 
     def finish(self) -> str:

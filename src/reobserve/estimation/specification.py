@@ -1,6 +1,6 @@
 """What a user says of a record and of the observer for it, in one YAML file, checked whole.
 
-observer: {kind: kalman, model: {...}, start: {...}}     one of `reobserve.estimation.kinds`
+observer: {kind: kalman, time: continuous, A: ..., ...}  one of `reobserve.estimation.families`
 columns:                                                 of the record, with their units
   time: {column: t, unit: ms}
   measurements: [{column: wx, unit: deg/s, model_unit: rad/s}]
@@ -12,6 +12,7 @@ alarms: [{name: fault, of: residual_1, sigma: 5, since: 0, until: 3}]
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,8 +22,8 @@ from pydantic import Tag
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import NotNegative, Positive, checked, having, parse
-from reobserve.estimation.dates import ISO
-from reobserve.estimation.kinds import Observer
+from reobserve.estimation.dates import ISO, check_format
+from reobserve.estimation.families.stated import stated
 from reobserve.estimation.quantities import check_unit, conversion
 
 Uneven = Literal["refuse", "linear", "previous", "pchip"]
@@ -49,17 +50,28 @@ Few = checked(_few)
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The stamps; without ``column`` there are none, and rows are a sampling period apart.
+    """The timestamps; without ``column`` there are none, and rows are a sampling period apart.
 
-    The ``unit`` is one of time, or iso8601 for dates with times of day.
+    The ``unit`` is one of time, or iso8601 for dates with times of day; dates of another form have
+    a ``format`` in its place, as Python's strptime reads it: "%d.%m.%Y %H:%M:%S".
     """
 
     column: str = ""
     unit: str = ""
+    format: str = ""
 
     def __post_init__(self) -> None:
-        if self.unit != ISO:
+        if self.format:
+            check_format("format", self.format)
+            if self.unit:
+                raise InputError("unit", "must be left out where there is a format")
+        elif self.unit != ISO:
             conversion("unit", self.unit or "s", "s")
+
+    @property
+    def dated(self) -> str:
+        """The unit, or what stands in its place."""
+        return ISO if self.format else self.unit
 
 
 @dataclass(frozen=True)
@@ -68,6 +80,8 @@ class Column:
 
     Without units, the header's is taken, ``name [unit]``, or else the model's. At ``range``, or
     beyond, the sensor is saturated: such values are counted, and kept or taken for missing.
+    ``offset`` is the column's value at the operating point of a model that is linearised there, in
+    ``unit``: the observer reads (column - offset), and estimates deviations from that point.
     """
 
     column: Name
@@ -75,6 +89,7 @@ class Column:
     model_unit: str = ""
     range: tuple[float, float] | None = None
     saturated: Literal["keep", "missing"] = "keep"
+    offset: float | None = None
 
     def __post_init__(self) -> None:
         for place in ("unit", "model_unit"):
@@ -87,19 +102,20 @@ class Column:
 
 @dataclass(frozen=True)
 class Columns:
-    """What stands where in a row."""
+    """What stands where in a row, and how the file is written."""
 
     measurements: Annotated[tuple[Column, ...], Few]
     inputs: Annotated[tuple[Column, ...], Few] = ()
     time: TimeColumn = field(default_factory=TimeColumn)
-    separator: Literal[",", ";", "\t"] = ","
+    delimiter: Literal[",", ";", "\t"] = ","
     decimal: Literal[".", ","] = "."
+    encoding: Literal["utf-8", "cp1252", "latin-1"] = "utf-8"
 
     def __post_init__(self) -> None:
         if not self.measurements:
             raise InputError("measurements", "are none, must be one or more")
-        if self.separator == self.decimal:
-            raise InputError("decimal", "must be another than the separator")
+        if self.delimiter == self.decimal:
+            raise InputError("decimal", "must be another than the delimiter")
         named = [self.time.column]
         for place in ("measurements", "inputs"):
             for one in getattr(self, place):
@@ -112,12 +128,13 @@ class Columns:
 class Sampling:
     """The period [s], and the policies where a record does not keep to it.
 
-    ``uneven``: stamps off their place by more than ``jitter`` periods are refused, or all rows are
-    resampled: measurements by straight lines, the value before or a monotone cubic (pchip), inputs
-    held. ``missing``: samples that were lost are refused, filled likewise (straight lines where
-    ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or
-    skipped is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it,
-    or coasts over it with predictions.
+    ``jitter`` is the largest offset of a timestamp from its place on the grid, in periods. What is
+    farther off is refused where ``uneven`` is refuse; else all rows are resampled: measurements by
+    straight lines, the value before or a monotone cubic (pchip), inputs held.
+    ``missing``: samples that were lost are refused, filled likewise (straight lines where
+    ``uneven`` is refuse), or skipped by observers that can predict without them. Filled or skipped
+    is no more than ``gap`` [s]; what is longer is refused, the observer restarts after it, or
+    coasts over it with predictions.
     """
 
     period: Positive
@@ -142,18 +159,24 @@ class Sampling:
 
 @dataclass(frozen=True)
 class StatedThreshold:
-    """An alarm where the size of an output column is ``above`` a value that is stated."""
+    """An alarm where the size of an output column is ``above`` a value that is stated.
+
+    It is not raised within ``start_up`` [s] of a start of the observer. Left out, that is how long
+    the observer needs to forget its start, `reobserve.estimation.alarms`; the report has it.
+    """
 
     name: Name
     of: Name
     above: Positive
+    start_up: NotNegative | None = None
 
 
 @dataclass(frozen=True)
 class LearnedThreshold:
     """An alarm ``sigma`` standard deviations off the mean, both of a stretch that is stated [s].
 
-    ``since`` and ``until`` [s] count from the first estimate.
+    ``since`` and ``until`` [s] count from the first estimate; ``start_up`` is as for thresholds
+    that are stated.
     """
 
     name: Name
@@ -161,6 +184,7 @@ class LearnedThreshold:
     sigma: Positive
     until: Positive
     since: NotNegative = 0.0
+    start_up: NotNegative | None = None
 
     def __post_init__(self) -> None:
         if not self.since < self.until:
@@ -184,15 +208,24 @@ def _distinct_alarms(place: str, alarms: Any) -> None:
 
 @dataclass(frozen=True)
 class Specification:
-    """All of it."""
+    """All of it.
 
-    observer: Observer
+    ``observer`` is read as a mapping: a kind, and the keys of its family, or of a design file.
+    """
+
+    observer: Any
     columns: Columns
     sampling: Sampling
     estimates: dict[str, dict[str, str]] = field(default_factory=dict)
     alarms: Annotated[tuple[Alarm, ...], Few, checked(_distinct_alarms)] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.observer, Mapping):
+            raise InputError(
+                "observer", f"{shown(self.observer)} must be a mapping of keys to values"
+            )
+        with located("observer"):
+            object.__setattr__(self, "observer", stated(self.observer, self.sampling.period))
         for name, parts in self.estimates.items():
             for part, unit in parts.items():
                 with located("estimates"):

@@ -1,31 +1,72 @@
-"""All that estimation remembers between two rows, as a file of plain values."""
+"""State files: all that estimation remembers between two rows, so that a stream can resume.
+
+A file is checked whole before an estimation takes anything from it: its keys and types, shapes and
+covariances of the observer's state, and the digest of its content.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
 
 from reobserve.core.documents import parse_json
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, located, shown
 from reobserve.core.files import read_text, write_text
-from reobserve.core.validation import parse
-from reobserve.estimation.account import Account
+from reobserve.core.validation import join, parse
+from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
 
-FORMAT = "reobserve estimate state"
-SCHEMA = 2
-_VALUES = 5_000_000
+Array = NDArray[np.float64]
 
-# What changes from row to row; the rest of these is the specification's.
-_ALARM = ("origin", "learned", "mean", "squares", "ready")
-_GAPS = ("last", "started", "in_gap")
-_INTERPOLATION = ("time", "values", "asked", "kept")
+SCHEMA = 3
+_VALUES = 5_000_000
+_NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
+_ROUNDING = 1e-9
+
+
+@dataclass
+class _Timestamps:
+    begun: list[float]
+    grid: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+@dataclass
+class _Gaps:
+    last: float | None
+    started: bool
+    in_gap: bool
+
+
+@dataclass
+class _Interpolation:
+    time: list[float]
+    values: list[list[float]] | None
+    asked: list[float]
+    kept: list[list[float]] | None
+
+
+@dataclass
+class _State:
+    """A state file; ``offset`` is the byte up to which a file was read."""
+
+    format: Literal["reobserve estimate state"]
+    schema: Literal[3]
+    specification: str
+    offset: Annotated[int, Field(ge=0)] | None
+    observer: Any
+    timestamps: _Timestamps
+    gaps: _Gaps
+    interpolation: _Interpolation
+    report: DataReport
+    digest: str
 
 
 def save_state(path: Path, estimation: Estimation, digest: str, offset: int | None) -> None:
@@ -36,19 +77,24 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
     InputError
         If the file cannot be written.
     """
+    gaps, values = estimation.gaps, estimation.interpolation
     tree = {
-        "format": FORMAT,
+        "format": "reobserve estimate state",
         "schema": SCHEMA,
         "specification": digest,
         "offset": offset,
         "observer": _plain(estimation.state),
-        "begun": estimation.stamps.begun,
-        "account": _plain(estimation.account),
-        "alarms": [_parts(alarm, _ALARM) for alarm in estimation.alarms],
-        "gaps": _parts(estimation.gaps, _GAPS),
-        "interpolation": _parts(estimation.interpolation, _INTERPOLATION),
+        "timestamps": _plain(
+            _Timestamps(estimation.timestamps.begun, estimation.timestamps.grid.tolist())
+        ),
+        "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),
+        "interpolation": {
+            name: None if getattr(values, name) is None else _plain(getattr(values, name).tolist())
+            for name in ("time", "values", "asked", "kept")
+        },
+        "report": _plain(estimation.report),
     }
-    write_text(path, json.dumps(tree) + "\n")
+    write_text(path, json.dumps({**tree, "digest": _content(tree)}) + "\n")
 
 
 def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
@@ -57,40 +103,51 @@ def load_state(path: Path, estimation: Estimation, digest: str) -> int | None:
     Raises
     ------
     InputError
-        If the file is none of this specification, or damaged.
+        With the file and the key of what is missing, damaged or of another specification. Then the
+        estimation is as it was.
     """
     tree = parse_json(read_text(path), str(path), _VALUES)
-    if not isinstance(tree, dict) or (tree.get("format"), tree.get("schema")) != (FORMAT, SCHEMA):
-        raise InputError(str(path), f"is no state of schema {SCHEMA}")
-    if tree.get("specification") != digest:
-        raise InputError(
-            str(path), "is the state of another specification; remove it to start anew"
-        )
     try:
-        state = tree["observer"]
-        estimation.state = None if state is None else _like(estimation.template, state)
-        if estimation.state is not None:
-            estimation.observer._checked(estimation.state)
-        estimation.stamps.begun[:] = parse(list[float], tree["begun"], "begun")
-        for alarm, saved in zip(estimation.alarms, tree["alarms"], strict=True):
-            _fill(alarm, _ALARM, saved)
-        _fill(estimation.gaps, _GAPS, tree["gaps"])
-        account = parse(Account, _value(tree["account"]), "account")
-        vars(estimation.account).update(vars(account))
-        _interpolation(estimation, tree["interpolation"])
-        if estimation.gaps.started and estimation.state is None:
-            raise TypeError
-        offset = tree["offset"]
-        if offset is not None and (isinstance(offset, bool) or not isinstance(offset, int)):
-            raise TypeError
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        if isinstance(error, InputError):
-            raise InputError(str(path), str(error)) from None
+        return _load(tree, estimation, digest)
+    except InputError as error:
+        place = f"{path}: {error.parameter}" if error.parameter else str(path)
+        raise InputError(place, error.problem) from None
+
+
+def _load(tree: Any, estimation: Estimation, digest: str) -> int | None:
+    given = _decoded(tree, "")
+    saved = parse(_State, given, finite=False)
+    if saved.specification != digest:
         raise InputError(
-            str(path), "is damaged: it lacks a part, or has another in its place"
-        ) from None
-    found: int | None = offset
-    return found
+            "specification", "is another one than that of this stream; remove the file to restart"
+        )
+    _check_keys(given, asdict(saved), "")
+    begun, grid = saved.timestamps.begun, np.array(saved.timestamps.grid)
+    if not np.isfinite(begun).all():
+        raise InputError("timestamps.begun", "must be finite")
+    if not (np.isnan(grid).all() or (np.isfinite(grid).all() and grid[0] <= grid[1])):
+        raise InputError("timestamps.grid", f"{shown(saved.timestamps.grid)} must be rising")
+    alarms = estimation.report.alarms
+    if saved.report.alarms.keys() != alarms.keys():
+        raise InputError("report.alarms", f"must be those of the specification: {list(alarms)}")
+    arrays = _interpolation(saved.interpolation, len(estimation.interpolation.held))
+    state = None
+    if given["observer"] is not None:
+        state = _like(estimation.template, given["observer"], "observer")
+        with located("observer"):
+            estimation.observer._checked(state)
+    elif saved.gaps.started:
+        raise InputError("observer", "is missing, though rows were estimated")
+    if saved.gaps.started and saved.gaps.last is None:
+        raise InputError("gaps.last", "is missing, though rows were estimated")
+    if saved.digest != _content({name: part for name, part in tree.items() if name != "digest"}):
+        raise InputError("digest", "is not that of the content, which was damaged or edited")
+    estimation.state = state
+    estimation.timestamps.begun[:], estimation.timestamps.grid[:] = begun, grid
+    vars(estimation.gaps).update(vars(saved.gaps))
+    vars(estimation.interpolation).update(arrays)
+    vars(estimation.report).update(vars(saved.report))
+    return saved.offset
 
 
 def digest_of(text: str) -> str:
@@ -98,19 +155,16 @@ def digest_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _parts(value: Any, names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: _plain(getattr(value, name)) for name in names}
+def _content(tree: Any) -> str:
+    return digest_of(json.dumps(tree, sort_keys=True))
 
 
 def _plain(value: Any) -> Any:
     """A value as JSON can hold it."""
     if is_dataclass(value) and not isinstance(value, type):
-        return _parts(value, tuple(each.name for each in fields(value)))
+        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, np.ndarray):
-        return {
-            "shape": list(value.shape),
-            "values": [_plain(one) for one in value.ravel().tolist()],
-        }
+        return {"shape": list(value.shape), "values": _plain(value.ravel().tolist())}
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -122,52 +176,95 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _value(saved: Any) -> Any:
-    """What `_plain` was given, of plain types and arrays."""
+def _decoded(saved: Any, place: str) -> Any:
+    """The same with numbers that are not finite."""
     if isinstance(saved, dict):
         if saved.keys() == {"float"}:
+            if saved["float"] not in _NOT_FINITE:
+                raise InputError(place, f"{shown(saved)} must be one of {', '.join(_NOT_FINITE)}")
             return float(saved["float"])
-        if saved.keys() == {"shape", "values"}:
-            numbers = [float(_value(one)) for one in saved["values"]]
-            return np.array(numbers, dtype=np.float64).reshape(saved["shape"])
-        return {name: _value(part) for name, part in saved.items()}
+        return {name: _decoded(part, join(place, name or "''")) for name, part in saved.items()}
     if isinstance(saved, list):
-        return [_value(part) for part in saved]
+        return [_decoded(part, join(place, str(k))) for k, part in enumerate(saved)]
     return saved
 
 
-def _like(template: Any, saved: Any) -> Any:
-    """A value of the types that a template has; a state is made of such."""
+def _check_keys(given: Any, whole: Any, place: str) -> None:
+    """Refuse what lacks a key that has a default elsewhere."""
+    if isinstance(whole, dict):
+        for name, part in whole.items():
+            if name not in given:
+                raise InputError(join(place, name), "is missing")
+            if name != "observer":
+                _check_keys(given[name], part, join(place, name))
+    elif isinstance(whole, list):
+        for k, (one, part) in enumerate(zip(given, whole, strict=True)):
+            _check_keys(one, part, join(place, str(k)))
+
+
+def _like(template: Any, saved: Any, place: str) -> Any:
+    """A value of the types and shapes that a template has; a state is made of such."""
     if is_dataclass(template) and not isinstance(template, type):
+        names = [each.name for each in fields(template)]
+        if not isinstance(saved, dict) or set(saved) != set(names):
+            raise InputError(place, f"{shown(saved)} must have the keys {', '.join(names)}")
         parts = {
-            each.name: _like(getattr(template, each.name), saved[each.name])
-            for each in fields(template)
+            name: _like(getattr(template, name), saved[name], join(place, name)) for name in names
         }
         return type(template)(**parts)
     if isinstance(template, tuple):
-        return tuple(_like(one, part) for one, part in zip(template, saved, strict=True))
-    return _value(saved)
+        if not isinstance(saved, list) or len(saved) != len(template):
+            raise InputError(place, f"{shown(saved)} must be a list of {len(template)} parts")
+        pairs = enumerate(zip(template, saved, strict=True))
+        return tuple(_like(one, part, join(place, str(k))) for k, (one, part) in pairs)
+    if isinstance(template, np.ndarray):
+        return _array(template, saved, place)
+    kind = float if isinstance(template, np.floating) else type(template)
+    return parse(kind, saved, place, finite=False) if template is not None else None
 
 
-def _fill(target: Any, names: tuple[str, ...], saved: Any) -> None:
-    """Set fields that were saved, each of its type."""
-    hints = get_type_hints(type(target))
-    for name in names:
-        setattr(target, name, parse(hints[name], _value(saved[name]), name))
+def _array(template: Array, saved: Any, place: str) -> Array:
+    shape, whole = list(template.shape), isinstance(saved, dict)
+    if not whole or saved.keys() != {"shape", "values"} or saved["shape"] != shape:
+        raise InputError(place, f"{shown(saved)} must be numbers of the shape {shape}")
+    numbers = parse(list[float], saved["values"], join(place, "values"), finite=False)
+    if len(numbers) != template.size:
+        problem = f"has {len(numbers)} numbers, must have {template.size}"
+        raise InputError(join(place, "values"), problem)
+    found = np.array(numbers, dtype=np.float64).reshape(template.shape)
+    square = len(shape) >= 2 and shape[-1] == shape[-2] > 0
+    if place.rpartition(".")[2].startswith("covariance") and square:
+        _check_covariance(found, place)
+    return found
 
 
-def _interpolation(estimation: Estimation, saved: Any) -> None:
+def _check_covariance(found: Array, place: str) -> None:
+    if not np.isfinite(found).all():
+        raise InputError(place, "must be finite")
+    slack = _ROUNDING * np.abs(found).max(initial=0.0)
+    if np.abs(found - np.swapaxes(found, -1, -2)).max() > slack:
+        raise InputError(place, "must be symmetric")
+    if np.linalg.eigvalsh(found).min() < -slack * found.shape[-1]:
+        raise InputError(place, "must be positive semidefinite")
+
+
+def _interpolation(saved: _Interpolation, columns: int) -> dict[str, Any]:
     """The samples that values between them may still need, and the times at which these wait."""
-    found = {name: _value(saved[name]) for name in _INTERPOLATION}
-    columns = len(estimation.interpolation.held)
-    rows = len(found["time"])
-    wanted: dict[str, tuple[int, ...]] = {"time": (rows,), "asked": (len(found["asked"]),)}
-    if found["values"] is not None or found["kept"] is not None or rows:
-        wanted |= {"values": (rows, columns), "kept": (2, columns)}
-    for name, shape in wanted.items():
-        if not isinstance(found[name], np.ndarray) or found[name].shape != shape:
-            raise TypeError
-    for name in ("time", "asked"):
-        if not (np.isfinite(found[name]).all() and (np.diff(found[name]) > 0).all()):
-            raise ValueError
-    vars(estimation.interpolation).update(found)
+    found: dict[str, Any] = {
+        name: np.array(getattr(saved, name), dtype=np.float64) for name in ("time", "asked")
+    }
+    for name, times in found.items():
+        if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+            raise InputError(f"interpolation.{name}", "must be finite and rising")
+    for name, rows in (("values", len(saved.time)), ("kept", 2)):
+        table = getattr(saved, name)
+        if table is None and saved.values is None and saved.kept is None and not saved.time:
+            found[name] = None
+            continue
+        if table is None or len(table) != rows or any(len(row) != columns for row in table):
+            problem = f"must have {rows} rows of {columns} numbers"
+            raise InputError(f"interpolation.{name}", problem)
+        found[name] = np.array(table, dtype=np.float64).reshape(rows, columns)
+        if np.isinf(found[name]).any():
+            raise InputError(f"interpolation.{name}", "must not be infinite")
+    return found

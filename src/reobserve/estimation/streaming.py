@@ -80,10 +80,15 @@ class Lines:
         Of bytes.
     idle
         How long [s] to wait for more at its end; 0 for a pipe, whose end is its end.
+    encoding
+        Of the text.
     """
 
-    def __init__(self, stream: BinaryIO, stop: Stop, place: str, idle: float = 0.0) -> None:
+    def __init__(
+        self, stream: BinaryIO, stop: Stop, place: str, idle: float = 0.0, encoding: str = "utf-8"
+    ) -> None:
         self.stream, self.stop, self.place, self.idle = stream, stop, place, idle
+        self.encoding = encoding
         self.offset = 0
 
     def __iter__(self) -> Iterator[str]:
@@ -108,9 +113,11 @@ class Lines:
     def _text(self, line: bytes) -> str:
         self.offset += len(line)
         try:
-            return line.decode("utf-8-sig" if self.offset == len(line) else "utf-8")
+            begins = self.offset == len(line) and self.encoding == "utf-8"
+            return line.decode("utf-8-sig" if begins else self.encoding)
         except UnicodeDecodeError:
-            raise InputError(self.place, f"{shown(line)} is not UTF-8") from None
+            problem = f"{shown(line)} is not {self.encoding.upper()}, see columns.encoding"
+            raise InputError(self.place, problem) from None
 
 
 def open_file(path: Path, offset: int) -> Any:

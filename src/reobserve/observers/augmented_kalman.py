@@ -2,7 +2,7 @@
 
     x(k+1) = A x(k) + B u(k) + E d(k) + w(k)
     d(k+1) = d(k) + n(k)                            n ~ N(0, W)
-    y(k)   = H x(k) + D u(k-1) + F d(k) + v(k)
+    y(k)   = C x(k) + D u(k) + F d(k) + v(k)
 
 Disturbances, faults and biases d are taken for random walks (Friedland 1969): the filter is that of
 `reobserve.observers.kalman` on the state [x, d]. The greater W, the faster its estimates follow,
@@ -102,12 +102,12 @@ class AugmentedKalmanFilter(Observer[State]):
         put("output_matrix", F)
         put("walk", as_covariance("walk", self.walk, E.shape[1]))
         put("sampling_period", model.sampling_period)
-        hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.H)
+        hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
         if len(hidden):
             raise InputError(
                 "input_matrix",
-                "and output_matrix leave a mode of state and unknown inputs hidden from the "
-                f"measurements that does not decay, of the eigenvalue {hidden[0]:.4g}",
+                "leaves a mode of state and unknown inputs unobservable that does not decay, of "
+                f"the eigenvalue {hidden[0]:.4g}",
             )
 
     @property
@@ -128,13 +128,13 @@ class AugmentedKalmanFilter(Observer[State]):
     @cached_property
     def _kalman(self) -> KalmanFilter:
         """The filter of [x, d]."""
-        A, B, H, D, Q, R = self.model.arrays
+        A, B, C, D, Q, R = self.model.arrays
         n, q = self.input_matrix.shape
         whole = np.block([[A, self.input_matrix], [np.zeros((q, n)), np.eye(q)]])
         noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.walk]])
         model = LinearModel(
-            whole, np.vstack([B, np.zeros((q, B.shape[1]))]), np.hstack([H, self.output_matrix]),
-            noise, R, D, unusual=True, sampling_period=self.sampling_period,
+            whole, np.vstack([B, np.zeros((q, B.shape[1]))]), np.hstack([C, self.output_matrix]),
+            Q=noise, R=R, D=D, unusual=True, sampling_period=self.sampling_period,
         )  # fmt: skip
         return KalmanFilter(model)
 

@@ -36,7 +36,7 @@ from reobserve.core.matrices import (
 )
 from reobserve.core.value import Value, converter
 from reobserve.observers.fixed_step import Pair, Steps, as_pair, as_row_pair, steps_between
-from reobserve.observers.run import Estimate, Run
+from reobserve.observers.run import AxisNames, Estimate, Run, names_by_model
 
 Array = NDArray[np.float64]
 OnDivergence = Literal["raise", "return"]
@@ -137,6 +137,11 @@ class Observer(Value, ABC, Generic[StateKind]):
     @abstractmethod
     def units(self) -> Mapping[str, str]:
         """The unit of each estimate by its name, empty where it is that of the user's model."""
+
+    @property
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates, for each axis of one, where the model has them."""
+        return names_by_model(getattr(self, "model", None))
 
     @abstractmethod
     def _checked(self, state: Any) -> StateKind:
@@ -273,13 +278,19 @@ class Observer(Value, ABC, Generic[StateKind]):
         good = self._good(rows)
         missing = int(np.isnan(record.y[:good]).any(axis=1).sum()) if self.reads_missing else 0
         if good == len(stamps):
-            return Run(stamps, rows.estimates, self.units, rows.state, None, rows.before, missing)
+            return Run(
+                stamps, rows.estimates, self.units, rows.state, None, rows.before, missing,
+                self.component_names,
+            )  # fmt: skip
         if loud:
             raise self._divergence(start, record, stamps, good)
         estimates = {name: array[:good] for name, array in rows.estimates.items()}
         left = {name: array[:good] for name, array in rows.before.items()}
         diverged_at = self._last_finite(start, stamps, good)
-        return Run(stamps[:good], estimates, self.units, start, diverged_at, left, missing)
+        return Run(
+            stamps[:good], estimates, self.units, start, diverged_at, left, missing,
+            self.component_names,
+        )  # fmt: skip
 
     def _good(self, rows: Rows) -> int:
         """How many rows are good; with missing measurements the loop alone can tell."""

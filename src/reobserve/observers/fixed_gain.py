@@ -1,9 +1,9 @@
 """A linear observer of constant gain: Luenberger's, by poles, or the steady Kalman filter.
 
     x-(k) = A x^(k-1) + B u(k-1)
-    x^(k) = x-(k) + L [y(k) - H x-(k) - D u(k-1)]
+    x^(k) = x-(k) + L [y(k) - C x-(k) - D u(k)]
 
-Its error moves by (I - L H) A a sample. It keeps account of a covariance like any linear filter:
+Its error moves by (I - L C) A a sample. It keeps account of a covariance like any linear filter:
 where Q and R are not known, its estimates do not depend on them.
 """
 
@@ -61,18 +61,18 @@ class FixedGainObserver(LinearFilter):
         if radius >= 1.0:
             raise InputError(
                 "gain",
-                "gives no stable observer: the spectral radius of (I - L H) A must be below 1, "
+                "gives no stable observer: the spectral radius of (I - L C) A must be below 1, "
                 f"it is {radius:.6g}",
             )
 
     @property
     def _error_transition(self) -> Array:
-        A, _, H, _, _, _ = self.model.arrays
-        return (np.eye(len(A)) - self.gain @ H) @ A
+        A, _, C, _, _, _ = self.model.arrays
+        return (np.eye(len(A)) - self.gain @ C) @ A
 
     @property
     def poles(self) -> NDArray[Any]:
-        """Eigenvalues of (I - L H) A, shape (n,), the slowest first."""
+        """Eigenvalues of (I - L C) A, shape (n,), the slowest first."""
         poles = np.linalg.eigvals(self._error_transition)
         return poles[np.argsort(-np.abs(poles), kind="stable")]
 
@@ -105,9 +105,9 @@ def luenberger(model: LinearModel, poles: ArrayLike) -> FixedGainObserver:
     InputError
         If the poles cannot be placed, `reobserve.synthesis.linear.place`; or they are not stable.
     """
-    A, _, H, _, _, _ = as_kind("model", model, LinearModel).arrays
-    # The corrected estimate sees the state through H A: (I - L H) A = A - L (H A).
-    return FixedGainObserver(model, place(A, H @ A, poles))
+    A, _, C, _, _, _ = as_kind("model", model, LinearModel).arrays
+    # The corrected estimate sees the state through C A: (I - L C) A = A - L (C A).
+    return FixedGainObserver(model, place(A, C @ A, poles))
 
 
 def steady_kalman(model: LinearModel) -> FixedGainObserver:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Pair = tuple[ArrayLike | None, ArrayLike | None]
 
+# The classical Runge-Kutta method is stable for x' = -r x up to r h = 2.785.
+STABLE_STEP = 2.78
+
 
 class Samples(NamedTuple):
     """Values at both ends and in the middle of each of m steps, shape (2 m + 1, columns).
@@ -147,6 +150,22 @@ def _halves(
     if left is not None and left.shape != given.shape:
         raise InputError(f"{name}_before", f"has shape {left.shape}, must be {given.shape}")
     return given[1 - begun :: 2], middles, None if left is None else left[1 - begun :: 2]
+
+
+def check_rate(name: str, rate: float, step: float) -> None:
+    """Refuse a rate [1/s] of the estimator's own that the Runge-Kutta method cannot follow.
+
+    Raises
+    ------
+    InputError
+        If the step is above the method's limit of stability.
+    """
+    if rate * step > STABLE_STEP:
+        raise InputError(
+            name,
+            f"makes a rate of {rate:g} 1/s, which with steps of {step:g} s is unstable; "
+            f"rate times step must be {STABLE_STEP:g} or less",
+        )
 
 
 def as_pair(name: str, pair: Any) -> Pair:

@@ -9,7 +9,7 @@ their states, or at least nearly so: in other coordinates of each model the same
 probabilities. Position, velocity and acceleration can be mixed; the states of transfer functions
 that were identified one by one have no common meaning but by the realisation that is chosen.
 Without mixing the coordinates do not matter to Kalman filters. To the SVSF they do even then, if it
-has fewer outputs than states: the pseudo-inverse of H depends on the units of the states.
+has fewer outputs than states: the pseudo-inverse of C depends on the units of the states.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ from reobserve.observers.linear_filter import (
     LinearFilter,
     ModeFilter,
     check_sample,
-    held_inputs,
+    inputs_of_rows,
     sample_before,
 )
+from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.linear import ModelArrays, as_covariance
 
 Array = NDArray[np.float64]
@@ -162,6 +163,14 @@ class IMM(Observer[State]):
         """How many numbers a row of u has."""
         return _size(self.filters[0])[1]
 
+    @property
+    def component_names(self) -> Mapping[str, AxisNames]:
+        """Names of components of estimates, by the model of the first filter."""
+        found = names_by_model(self.filters[0].model)
+        if "innovation" in found:
+            found["innovation"] = (None, *found["innovation"])
+        return found
+
     def init(
         self,
         mean: ArrayLike,
@@ -238,14 +247,14 @@ class IMM(Observer[State]):
             state.means.copy(), state.covariances.copy(), state.errors.copy(),
             state.log_probabilities.copy(),
         )  # fmt: skip
-        held, fresh = held_inputs(state.sample, record), state.sample is None
+        inputs, fresh = inputs_of_rows(state.sample, record), state.sample is None
         rows = new_bank_rows(k, r, n, m)
         if self._bank is None:
-            good = self._run_one_by_one(beliefs, record.y, held, fresh, rows)
+            good = self._run_one_by_one(beliefs, record.y, inputs, fresh, rows)
         else:
             good = run_bank(
                 (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_law, beliefs, record.y,
-                held, fresh, rows,
+                inputs, fresh, rows,
             )  # fmt: skip
         last = np.concatenate([record.y[-1], record.u[-1]])
         after = State(*beliefs, last, state.count + k - fresh)
@@ -260,14 +269,14 @@ class IMM(Observer[State]):
         return Rows(estimates, good, after)
 
     def _run_one_by_one(
-        self, beliefs: Beliefs, measurements: Array, held: Array, fresh: bool, rows: BankRows
+        self, beliefs: Beliefs, measurements: Array, inputs: Array, fresh: bool, rows: BankRows
     ) -> int:
         """What the compiled loop does, with filters that are called: they may be anyone's."""
         r, n = beliefs.means.shape
         states, transition = (0,) * n, for_loop(self.transition)
         weights, predicted, told = np.empty((r, r)), np.empty(r), np.empty(r)
         mixed, spread = np.empty((r, n)), np.empty((r, n, n))
-        for k, (y, u) in enumerate(zip(measurements, held, strict=True)):
+        for k, y in enumerate(measurements):
             moves = k > 0 or not fresh
             mixed[:], spread[:] = beliefs.means, beliefs.covariances
             predicted[:] = beliefs.log_probabilities
@@ -278,7 +287,8 @@ class IMM(Observer[State]):
             for j, one in enumerate(self.filters):
                 belief = Belief(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
                 try:
-                    after = one.correct(one.predict(belief, u) if moves else belief, y, u)
+                    ahead = one.predict(belief, inputs[k]) if moves else belief
+                    after = one.correct(ahead, y, inputs[k + 1])
                 except DivergenceError:
                     return k
                 beliefs.means[j], beliefs.covariances[j] = (

@@ -194,7 +194,7 @@ def run_bank(
     law: Callable[..., None] | None,
     beliefs: Beliefs,
     measurements: Array,
-    held: Array,
+    inputs: Array,
     fresh: bool,
     rows: BankRows,
 ) -> int:
@@ -202,8 +202,9 @@ def run_bank(
 
     Gadsden et al. 2011, after (23).
 
-    ``held`` are the inputs held up to each row. ``fresh`` beliefs are meant at the first row,
-    which then corrects them as they stand; else they are meant a period before.
+    ``inputs`` has a row more than the record: the input of the row before, then that of each row.
+    ``fresh`` beliefs are meant at the first row, which then corrects them as they stand; else
+    they are meant a period before.
     """
     r = len(beliefs.means)
     n, m = len(states), len(outputs)
@@ -220,20 +221,20 @@ def run_bank(
         missing = is_missing(measurements[k])
         for j in range(r):
             model = ModelArrays(
-                bank.model.A[j], bank.model.B[j], bank.model.H[j],
+                bank.model.A[j], bank.model.B[j], bank.model.C[j],
                 bank.model.D[j], bank.model.Q[j], bank.model.R[j],
             )  # fmt: skip
             mean, covariance = beliefs.means[j], beliefs.covariances[j]
             if moves and bank.mixing:
-                predict(states, model, held[k], mixed[j], spread[j], mean, covariance, work)
+                predict(states, model, inputs[k], mixed[j], spread[j], mean, covariance, work)
             elif moves:
-                predict(states, model, held[k], mean, covariance, mean, covariance, work)
+                predict(states, model, inputs[k], mean, covariance, mean, covariance, work)
             if missing:
                 fill(rows.innovations[k, j], math.nan)
                 told[j] = 0.0
             else:
                 told[j] = correct(
-                    states, outputs, model, law, bank.parameters[j], measurements[k], held[k],
+                    states, outputs, model, law, bank.parameters[j], measurements[k], inputs[k + 1],
                     mean, covariance, beliefs.errors[j], rows.innovations[k, j], factor, work,
                 )  # fmt: skip
         whole = update_probabilities(predicted, told, beliefs.log_probabilities)

@@ -1,9 +1,9 @@
-"""What Kalman filters and their kin share: a linear prediction, corrected by a gain.
+"""Filters that correct a linear prediction by a gain: the Kalman filter, the SVSF, fixed gains.
 
 A filter holds a `LinearModel` and a law for its gain. What it holds to be true is a `Belief`. The
 first row of a record corrects the one that `init` was given; before each later row the filter
-predicts with the input of the row before. `predict` and `correct` are the two halves, which a bank
-of filters calls one by one.
+predicts with the input of the row before, and corrects with that of the row itself. `predict` and
+`correct` are the two halves, which a bank of filters calls one by one.
 
 A nan in a row of measurements stands for a number that was not measured: its innovation is nan, and
 the run counts such rows. The other numbers of the row correct as if they alone were measured; over
@@ -86,10 +86,10 @@ class ModeFilter(Protocol):
         """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
 
     def predict(self, belief: Belief, u: Array) -> Belief:
-        """The belief a sample later, before its measurement; u is held up to there."""
+        """The belief a sample later, before its measurement; u is held over the step."""
 
     def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
-        """The predicted belief after the measurement; a nan in that was not measured."""
+        """The predicted belief after y, measured with the input u; a nan in y is missing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,23 +221,23 @@ class LinearFilter(Observer[State]):
         Raises
         ------
         InputError
-            If y (nan: missing), the input held up to it or the belief has another size.
+            If y (nan: missing), its input or the belief has another size.
         DivergenceError
             If the covariance of the innovation is not positive definite, or the belief leaves the
             range of floating-point numbers; its time counts from there.
         """
         taken = as_samples("y", as_row("y", y), self.model.outputs, missing=True)[0]
-        held = as_vector("u", u, self.model.inputs)
+        control = as_vector("u", u, self.model.inputs)
         states, outputs = self._sizes
         m = len(outputs)
         belief = check_belief("belief", belief, len(states), m)
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
-        after = _copies(belief)
+        after = copies(belief)
         log_likelihood = correct(
-            states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken, held,
-            *after, innovation, factor, new_work(len(states), m),
+            states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken,
+            control, *after, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
         corrected = self._finite(Belief(*after), log_likelihood)
         innovation_covariance, lost = factor @ factor.T, np.isnan(innovation)
@@ -261,12 +261,12 @@ class LinearFilter(Observer[State]):
     def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = _copies(state.belief), state.sample is None
+        after, fresh = copies(state.belief), state.sample is None
         means, variances = np.empty((k, n)), np.empty((k, n))
         innovations, log_likelihoods = np.empty((k, m)), np.empty(k)
         good = run_filter(
             states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, record.y,
-            held_inputs(state.sample, record), fresh, *after,
+            inputs_of_rows(state.sample, record), fresh, *after,
             means, variances, innovations, log_likelihoods,
         )  # fmt: skip
         estimates = {
@@ -279,17 +279,18 @@ class LinearFilter(Observer[State]):
         return Rows(estimates, good, State(Belief(*after), last, state.count + k - fresh))
 
 
-def _copies(belief: Belief) -> tuple[Array, Array, Array]:
+def copies(belief: Belief) -> tuple[Array, Array, Array]:
+    """The arrays of a belief, for a loop to work in."""
     return belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
 
 
-def held_inputs(sample: Array | None, record: Record) -> Array:
-    """The input that is held up to each row, shape (k, p): that of the row before.
+def inputs_of_rows(sample: Array | None, record: Record) -> Array:
+    """The input of the row before a record, then that of each row, shape (k + 1, p).
 
-    The first row of all has none before it; its own stands for it.
+    The first row of all has none before it; its own stands there, and is not read.
     """
     first = record.u[0] if sample is None else sample[record.y.shape[1] :]
-    return np.concatenate([first[None], record.u[:-1]])
+    return np.concatenate([first[None], record.u])
 
 
 def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | None:

@@ -33,7 +33,7 @@ _SIGNATURE = f"void({_TALL}, {_TALL}, {_FLAT}, {_FLAT}, {_FLAT}, {_TALL})"
 def gain_law(function: Callable[..., None]) -> Law:
     """A law for the gain, ``function(cross, factor, innovation, error, parameters, gain)``.
 
-    It writes the gain K, shape (n, m), to its last argument. ``cross`` is P H', shape (n, m), of
+    It writes the gain K, shape (n, m), to its last argument. ``cross`` is P C', shape (n, m), of
     the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
     shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
     e(k|k), both of shape (m,), and ``parameters`` what the filter put there.
@@ -128,7 +128,7 @@ def output_error(
         for p in range(len(control)):
             total -= model.D[o, p] * control[p]
         for a in range(len(states)):
-            total -= model.H[o, a] * mean[a]
+            total -= model.C[o, a] * mean[a]
         error[o] = total
 
 
@@ -150,7 +150,7 @@ def foretell(
     factor: Array,
     work: Work,
 ) -> float:
-    """Write P H' and the Cholesky factor of S; return the log-likelihood.
+    """Write P C' and the Cholesky factor of S; return the log-likelihood.
 
     Gadsden et al. 2011, (13) and (19).
 
@@ -163,7 +163,7 @@ def foretell(
         for o in range(m):
             total = 0.0
             for b in range(n):
-                total += covariance[a, b] * model.H[o, b]
+                total += covariance[a, b] * model.C[o, b]
             cross[a, o] = total
     log_root, distance, taken = 0.0, 0.0, m
     for o in range(m):
@@ -177,7 +177,7 @@ def foretell(
                 continue
             total = model.R[o, q]
             for a in range(n):
-                total += model.H[o, a] * cross[a, q]
+                total += model.C[o, a] * cross[a, q]
             for i in range(q):
                 total -= factor[o, i] * factor[q, i]
             if o == q:
@@ -196,7 +196,7 @@ def foretell(
 
 @inlined_kernel
 def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
-    """Solve K S = P H' by the Cholesky factor L of S: K L first, then K."""
+    """Solve K S = P C' by the Cholesky factor L of S: K L first, then K."""
     m = len(outputs)
     cross, gain = work.cross, work.gain
     for a in range(len(cross)):
@@ -217,7 +217,7 @@ def kalman_gain(outputs: Size, factor: Array, work: Work) -> None:
 def correct_covariance(
     states: Size, outputs: Size, model: ModelArrays, covariance: Array, work: Work
 ) -> None:
-    """In Joseph's form for any gain: with M = I - K H, first T = M P, then T M' + K R K'.
+    """In Joseph's form for any gain: with M = I - K C, first T = M P, then T M' + K R K'.
 
     Gadsden et al. 2011, (17).
 
@@ -235,7 +235,7 @@ def correct_covariance(
         for o in range(m):
             total = 0.0
             for b in range(n):
-                total += square[a, b] * model.H[o, b]
+                total += square[a, b] * model.C[o, b]
             for q in range(m):
                 total -= gain[a, q] * model.R[q, o]
             cross[a, o] = total
@@ -310,7 +310,7 @@ def run_filter(
     law: Callable[..., None] | None,
     parameters: Array,
     measurements: Array,
-    held: Array,
+    inputs: Array,
     fresh: bool,
     mean: Array,
     covariance: Array,
@@ -322,20 +322,21 @@ def run_filter(
 ) -> int:
     """Filter a record: fill the last four arguments, and return the number of good rows.
 
-    ``held`` are the inputs held up to each row. A ``fresh`` belief is meant at the first row,
-    which then corrects it as it stands; else it is meant a period before.
+    ``inputs`` has a row more than the record: the input of the row before, then that of each row.
+    A ``fresh`` belief is meant at the first row, which then corrects it as it stands; else it is
+    meant a period before.
     """
     n, m = len(states), len(outputs)
     factor, work = np.empty((m, m)), new_work(n, m)
     for k in range(len(measurements)):
         if k > 0 or not fresh:
-            predict(states, model, held[k], mean, covariance, mean, covariance, work)
+            predict(states, model, inputs[k], mean, covariance, mean, covariance, work)
         if is_missing(measurements[k]):
             fill(innovations[k], math.nan)
             log_likelihoods[k] = 0.0
         else:
             log_likelihoods[k] = correct(
-                states, outputs, model, law, parameters, measurements[k], held[k],
+                states, outputs, model, law, parameters, measurements[k], inputs[k + 1],
                 mean, covariance, error, innovations[k], factor, work,
             )  # fmt: skip
         total = log_likelihoods[k]

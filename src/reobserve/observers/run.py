@@ -9,11 +9,14 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError, nearest, shown
+from reobserve.core.errors import InputError, nearest, one_line, shown
 from reobserve.core.extras import package
 
 Array = NDArray[np.float64]
 StateKind = TypeVar("StateKind")
+AxisNames = tuple[tuple[str, ...] | None, ...]
+
+_LONGEST = 280  # characters of an estimate that is printed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,7 +36,7 @@ class Estimate:
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {shown(self[name].tolist(), 40)}" for name in self.estimates)
-        return f"Estimate at {self.time:g} s: {listed}"
+        return one_line(f"Estimate at {self.time:g} s: {listed}", _LONGEST)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +48,8 @@ class Run(Generic[StateKind]):
     jump at samples. ``missing`` counts samples that were not taken. ``diverged_at`` is None, or
     the time [s] after which an estimate left the range of floating-point numbers; then k counts
     the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the
-    run started from.
+    run started from. ``component_names`` name the components of estimates, a tuple for each axis,
+    where the model names its signals; an axis without names is None.
     """
 
     time: Array
@@ -55,6 +59,7 @@ class Run(Generic[StateKind]):
     diverged_at: float | None = None
     before: Mapping[str, Array] = field(default_factory=dict)
     missing: int = 0
+    component_names: Mapping[str, AxisNames] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         return _named(self.estimates, name)
@@ -67,16 +72,25 @@ class Run(Generic[StateKind]):
         ending = "" if self.diverged_at is None else f", diverged at {self.diverged_at:g} s"
         return f"Run of {len(self)} samples: {listed}{ending}"
 
+    def labels(self, name: str, index: tuple[int, ...]) -> list[str]:
+        """What a component of an estimate is called along each axis: its name, or its number."""
+        axes = self.component_names.get(name, (None,) * len(index))
+        return [
+            str(1 + place) if names is None else names[place]
+            for names, place in zip(axes, index, strict=True)
+        ]
+
     def to_pandas(self) -> Any:
         """A data frame: a row a sample, the time [s] as its index, a column for each component.
 
-        Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix.
+        Components are numbered from 1: ``fault_1``, or ``covariance_2_1`` of a matrix. Where the
+        model names its signals, they have those names: ``state_position``.
         """
         package("pandas", "make a data frame")
         import pandas as pd
 
         columns = {
-            "_".join((name, *(str(1 + place) for place in index))): values[(slice(None), *index)]
+            "_".join((name, *self.labels(name, index))): values[(slice(None), *index)]
             for name, values in self.estimates.items()
             for index in np.ndindex(values.shape[1:])
         }
@@ -99,3 +113,16 @@ def _named(estimates: Mapping[str, Array], name: str) -> Array:
     if not isinstance(name, str) or name not in estimates:
         raise InputError("estimate", f"there is no {shown(name)}{nearest(str(name), estimates)}")
     return estimates[name]
+
+
+def names_by_model(model: Any) -> dict[str, AxisNames]:
+    """The names of components of a filter's estimates, from a model's names of its signals."""
+    states, outputs = (getattr(model, f"{kind}_names", None) for kind in ("state", "output"))
+    axes: dict[str, AxisNames] = {
+        "state": (states,),
+        "variance": (states,),
+        "covariance": (states, states),
+        "innovation": (outputs,),
+        "innovation_covariance": (outputs, outputs),
+    }
+    return {name: names for name, names in axes.items() if any(names)}

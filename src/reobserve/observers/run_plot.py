@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from reobserve.core.extras import package
 from reobserve.observers.run import Run
 
@@ -19,19 +21,31 @@ def plot(run: Run[Any], names: list[str]) -> Any:
         If there is no estimate of such a name, or matplotlib is not installed.
     """
     values = {name: run[name].reshape(len(run), -1) for name in names if run[name].size}
+    labels = {
+        name: [_label(run, name, index) for index in np.ndindex(run[name].shape[1:])]
+        for name in values
+    }
     figure = package("matplotlib.figure", "plot a run").Figure(
         figsize=(6.4, 0.8 + 1.7 * max(len(values), 1)), layout="constrained"
     )
     axes = figure.subplots(max(len(values), 1), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, rows) in zip(axes, values.items(), strict=False):
         for column in range(min(rows.shape[1], _MOST_LINES)):
-            label = f"{name} {column + 1}" if rows.shape[1] > 1 else name
-            ax.plot(run.time, rows[:, column], label=label, linewidth=1.2)
+            ax.plot(run.time, rows[:, column], label=labels[name][column], linewidth=1.2)
         unit = run.units.get(name)
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
-        if rows.shape[1] > 1:
+        if rows.shape[1] > 1 or name in run.component_names:
             ax.legend(fontsize="small", ncols=min(rows.shape[1], 4))
         if run.diverged_at is not None:
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")
     axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def _label(run: Run[Any], name: str, index: tuple[int, ...]) -> str:
+    """What the legend calls a component: by its signals, or by its estimate and numbers."""
+    labels = run.labels(name, index)
+    if name in run.component_names:
+        return f"{name} {', '.join(labels)}"
+    number = 1 + int(np.ravel_multi_index(index, run[name].shape[1:])) if index else 1
+    return f"{name} {number}" if run[name][0].size > 1 else name

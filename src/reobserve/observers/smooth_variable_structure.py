@@ -1,18 +1,18 @@
 """Smooth variable structure filter with a covariance (Gadsden et al. 2011, (11) to (18)).
 
-    K = H^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
+    K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) o sat(e(k+1|k) / psi)) diag(e(k+1|k))^-1
 
 Since sat(e / psi) / e = 1 / max(|e|, psi), the gain is
 
-    K = H^+ diag((|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi))
+    K = C^+ diag((|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi))
 
 which does not divide by an innovation that may be zero. Outside the boundary layer the a posteriori
-output error of a square, regular H is -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a
+output error of a square, regular C is -sign(e(k+1|k)) gamma |e(k|k)|: it contracts by gamma a
 sample. Far inside it the gain vanishes, and the filter is the open-loop model.
 
 The paper prints (15) without the pseudo-inverse, which only fits as many outputs as states. With
-fewer outputs there are other right inverses of H. The pseudo-inverse corrects what the outputs see
-and depends on the coordinates of the state; that weighted by the covariance, P H' (H P H')^-1, is
+fewer outputs there are other right inverses of C. The pseudo-inverse corrects what the outputs see
+and depends on the coordinates of the state; that weighted by the covariance, P C' (C P C')^-1, is
 the same in all of them and corrects the rest by its correlation with what is seen.
 """
 
@@ -54,12 +54,12 @@ class SmoothVariableStructureFilter(LinearFilter):
     memory
         gamma, the convergence rate, from 0 to below 1.
     inverse
-        One of `INVERSES`, for H^+: ``pseudo``, or ``weighted`` by the predicted covariance.
+        One of `INVERSES`, for C^+: ``pseudo``, or ``weighted`` by the predicted covariance.
 
     Raises
     ------
     InputError
-        If psi is not positive, gamma not in [0, 1), there is no such inverse, or H has more rows
+        If psi is not positive, gamma not in [0, 1), there is no such inverse, or C has more rows
         than independent columns, so that no gain can bring every output error to zero.
     """
 
@@ -93,28 +93,28 @@ class SmoothVariableStructureFilter(LinearFilter):
             raise InputError(
                 "inverse", f"{shown(self.inverse)} must be one of {', '.join(INVERSES)}"
             )
-        rank = int(np.linalg.matrix_rank(self.model.arrays.H))
+        rank = int(np.linalg.matrix_rank(self.model.arrays.C))
         if rank < m:
             raise InputError(
-                "model", f"H has {m} rows but rank {rank}: no gain corrects all outputs at once"
+                "model", f"C has {m} rows but rank {rank}: no gain corrects all outputs at once"
             )
         self._set("boundary_layer", psi)
         object.__setattr__(self, "memory", gamma)
 
     @property
     def law(self) -> Law:
-        """The switching gain, with a right inverse of H (Gadsden et al. 2011, (15))."""
+        """The switching gain, with a right inverse of C (Gadsden et al. 2011, (15))."""
         return _switching_gain if self.inverse == "pseudo" else _weighted_gain
 
     @cached_property
     def _parameters(self) -> Array:
-        H = self.model.arrays.H
-        matrix = np.linalg.pinv(H) if self.inverse == "pseudo" else H
+        C = self.model.arrays.C
+        matrix = np.linalg.pinv(C) if self.inverse == "pseudo" else C
         return np.concatenate([[self.memory], self.boundary_layer, matrix.ravel()])
 
     @property
     def law_parameters(self) -> Array:
-        """Gamma, psi, and the pseudo-inverse of H, or H itself, row by row."""
+        """Gamma, psi, and the pseudo-inverse of C, or C itself, row by row."""
         return self._parameters
 
 
@@ -140,7 +140,7 @@ def _switching_gain(
 
 @inlined_kernel
 def _output_root(cross: Array, parameters: Array) -> Array:
-    """The lower Cholesky factor of H P H'."""
+    """The lower Cholesky factor of C P C'."""
     n, m = cross.shape
     root = np.zeros((m, m))
     for o in range(m):
@@ -161,7 +161,7 @@ def _output_root(cross: Array, parameters: Array) -> Array:
 def _weighted_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
-    """The same with P H' (H P H')^-1 for the inverse."""
+    """The same with P C' (C P C')^-1 for the inverse."""
     n, m = gain.shape
     root = _output_root(cross, parameters)
     for a in range(n):

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 
-# What a realisation measures, by its name: rows of `Sampled.H`.
+# What a realisation measures, by its name: rows of `Sampled.C`.
 REALISATIONS = {
     "velocity": ("velocity",),
     "derivatives": ("velocity", "acceleration", "jerk"),
@@ -50,11 +50,11 @@ MOTION = ("position", "velocity", "acceleration", "jerk")
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A model at the samples: x(k+1) = A x(k) + B u(k), measured H x(k+1) + D u(k)."""
+    """A model at the samples: x(k+1) = A x(k) + B u(k), measured C x(k+1) + D u(k)."""
 
     A: Array
     B: Array
-    H: Array
+    C: Array
     D: Array
 
 
@@ -171,12 +171,12 @@ class ActuatorModel:
         transition, effect = zero_order_hold(A, B, period)
         measured = REALISATIONS[realisation]
         first = 0 if realisation == "motion" else 1
-        H, D = np.zeros((len(measured), len(A))), np.zeros((len(measured), 1))
+        C, D = np.zeros((len(measured), len(A))), np.zeros((len(measured), 1))
         for row, name in enumerate(measured):
             derivative = MOTION.index(name)
-            H[row, derivative - first] = scale ** (derivative - 1)
+            C[row, derivative - first] = scale ** (derivative - 1)
             D[row] = self.markov[derivative - 2] if derivative >= 2 else 0.0
-        return Sampled(transition, effect, H, D)
+        return Sampled(transition, effect, C, D)
 
     def _observer_canonical(self, powers: Array) -> tuple[Array, Array]:
         b, a = self.coefficients

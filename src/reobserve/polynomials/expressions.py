@@ -1,15 +1,17 @@
 """Taylor series at the origin of expressions, as text or of sympy.
 
 The expression is walked through once, with the arithmetic of truncated series. Functions of one
-argument are expanded about the value that their argument has at the origin.
+argument are expanded about the value that their argument has at the origin, a ball of so many
+digits that what is left after rounding to floats is right.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
 from math import comb
+from operator import add, mul
 from typing import Any
 
 import numpy as np
@@ -22,41 +24,38 @@ from reobserve.polynomials.grammar import (
     ANALYTIC,
     NOT_EXPANDED,
     check_size,
-    check_values,
     parse,
 )
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
-from reobserve.polynomials.univariate import DIGITS, power, taylor
+from reobserve.polynomials.univariate import DIGITS, FUNCTIONS, LARGEST, coefficients
 
 # A product of two series takes as many steps as there are products of their monomials, and a system
 # some thousand products: above this they take minutes.
 _MOST_PRODUCTS = 2_000_000
-# Of all series of a call, some seconds; a product of fractions takes twenty times as long.
+# Of all series of a call, some seconds.
 _MOST_STEPS = 200_000_000
-_EXACT_STEPS = 20
 _HIGHEST_DEGREE = 100
 _LONGEST_WHOLE = 1024  # bits
 
 
 def from_expressions(
-    name: str, expressions: Sequence[Any], variables: Sequence[Any], degree: int, *,
-    exact: bool = False,
-) -> PolynomialMap:  # fmt: skip
+    name: str, expressions: Sequence[Any], variables: Sequence[Any], degree: int
+) -> PolynomialMap:
     """The Taylor polynomials of ``expressions`` in the symbols ``variables`` up to a degree.
 
-    Expressions may be of sympy or text in the grammar of `reobserve.polynomials.grammar`. With
-    ``exact`` coefficients are kept as fractions.
+    Expressions may be of sympy or text in the grammar of `reobserve.polynomials.grammar`.
 
     Raises
     ------
     InputError
         That names the component of ``name`` and the part of it that has no Taylor series at the
-        origin, is no known function, holds an unknown symbol or (if exact) is not rational; or
-        what is too long, too deep, too high or too large to be worked with.
+        origin, is no known function or holds an unknown symbol; or what is too long, too deep, too
+        high or too large to be worked with.
     """
     package("mpmath", "expand expressions")  # first, as sympy does not load without it
     sympy = package("sympy", "expand expressions")
+    flint = package("flint", "expand expressions", "symbolic")
     for what, given in ((name, expressions), ("variables", variables)):
         if not isinstance(given, list | tuple):
             raise InputError(what, f"{shown(given)} must be a list")
@@ -71,15 +70,15 @@ def from_expressions(
     if comb(2 * len(symbols) + degree, degree) > _MOST_PRODUCTS:
         raise InputError("degree", f"{degree} is too high for series in {len(symbols)} variables")
     basis = monomials(len(symbols), degree)
-    rows, steps = [], comb(2 * len(symbols) + degree, degree) * (_EXACT_STEPS if exact else 1)
-    left = iter(range(_MOST_STEPS // steps))
+    rows = []
+    left = iter(range(_MOST_STEPS // comb(2 * len(symbols) + degree, degree)))
     for k, expression in enumerate(expressions):
-        walk = _Walk(f"{name}[{k}]", basis, symbols, exact, left)
+        walk = _Walk(f"{name}[{k}]", basis, symbols, left)
         read = _read(walk.place, expression, names)
         check_size(walk.place, read)
-        check_values(walk.place, read, symbols)
-        rows.append(walk.series(read))
-    return PolynomialMap(basis, np.array(rows, dtype=object if exact else np.float64))
+        with flint.ctx.workdps(DIGITS + degree + 10):
+            rows.append(walk.series(read))
+    return PolynomialMap(basis, np.array(rows))
 
 
 def _read(place: str, expression: Any, names: Mapping[str, Any]) -> Any:
@@ -111,29 +110,33 @@ class _Walk:
     """
 
     def __init__(
-        self, place: str, basis: Monomials, symbols: Sequence[Any], exact: bool, left: Iterator[int]
+        self, place: str, basis: Monomials, symbols: Sequence[Any], left: Iterator[int]
     ) -> None:
-        self.place, self.basis, self.symbols, self.exact = place, basis, symbols, exact
-        self.left = left
+        self.place, self.basis, self.symbols, self.left = place, basis, symbols, left
+        self.values: dict[Any, Any] = {}
 
     def series(self, expression: Any) -> Coefficients:
         """The coefficients of an expression, shape (N,)."""
         import sympy
 
         if expression in self.symbols:
-            return self._constant(0, self.symbols.index(expression))
+            return self._constant(0.0, self.symbols.index(expression))
         if not expression.free_symbols & set(self.symbols):
-            return self._constant(self._number(expression, expression))
+            return self._constant(float(self._value(expression)))
         if isinstance(expression, sympy.Add):
             return reduce(np.add, map(self.series, expression.args))
         if isinstance(expression, sympy.Mul):
             return reduce(self._times, map(self.series, expression.args))
         if isinstance(expression, sympy.Pow):
             return self._power(expression)
-        known = expression.is_Function and expression.func.__name__ in ANALYTIC
-        if known and len(expression.args) == 1:
-            return self._composed(expression.args[0], expression)
-        raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
+        return self._composed(expression, self._function(expression))
+
+    def _function(self, expression: Any) -> Callable[[Any], Any]:
+        """What makes a series of one variable of the argument's series."""
+        name = expression.func.__name__
+        if not expression.is_Function or name not in ANALYTIC or len(expression.args) != 1:
+            raise InputError(self.place, f"{_text(expression)} {NOT_EXPANDED}")
+        return FUNCTIONS[name]
 
     def _power(self, expression: Any) -> Coefficients:
         import sympy
@@ -143,69 +146,68 @@ class _Walk:
             exponent = sympy.Integer(int(exponent))
             expression = base**exponent
         if exponent.is_Integer and exponent >= 0:
-            return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1))
+            return reduce(self._times, [self.series(base)] * int(exponent), self._constant(1.0))
         if not exponent.free_symbols & set(self.symbols):
-            if exponent.free_symbols:
-                self._number(exponent, expression)
-            return self._composed(base, expression)
+            value = self._value(exponent)
+            return self._composed(expression, lambda t: t**value)
         return self.series(sympy.exp(exponent * sympy.log(base), evaluate=False))
 
-    def _composed(self, argument: Any, expression: Any) -> Coefficients:
+    def _composed(self, expression: Any, function: Callable[[Any], Any]) -> Coefficients:
         """g(u) by Horner's rule in u - u(0), with the Taylor coefficients of g at u(0)."""
-        centre = argument.subs(dict.fromkeys(self.symbols, 0))
-        if centre.free_symbols:
-            self._number(centre, expression)
-        numbers = (self._exact if self.exact else self._rounded)(centre, expression)
+        argument = expression.args[0]
+        found = coefficients(function, self._value(argument), self.basis.degree)
+        if found is None:
+            raise self._no_series(expression)
+        numbers = [float(number) for number in found]
+        if not np.isfinite(numbers).all():
+            raise self._beyond(expression)
         inner = self.series(argument)
-        inner[0] = 0 * inner[0]
+        inner[0] = 0.0
         total = self._constant(numbers[-1])
         for number in numbers[-2::-1]:
             total = self._times(total, inner)
             total[0] += number
         return total
 
-    def _rounded(self, centre: Any, expression: Any) -> list[float]:
-        """The coefficients of g as floats."""
-        degree = len(self.basis.first) - 2
-        value = centre.evalf(degree + DIGITS)
-        try:
-            if not value.is_Float and not value.is_Rational:
-                raise ValueError
-            if expression.is_Pow:
-                found = power(str(expression.exp.evalf(degree + DIGITS)), str(value), degree)
-            else:
-                found = taylor(expression.func.__name__, str(value), degree)
-        except (ValueError, ZeroDivisionError):
-            raise self._no_series(expression) from None
-        numbers = [float(number) for number in found]
-        if not np.isfinite(numbers).all():
-            raise InputError(
-                self.place, f"{_text(expression)} has a coefficient beyond float numbers"
-            )
-        return numbers
+    def _value(self, expression: Any) -> Any:
+        """The value at the origin, a ball; from the inside, as a tower of powers has none."""
+        if expression not in self.values:
+            value = self._of_parts(expression) if expression.args else self._of_leaf(expression)
+            if value is None or not value.is_finite():
+                raise self._no_series(expression)
+            if not abs(value) < LARGEST:
+                raise self._beyond(expression)
+            self.values[expression] = value
+        return self.values[expression]
 
-    def _exact(self, centre: Any, expression: Any) -> list[Any]:
-        """The coefficients of g as fractions, by sympy."""
-        import sympy
+    def _of_leaf(self, expression: Any) -> Any:
+        from flint import arb, ctx, fmpq
 
-        t = sympy.Dummy("t")  # no symbol of the user's
-        degree = len(self.basis.first) - 2
-        whole = expression.func(centre + t, *expression.args[1:])
-        start = whole.subs(t, 0)  # asked first: the series of what has none may take minutes
-        if start.is_number and start.is_finite and not start.is_Rational:
-            self._number(start, expression)
-        try:
-            taylor = sympy.series(whole, t, 0, degree + 1).removeO()
-            found = sympy.Poly(taylor, t).all_coeffs()[::-1]
-        except (
-            sympy.PolynomialError,
-            ValueError,
-            NotImplementedError,
-            TypeError,
-            ZeroDivisionError,
-        ):
-            raise self._no_series(expression) from None
-        return [self._number(value, expression) for value in found[: degree + 1]]
+        value = None
+        if expression in self.symbols:
+            value = arb(0)
+        elif expression.is_Symbol:
+            raise InputError(self.place, f"holds {_text(expression)}, which has no value")
+        elif expression.is_Rational:
+            value = arb(fmpq(int(expression.p), int(expression.q)))
+        elif expression.is_Float:
+            value = arb(float(expression))
+        elif expression.is_NumberSymbol:  # pi and E
+            value = arb(str(expression.evalf(ctx.dps)))
+        return value
+
+    def _of_parts(self, expression: Any) -> Any:
+        found = None
+        if expression.is_Add or expression.is_Mul:
+            found = reduce(add if expression.is_Add else mul, map(self._value, expression.args))
+        elif expression.is_Pow:
+            base, exponent = map(self._value, expression.args)
+            found = base**exponent
+        elif expression.is_Function:
+            function = self._function(expression)
+            row = coefficients(function, self._value(expression.args[0]), 0)
+            found = None if row is None else row[0]
+        return found
 
     def _times(self, a: Coefficients, b: Coefficients) -> Coefficients:
         if next(self.left, None) is None:
@@ -223,40 +225,16 @@ class _Walk:
 
     def _constant(self, value: Any, variable: int | None = None) -> Coefficients:
         """A constant, or one of the variables."""
-        row = np.zeros(len(self.basis.exponents), dtype=object if self.exact else np.float64)
-        if self.exact:
-            row += Fraction(0)
+        row = np.zeros(len(self.basis.exponents))
         if variable is None:
             row[0] = value
         else:
-            row[1 + variable] = Fraction(1) if self.exact else 1.0
+            row[1 + variable] = 1.0
         return row
-
-    def _number(self, value: Any, expression: Any) -> Any:
-        unknown = sorted(map(str, value.free_symbols))
-        if unknown:
-            raise InputError(
-                self.place,
-                f"{_text(expression)} holds {', '.join(unknown)}, which has no value",
-            )
-        if not value.is_finite or not value.is_real:
-            raise self._no_series(expression)
-        if not self.exact:
-            try:
-                number = float(value)
-            except TypeError:  # of a value such as atan(1/0), which sympy takes for finite
-                raise self._no_series(expression) from None
-            if not np.isfinite(number):
-                raise InputError(self.place, f"{_text(expression)} has a coefficient of {number:g}")
-            return number
-        if value.is_Float:
-            return Fraction(str(value))
-        if not value.is_Rational:
-            raise InputError(
-                self.place,
-                f"{_text(expression)} has the coefficient {_text(value)}, not rational",
-            )
-        return Fraction(int(value.p), int(value.q))
 
     def _no_series(self, expression: Any) -> InputError:
         return InputError(self.place, f"{_text(expression)} has no Taylor series at the origin")
+
+    def _beyond(self, expression: Any) -> InputError:
+        said = f"{_text(expression)} has a coefficient beyond floating-point numbers"
+        return InputError(self.place, said)

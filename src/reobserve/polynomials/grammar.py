@@ -16,7 +16,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.core.errors import InputError, one_line, shown
+from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
 
 # Functions of one argument that are analytic wherever they have a Taylor series.
@@ -49,7 +49,12 @@ def parse(place: str, text: str, variables: Mapping[str, Any]) -> Any:
     if len(text) > _LONGEST:
         raise InputError(place, f"has {len(text)} characters, must have {_LONGEST} or fewer")
     parser = _Parser(place, text, variables)
-    expression = parser.sum()
+    try:
+        expression = parser.sum()
+    except InputError:
+        raise
+    except (ArithmeticError, TypeError, ValueError):  # sympy's, of 1e-308/0.0 and the like
+        raise InputError(place, f"{shown(text)} holds a part without a value") from None
     if parser.here[0] != "end":
         raise parser.wrong()
     return expression
@@ -221,35 +226,3 @@ def check_size(place: str, expression: Any) -> None:
         if part.is_Pow:
             check_power(place, part.exp)
         ahead += [(inner, depth + 1) for inner in part.args]
-
-
-def check_values(place: str, expression: Any, variables: Any) -> Any:
-    """The value of an expression at the origin as a float; None where it is not that simple.
-
-    Worked out from the inside, in floats, before anything asks sympy for it: a tower of powers
-    has a value that no memory holds.
-
-    Raises
-    ------
-    InputError
-        If a part of it is beyond floating-point numbers.
-    """
-    import sympy
-
-    if expression in variables:
-        return sympy.Float(0)
-    if not expression.args:
-        real = expression.is_number and expression.is_finite and expression.is_real
-        return sympy.Float(expression) if real else None
-    values = [check_values(place, part, variables) for part in expression.args]
-    if any(value is None for value in values):
-        return None
-    value = expression.func(*values)
-    if value.is_Rational:  # exp(0.0) is 1 in sympy
-        value = sympy.Float(value)
-    if not value.is_Float:
-        return None
-    if abs(value) > 1e308:
-        said = one_line(str(expression), 100)
-        raise InputError(place, f"{said} has a coefficient beyond floating-point numbers")
-    return value

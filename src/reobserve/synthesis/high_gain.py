@@ -142,9 +142,9 @@ def high_gain_over_time(size: int, rho: float, initial: ArrayLike, times: ArrayL
     # In units of 1/rho for time and rho^-(i+1) for component i the equation is that of rho = 1:
     # that keeps the numbers apart that a large rho would bring together.
     scale = _powers(size, rho, 1.0)
-    elapsed = rho * instants
     index = np.arange(size)
     with np.errstate(over="ignore", invalid="ignore"):
+        elapsed = rho * instants
         start = first * (scale[:, None] * (scale / rho))
         lag = index[None, :] - index[:, None]  # e^(-A t) has (-t)^lag / lag! above its diagonal
         size_of = np.array([factorial(k) for k in range(size)], dtype=np.float64)

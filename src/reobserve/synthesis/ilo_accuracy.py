@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_floats, as_matrix, as_positive
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, solved
 from reobserve.synthesis.ilo_sampled_stability import held_blocks
@@ -30,6 +31,7 @@ def _frequencies(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return omega
 
 
+@finite("omega")
 def error_transfer(
     omega: ArrayLike,
     law: LearningLaw,
@@ -69,6 +71,7 @@ def _continuous(law: LearningLaw, omega: NDArray[np.float64]) -> Complex:
     return np.asarray(solved(memory + law.loop(1j * omega), memory))
 
 
+@finite("omega")
 def sampled_error_transfer(
     omega: ArrayLike,
     law: LearningLaw,
@@ -117,6 +120,7 @@ def _held(law: LearningLaw, omega: NDArray[np.float64]) -> Complex:
     return np.asarray(solved(both, forcing)[:, size:])
 
 
+@finite("amplitudes")
 def predicted_rms_error(
     amplitudes: ArrayLike,
     frequencies: ArrayLike,
@@ -201,6 +205,7 @@ class IntegralGains:
     proportional_gain: Matrix
 
 
+@finite("K2")
 def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> IntegralGains:
     """The proportional-integral observer that K1 = I approximates for a small interval.
 
@@ -217,6 +222,7 @@ def matched_integrator(K2: ArrayLike, interval: float, size: int = 3) -> Integra
     return IntegralGains(gain / as_positive("interval", interval), gain / 2)
 
 
+@finite("omega, integral_gain")
 def pi_error_transfer(
     omega: ArrayLike,
     inertia: ArrayLike,

@@ -83,7 +83,13 @@ class LearningLaw:
         for name in ("damping", "fault_matrix", "K1", "K2"):
             put(self, name, as_matrix(name, getattr(self, name), size))
         put(self, "update_interval", as_positive("update_interval", self.update_interval))
-        slowest = float(np.max(np.linalg.eigvals(self.rate_matrix).real))
+        with np.errstate(all="ignore"):
+            rates = self.rate_matrix
+        if not np.isfinite(rates).all():
+            raise InputError(
+                "inertia, damping", "make error dynamics too fast for floating-point numbers"
+            )
+        slowest = float(np.max(np.linalg.eigvals(rates).real))
         if slowest >= 0:
             raise InputError(
                 "damping",

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
 from reobserve.core.matrices import Matrix, as_positive, spectral_radius
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, Verdict
 
@@ -242,6 +243,7 @@ class RippleRoots:
     exact: Complex
 
 
+@finite("K2")
 def ripple_roots(
     inertia: float, damping: float, K1: float, K2: float, interval: float, count: int = 5
 ) -> RippleRoots:

@@ -22,6 +22,7 @@ _RANK = 1e-10  # of the size of A and C: the singular value of [A - s I; C] that
 _CIRCLE = 1e-9  # how near to the unit circle an eigenvalue counts as on it
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     """The gain L, shape (n, m), with which A - L C has these eigenvalues.
 
@@ -92,22 +93,22 @@ def ackermann(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
 
 
 def steady_kalman_gain(model: LinearModel) -> Array:
-    """Kalman's gain at rest, shape (n, m): P H' (H P H' + R)^-1 with P of the Riccati equation.
+    """Kalman's gain at rest, shape (n, m): P C' (C P C' + R)^-1 with P of the Riccati equation.
 
     It is the limit of the filter's gain from any positive definite covariance.
 
     Raises
     ------
     InputError
-        If there is none: a mode that does not decay is hidden from H, or one on the unit circle is
+        If there is none: a mode that does not decay is hidden from C, or one on the unit circle is
         not driven by the noise of covariance Q. The mode is named.
     """
     from scipy.linalg import solve_discrete_are
 
-    A, _, H, _, Q, R = as_kind("model", model, LinearModel).arrays
-    hidden = undetectable_modes(A, H)
+    A, _, C, _, Q, R = as_kind("model", model, LinearModel).arrays
+    hidden = undetectable_modes(A, C)
     if len(hidden):
-        said = f"has a mode of the eigenvalue {_told(hidden[0])} that H does not show"
+        said = f"has a mode of the eigenvalue {_told(hidden[0])} that C does not show"
         raise InputError("model", f"{said} and that does not decay: there is no steady gain")
     still = hidden_modes(A.T, Q)
     still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
@@ -115,11 +116,11 @@ def steady_kalman_gain(model: LinearModel) -> Array:
         said = f"has a mode of the eigenvalue {_told(still[0])} on the unit circle"
         raise InputError("model", f"{said} that Q does not drive: there is no steady gain")
     try:
-        P = solve_discrete_are(A.T, H.T, Q, R)
+        P = solve_discrete_are(A.T, C.T, Q, R)
     except (ValueError, np.linalg.LinAlgError):  # ValueError: scipy's, of eigenvalues far apart
         said = "has modes too near to the unit circle, or hidden too well, for a steady gain"
         raise InputError("model", said) from None
-    gain: Array = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    gain: Array = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     return gain
 
 
@@ -135,6 +136,7 @@ def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     return hidden[np.abs(hidden) >= 1.0 - _CIRCLE]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     """The eigenvalues of A whose modes C does not show, shape (k,).
 
@@ -145,10 +147,9 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     """
     A, C = _pair(A, C)
     # Rows of C in units of their own: how large they are has no part in what they show.
-    sizes = np.linalg.norm(C, axis=1, keepdims=True)
+    rows = _unit(C / _nonzero(np.abs(C).max(axis=1, keepdims=True)))
     scale = max(float(np.linalg.norm(A, 2)), float(np.finfo(float).tiny))
-    with np.errstate(over="ignore", invalid="ignore"):
-        rows = scale * C / np.where(sizes > 0, sizes, 1.0)
+    rows = scale * rows
     found = []
     for value in np.linalg.eigvals(A):
         pencil = np.vstack([A - value * np.eye(len(A)), rows])
@@ -160,6 +161,14 @@ def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
         if smallest <= _RANK * scale:
             found.append(value)
     return np.array(found, dtype=np.complex128)
+
+
+def _unit(rows: Array) -> Array:
+    return rows / _nonzero(np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+def _nonzero(sizes: Array) -> Array:
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:

@@ -1,24 +1,24 @@
-"""A linear model in discrete time with Gaussian noise: what Kalman filters and their kin assume.
+"""A linear model in discrete time with Gaussian noise, the model of Kalman filters.
 
-    x(k+1) = A x(k) + B u(k) + w(k)             w ~ N(0, Q)
-    z(k+1) = H x(k+1) + D u(k) + v(k+1)         v ~ N(0, R)
-
-The measurement that ends a step sees the input that was held during the step: of an acceleration,
-say, that has a feedthrough, the limit from the left.
+x(k+1) = A x(k) + B u(k) + w(k)         w ~ N(0, Q)
+y(k)   = C x(k) + D u(k) + v(k)         v ~ N(0, R)
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
-from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_matrix, as_positive
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_matrix, as_positive, as_symmetric
+from reobserve.core.value import Value, for_loop
+from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
 
@@ -28,119 +28,134 @@ class ModelArrays(NamedTuple):
 
     A: Array
     B: Array
-    H: Array
+    C: Array
     D: Array
     Q: Array
     R: Array
 
 
-@dataclass(frozen=True, eq=False)
-class LinearModel:
-    """A linear model in discrete time.
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(Value):
+    """A linear model in discrete time; its arrays are read-only copies.
 
     Parameters
     ----------
     A
         Transition of the state, shape (n, n).
     B
-        Effect of the input, shape (n, p).
-    H
+        Effect of the input, shape (n, p); left out, there is no input.
+    C
         Measurement, shape (m, n).
+    D
+        Feedthrough, shape (m, p); zero if left out.
     Q
         Covariance of the process noise: a number, n numbers or (n, n); positive semidefinite.
     R
         Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
-    D
-        Feedthrough, shape (m, p); zero if left out.
-    unusual
-        Accept a transition that looks like one of continuous time, see below.
     sampling_period
         Of the transition [s]; left out, time is counted in samples.
+    unusual
+        Accept a transition that looks like one of continuous time, see below.
+    state_names, input_names, output_names
+        Names of the signals, with which runs are labelled; left out, they are numbered.
 
     Raises
     ------
     InputError
-        If the shapes do not fit; Q or R is not symmetric positive (semi)definite; the sampling
-        period is not positive; or A looks like one of continuous time: all its eigenvalues have a
-        real part of zero or less, or one with a negative real part lies outside the unit circle.
-        Sampling a real system gives neither, unless it turns more than a quarter of a circle in a
-        sample.
+        If C, Q or R is left out; the shapes do not fit; Q or R is not symmetric positive
+        (semi)definite; names are not different or not as many as signals; the sampling period is
+        not positive; or A looks like one of continuous time: all its eigenvalues have a real part
+        of zero or less, or one with a negative real part lies outside the unit circle. Sampling a
+        real system gives neither, unless it turns more than a quarter of a circle in a sample.
     """
 
+    # None where one is left out; arrays, once the model is constructed.
     A: Array
-    B: Array
-    H: Array
-    Q: Array
-    R: Array
-    D: Array = None  # type: ignore[assignment]  # zeros, once it is made
-    unusual: bool = False
+    B: Array = None  # type: ignore[assignment]
+    C: Array = None  # type: ignore[assignment]
+    D: Array = None  # type: ignore[assignment]
+    Q: Array = None  # type: ignore[assignment]
+    R: Array = None  # type: ignore[assignment]
     sampling_period: float = field(default=1.0, kw_only=True)
+    unusual: bool = field(default=False, kw_only=True)
+    state_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
+    output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
 
-    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+    if TYPE_CHECKING:  # the parameters accept more types than the attributes have
 
         def __init__(
             self,
             A: ArrayLike,
-            B: ArrayLike,
-            H: ArrayLike,
-            Q: ArrayLike,
-            R: ArrayLike,
+            B: ArrayLike | None = ...,
+            C: ArrayLike = ...,
             D: ArrayLike | None = ...,
-            unusual: bool = ...,
+            Q: ArrayLike = ...,
+            R: ArrayLike = ...,
             *,
             sampling_period: float = ...,
+            unusual: bool = ...,
+            state_names: Sequence[str] | None = ...,
+            input_names: Sequence[str] | None = ...,
+            output_names: Sequence[str] | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "unusual", as_flag("unusual", self.unusual))
+        given: Any = self
+        for name in ("C", "Q", "R"):
+            if getattr(self, name) is None:
+                raise InputError(name, "is missing: a linear model needs A, C, Q and R")
         A = as_floats("A", self.A)
         if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.size:
             raise InputError("A", f"has shape {A.shape}, must be square")
         n = len(A)
-        B, H = as_floats("B", self.B), as_floats("H", self.H)
+        B = np.zeros((n, 0)) if given.B is None else as_floats("B", given.B)
+        C = as_floats("C", self.C)
         if B.ndim != 2 or len(B) != n:
             raise InputError("B", f"has shape {B.shape}, must have {n} rows like A, {A.shape}")
-        if H.ndim != 2 or H.shape[1] != n or not len(H):
-            raise InputError("H", f"has shape {H.shape}, must have {n} columns like A, {A.shape}")
-        m, p = len(H), B.shape[1]
-        D = np.zeros((m, p)) if self.D is None else as_floats("D", self.D)
+        if C.ndim != 2 or C.shape[1] != n or not len(C):
+            raise InputError("C", f"has shape {C.shape}, must have {n} columns like A, {A.shape}")
+        m, p = len(C), B.shape[1]
+        D = np.zeros((m, p)) if given.D is None else as_floats("D", given.D)
         if D.shape != (m, p):
-            raise InputError("D", f"has shape {D.shape}, must be {(m, p)}, as H and B ask for")
-        if not self.unusual:
+            raise InputError("D", f"has shape {D.shape}, must be {(m, p)}, as C and B ask for")
+        unusual = as_flag("unusual", self.unusual)
+        if not unusual:
             _check_discrete(A)
-        put = object.__setattr__
-        put(self, "A", A)
-        put(self, "B", B)
-        put(self, "H", H)
-        put(self, "D", D)
-        put(self, "Q", as_covariance("Q", self.Q, n))
-        put(self, "R", as_covariance("R", self.R, m, definite=True))
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        Q, R = as_covariance("Q", self.Q, n), as_covariance("R", self.R, m, definite=True)
+        put = self._set
+        for name, matrix in zip("ABCDQR", (A, B, C, D, Q, R), strict=True):
+            put(name, matrix)
+        put("sampling_period", as_positive("sampling_period", self.sampling_period))
+        put("unusual", unusual)
+        for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
+            put(name, as_names(name, getattr(self, name), size))
 
     @cached_property
     def arrays(self) -> ModelArrays:
-        """The matrices, C-contiguous."""
-        names = ModelArrays._fields
-        return ModelArrays(*(np.ascontiguousarray(getattr(self, name)) for name in names))
+        """The matrices as compiled loops take them, which must not write to them."""
+        return ModelArrays(*map(for_loop, (self.A, self.B, self.C, self.D, self.Q, self.R)))
 
     @property
     def states(self) -> int:
         """Their number n."""
-        return len(self.arrays.A)
+        return len(self.A)
 
     @property
     def inputs(self) -> int:
         """Their number p."""
-        return int(self.arrays.B.shape[1])
+        return int(self.B.shape[1])
 
     @property
     def outputs(self) -> int:
         """Their number m."""
-        return len(self.arrays.H)
+        return len(self.C)
 
 
 def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
     """A covariance from a number (times identity), a diagonal or the matrix itself.
+
+    A matrix that is symmetric but for rounding is made symmetric.
 
     Raises
     ------
@@ -148,9 +163,7 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
         If it has another size, is not symmetric, or has an eigenvalue below zero by more than
         rounding, or with ``definite`` one that is not above zero.
     """
-    matrix = as_matrix(name, value, size)
-    if not np.array_equal(matrix, matrix.T):
-        raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
+    matrix = as_symmetric(name, as_matrix(name, value, size))
     eigenvalues = np.linalg.eigvalsh(matrix)
     least = 0.0 if definite else -1e-12 * max(float(eigenvalues[-1]), 0.0)
     if eigenvalues[0] < least or (definite and eigenvalues[0] <= 0):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.extras import package
-from reobserve.core.vector_field import vector_field
-from reobserve.polynomials.grammar import check_size, parse
+from reobserve.systems.text_functions import compiled_rows, python_code, read_expression
 from reobserve.systems.triangular import TriangularModel
 
 _MOST_OPERATIONS = 1000  # of all right-hand sides: compiling takes some milliseconds for each
@@ -61,10 +58,13 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
     if not isinstance(input_gain, str):
         raise InputError("input_gain", f"{shown(input_gain)} must be a text")
     symbols = {name: sympy.Symbol(name, real=True) for name in variables}
+    written = {symbol: f"x[{i}]" for i, symbol in enumerate(symbols.values())}
     rows, operations = [], 0
     places = [f"drift[{i}]" for i in range(len(drift))] + ["input_gain"]
     for i, (place, text) in enumerate(zip(places, [*drift, input_gain], strict=True)):
-        code, more = _code(place, text, symbols, variables[: i + 1 if i < len(drift) else 1])
+        allowed = variables[: i + 1 if i < len(drift) else 1]
+        expression = read_expression(place, text, symbols, allowed)
+        code, more = python_code(place, expression, written, text)
         operations += more
         if operations > _MOST_OPERATIONS:
             problem = f"has {more} operations, in all there must be {_MOST_OPERATIONS} or fewer"
@@ -72,43 +72,6 @@ def triangular_model(variables: Sequence[str], drift: Sequence[str], input_gain:
         rows.append(code)
     *rows, gain = rows
     return TextModel(
-        len(variables), _compiled(rows), _compiled([gain]), np.zeros(0),
+        len(variables), compiled_rows(rows), compiled_rows([gain]), np.zeros(0),
         tuple(rows), gain,
     )  # fmt: skip
-
-
-def _code(
-    place: str, text: str, symbols: dict[str, Any], allowed: Sequence[str]
-) -> tuple[str, int]:
-    """An expression as Python writes it, of the numbers ``x[i]``, and its number of operations."""
-    import sympy
-
-    expression = parse(place, text, symbols)
-    check_size(place, expression)
-    for symbol in sorted(map(str, expression.free_symbols)):
-        if symbol not in allowed:
-            raise InputError(
-                place, f"{shown(text)} names {symbol}, must name nothing but {', '.join(allowed)}"
-            )
-    places = {symbols[name]: sympy.Symbol(f"x[{i}]") for i, name in enumerate(symbols)}
-    # Integers that 64 bits do not hold would not compile.
-    large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
-    places |= {one: sympy.Float(float(one), 17) for one in large}
-    numbers = (part for part in sympy.preorder_traversal(expression) if part.is_number)
-    if expression.has(sympy.nan) or any(number.is_real is False for number in numbers):
-        raise InputError(place, f"{shown(text)} is no finite real number anywhere")
-    try:
-        code = str(sympy.pycode(expression.xreplace(places), fully_qualified_modules=True))
-    except (ValueError, TypeError, NotImplementedError, RecursionError):
-        code = "Not supported"
-    if "Not supported" in code or "mpmath" in code:
-        raise InputError(place, f"{shown(text)} has no form that can be compiled")
-    return code, int(expression.count_ops())
-
-
-def _compiled(rows: list[str]) -> Any:
-    body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
-    namespace: dict[str, Any] = {"math": math}
-    # Of the grammar's own expressions, which hold numbers, variables and functions of math alone.
-    exec(f"def field(x, parameters, out):\n{body}", namespace)
-    return vector_field(namespace["field"])

@@ -37,7 +37,7 @@ def signal(axes: int = 1) -> Signal:
 
 def linear_model() -> LinearModel:
     """Two states, one input, one output."""
-    return LinearModel(TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2)
+    return LinearModel(TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], Q=1e-4, R=1e-2)
 
 
 def van_der_pol(dynamics: list[str] = VAN_DER_POL) -> PolynomialSystem:

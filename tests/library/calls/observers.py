@@ -72,15 +72,12 @@ def _observers() -> Iterator[Call]:
     body, swing = RigidBody(INERTIA), pendulum(9.81, 0.5, 0.2, 0.3)
     rates = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])  # with their derivatives
-    plain, sine, cosine = (1.0, 1.0, (0.0, 0.1), 0.01), np.sin(HALF), 0.1 * np.cos(HALF)
+    cosine = 0.1 * np.cos(HALF)
     lag = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
     made: dict[str, tuple[Any, ...]] = {
         "ilo_sampled.SampledILO": (body, 0.01, 1.0, 500.0, 500.0, 0.01, False),
         "ilo.ILO": (body, 0.01, 0.9, 50.0, 500.0, 0.01, False),
         "adaptive.AdaptiveObserver": (body, 0.01, 500.0, 1000.0, 10.0),
-        "delay_adaptive.AdaptiveDelayEstimator": (*plain, 0.1, 1.0, 1.0),
-        "delay_least_squares.LeastSquaresDelayEstimator": (*plain, 1.0, 0.5),
-        "delay_variable_structure.VariableStructureDelayEstimator": (*plain, 0.5, "delay"),
         "high_gain.HighGainObserver": (swing, 0.01, 10.0),
         "extended_high_gain.ExtendedHighGainObserver": lag,
         "levant.LevantDifferentiator": (1.0, 0.01, 2, [3.0, 1.5, 1.0], False),
@@ -92,11 +89,6 @@ def _observers() -> Iterator[Call]:
         observer: Any = call.function(*arguments)
         if "model" in vars(observer) and arguments[0] is body:
             yield from _recorded(observer, ([0.0] * 3, [0.0] * 3), rates, 0 * rates)
-        elif name.startswith("delay"):
-            output = np.tile(sine[:, None], (1, observer.measurements))
-            yield from _recorded(observer, (0.0, 0.05, inputs), output, inputs)
-            alone = inputs[:, 0]
-            yield from _recorded(observer, (0.0, 0.05, alone), output[:, 0], alone, ", u alone")
         elif name.startswith("high"):
             yield from _recorded(observer, ([0.1, 0.0],), cosine, 0 * cosine)
         elif name.startswith("extended_high"):
@@ -145,16 +137,16 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "synthesis.linear.steady_kalman_gain": (model,),
-        "synthesis.linear.hidden_modes": (model.A, model.H),
-        "synthesis.linear.undetectable_modes": (model.A, model.H),
+        "synthesis.linear.hidden_modes": (model.A, model.C),
+        "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
-        "observers.innovation_tests.cusum": (y[:, 0], 0.5),
-        "observers.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
+        "papers.imm.innovation_tests.cusum": (y[:, 0], 0.5),
+        "papers.imm.innovation_tests.inflation_glr": (y[:, 0] ** 2, 1, [1, 2, 4]),
     }, MISSING)  # fmt: skip
     yield from called({
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
-        "synthesis.linear.place": (model.A, model.H, [0.5, 0.6]),
+        "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
     }, COMPLEX)  # fmt: skip
 
 

@@ -11,7 +11,10 @@ import numpy as np
 
 from reobserve.core.documents import parse_yaml
 from reobserve.core.random_streams import held_normal, random_stream
-from reobserve.estimation.designs.file import kind_of, load_design, save_design
+from reobserve.estimation.families import family
+from reobserve.estimation.families.file import load_design, save_design
+from reobserve.papers.ilo.theorem import certify, theorem1
+from reobserve.papers.lie.floquet import limit_cycle
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
 from reobserve.plants.delayed_input import DelayedInputPlant
 from reobserve.plants.first_order_lag import first_order_lag
@@ -19,12 +22,9 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.plants.pendulum import pendulum
 from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.plants.satellite import Satellite
-from reobserve.signals.input_history import InputHistory
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Channel
-from reobserve.synthesis.floquet import limit_cycle
 from reobserve.synthesis.ilo_error_system import LearningLaw
-from reobserve.synthesis.ilo_theorem import certify, theorem1
 
 from . import models
 from .call import COMPLEX, Call, called, method
@@ -53,14 +53,11 @@ def _basics() -> Iterator[Call]:
 
 def _models() -> Iterator[Call]:
     time, lag, system = HALF[::2], first_order_lag(), van_der_pol()
-    samples = np.column_stack([np.sin(time), np.cos(time)])
-    history = InputHistory(samples, samples, sampling_period=0.02)
     yield from called({
-        "signals.input_history.InputHistory": (0.02, samples, samples),
-        "signals.signals.Signal.parse": ("fault", TERMS, 1),
+        "signals.inputs.Signal.parse": ("fault", TERMS, 1),
         "signals.series.Series": (time, {"y": Channel(np.sin(time), "1")}, {"on": (0.1,)}, {}),
         "systems.linear.LinearModel": (
-            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], 1e-4, 1e-2, [[0.0]], False,
+            TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], [[0.0]], 1e-4, 1e-2,
         ),
         "systems.rigid_body.RigidBody": (INERTIA, np.eye(3), np.eye(3)),
         "systems.triangular.TriangularModel": (1, lag.drift, lag.input_gain, np.ones(2)),
@@ -68,9 +65,6 @@ def _models() -> Iterator[Call]:
         "systems.polynomial.PolynomialSystem": (system.dynamics, system.output),
         "systems.polynomial.PolynomialSystem.from_expressions": (VAN_DER_POL, ["a"], ["a", "w"], 3),
     })  # fmt: skip
-    yield method(history, "at", [0.0, 0.05])
-    yield method(history, "latest", 3)
-    yield method(history, "followed_by", samples, samples)
     yield method(signal(), "__call__", time)
     yield method(signal(), "check_grid", "fault", 0.01, 1.0)
     for term in TERMS:  # each value of a term by itself
@@ -79,7 +73,7 @@ def _models() -> Iterator[Call]:
             found = Signal.parse("fault", [dict(zip(keys, values, strict=True))], 1)
             assert np.isfinite(found(np.linspace(0.0, 3.0, 30))).all()
 
-        yield Call(f"signals.signals.Signal.parse, {term['kind']}", parse, (*term.values(),))
+        yield Call(f"signals.inputs.Signal.parse, {term['kind']}", parse, (*term.values(),))
 
 
 def _plants() -> Iterator[Call]:
@@ -133,8 +127,8 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_accuracy.pi_error_transfer": (
             [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0,
         ),
-        "synthesis.ilo_lyapunov.gyroscopic_eta": (INERTIA, 0.1),
-        "synthesis.ilo_lyapunov.RepairedLyapunov": parameters,
+        "papers.ilo.lyapunov.gyroscopic_eta": (INERTIA, 0.1),
+        "papers.ilo.lyapunov.RepairedLyapunov": parameters,
         "synthesis.ilo_sampled_stability.held_blocks": (law,),
         "synthesis.ilo_sampled_stability.sampled_map": (law,),
         "synthesis.ilo_sampled_stability.sampled_stability": (law,),
@@ -142,9 +136,9 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_sampled_stability.scalar_sampled_limit": (36.0, 500.0, 1.0, 0.01),
         "synthesis.ilo_stability.continuous_stability": (law,),
         "synthesis.ilo_stability.ripple_roots": (36.0, 500.0, 0.9, 50.0, 0.01, 3),
-        "synthesis.ilo_theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
-        "synthesis.ilo_theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
-        "synthesis.ilo_theorem.bound18": (
+        "papers.ilo.theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
+        "papers.ilo.theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
+        "papers.ilo.theorem.bound18": (
             certify(3.0, 1.0, 0.5, 0.5).theorem, np.ones((5, 3)), np.ones((5, 3)), 0.1,
         ),
         "synthesis.high_gain.lyapunov_matrix": (3, 2.0),
@@ -153,9 +147,9 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.h_infinity_norm.h_infinity_norm": (
             [[-1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], 1e-9,
         ),
-        "synthesis.nu_gap.nu_gap": (pressure, ([1.0], [1.0, 2.0])),
-        "synthesis.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
-        "synthesis.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
+        "papers.imm.nu_gap.nu_gap": (pressure, ([1.0], [1.0, 2.0])),
+        "papers.lie.floquet.limit_cycle": (forward, [2.0, 0.5], 60.0),
+        "papers.lie.floquet.floquet_exponents": (cycle, np.tile(-np.eye(2), (400, 1, 1))),
         "synthesis.definiteness.ball_matrix": negative,
         "synthesis.definiteness.prove_negative_definite": negative,
     })  # fmt: skip
@@ -166,12 +160,12 @@ def _synthesis() -> Iterator[Call]:
 
     weights = (1.0, 1.0, 1.0, 1.0, 0.5)
     arguments = (500.0, np.eye(3), 0.5, 50.0, 0.01, *weights)
-    yield Call("synthesis.ilo_theorem.theorem1", proved, arguments)
+    yield Call("papers.ilo.theorem.theorem1", proved, arguments)
 
 
 def _designs() -> Iterator[Call]:
     system, found = models.augmented(), models.gains()
-    kind: Any = kind_of("luenberger")
+    kind: Any = family("luenberger")
     path = Path(mkdtemp()) / "design.json"
     save_design(path, kind.designed(parse_yaml(kind.example, "model.yaml")))
     matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
@@ -181,14 +175,13 @@ def _designs() -> Iterator[Call]:
         "synthesis.extended_state.floor.as_gamma": (system, 1.05),
         "synthesis.extended_state.certificate.error_system": (system, found),
         "synthesis.extended_state.certificate.certify": (system, found, 100.0),
-        "synthesis.extended_state.deviation.held_deviation": (system, found, np.ones(3), 0.1),
+        "papers.eso.deviation.held_deviation": (system, found, np.ones(3), 0.1),
         "synthesis.extended_state.pi.design": (system, 1.05),
         "synthesis.extended_state.pi.design_feasible": (system, 1.0),
         "synthesis.extended_state.pd_pi.design": (system, 1.05),
         "synthesis.extended_state.pd_pi.design_least_gamma": (system, 2.0, 50.0),
-        "synthesis.extended_state.structured.design": (system, 1.05),
-        "estimation.designs.file.load_design": (path,),
-        "estimation.designs.file.save_design": (Path("again.json"), load_design(path)),
-        "estimation.designs.file.kind_of": ("luenberger",),
-        "estimation.designs.poles.parse_poles": ("-2, -1+3j, -1-3j",),
+        "estimation.families.file.load_design": (path,),
+        "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
+        "estimation.families.family": ("luenberger",),
+        "estimation.families.poles.as_pole_list": ("poles", [-2, "-1+3j", "-1-3j"]),
     })  # fmt: skip

@@ -18,6 +18,7 @@ from reobserve.core.validation import parse
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys, metrics, observe, plant, study, study_rows
+from reobserve.papers.eso.deviation import held_deviation
 from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scores, sizes
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import lookup
@@ -28,7 +29,6 @@ from reobserve.replication.steps import compute_design, figure_data
 from reobserve.signals.series import Channel, Series
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import Certificate, certify, error_system
-from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import Gains
 from tests.papers import fixed_ledger
 from tests.papers.eso.plants import dc_motor

@@ -8,9 +8,9 @@ import pytest
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo import ILO
+from reobserve.papers.ilo.theorem import certify, lemma1_sides, theorem1
 from reobserve.plants.satellite import Satellite
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.ilo_theorem import certify, lemma1_sides, theorem1
 from reobserve.systems.rigid_body import RigidBody
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])

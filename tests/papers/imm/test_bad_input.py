@@ -19,13 +19,13 @@ NAN, INF = float("nan"), float("inf")
 MODEL: dict[str, Any] = {
     "A": [[1.0, 0.1], [0.0, 0.9]],
     "B": [[0.0], [0.1]],
-    "H": [[1.0, 0.0]],
+    "C": [[1.0, 0.0]],
     "Q": 0.01,
     "R": 0.1,
 }
 PLAIN = LinearModel(**MODEL)
 NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
-NO_INPUT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.1, 1.0)
+NO_INPUT = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.1, R=1.0)
 
 
 def bank(size: int = 2) -> IMM:
@@ -47,9 +47,9 @@ DISCRETE = "it must be the transition over one sample"
         ({"A": [[1.0, NAN], [0.0, 1.0]]}, r"A: \[\[1.0, nan\], .* has an entry that is not finite"),
         ({"B": [0.0, 0.1]}, r"B: has shape \(2,\), must have 2 rows like A, \(2, 2\)"),
         ({"B": [[0.1]]}, r"B: has shape \(1, 1\), must have 2 rows like A, \(2, 2\)"),
-        ({"H": [[1.0]]}, r"H: has shape \(1, 1\), must have 2 columns like A, \(2, 2\)"),
-        ({"H": np.empty((0, 2))}, r"H: has shape \(0, 2\), must have 2 columns like A, .*"),
-        ({"D": [1.0]}, r"D: has shape \(1,\), must be \(1, 1\), as H and B ask for"),
+        ({"C": [[1.0]]}, r"C: has shape \(1, 1\), must have 2 columns like A, \(2, 2\)"),
+        ({"C": np.empty((0, 2))}, r"C: has shape \(0, 2\), must have 2 columns like A, .*"),
+        ({"D": [1.0]}, r"D: has shape \(1,\), must be \(1, 1\), as C and B ask for"),
         ({"Q": [[1.0, 0.2], [0.1, 1.0]]}, r"Q: \[\[1.0, 0.2\], \[0.1, 1.0\]\] must be symmetric"),
         (
             {"Q": [[1.0, 2.0], [2.0, 1.0]]},
@@ -60,6 +60,9 @@ DISCRETE = "it must be the transition over one sample"
         ({"R": 0.0}, "R: must be positive definite, its eigenvalues are 0"),
         ({"R": -2.0}, "R: must be positive definite, its eigenvalues are -2"),
         ({"R": INF}, "R: inf has an entry that is not finite"),
+        ({"C": None}, "C: is missing: a linear model needs A, C, Q and R"),
+        ({"Q": None}, "Q: is missing: a linear model needs A, C, Q and R"),
+        ({"R": None}, "R: is missing: a linear model needs A, C, Q and R"),
         ({"sampling_period": 0.0}, "sampling_period: 0 must be greater than zero"),
         ({"R": "wide"}, "R: 'wide' is not a number or an array of numbers"),
     ],
@@ -74,9 +77,31 @@ def test_a_covariance_of_several_outputs_is_checked_like_any() -> None:
     skew = R.copy()
     skew[0, 1] = 1e-6
     with pytest.raises(InputError, match=r"^R: .* must be symmetric$"):
-        LinearModel(A, B, H, Q, skew, D)
+        LinearModel(A, B, H, Q=Q, R=skew, D=D)
     with pytest.raises(InputError, match=r"^R: must be positive definite, .* are 0, 1, 1$"):
-        LinearModel(A, B, H, Q, [1.0, 0.0, 1.0], D)
+        LinearModel(A, B, H, Q=Q, R=[1.0, 0.0, 1.0], D=D)
+
+
+def test_a_covariance_that_rounding_makes_skew_is_made_symmetric() -> None:
+    turn = np.array([[0.3, 1.7], [-2.1, 0.6]])
+    Q = turn @ np.diag([1.0, 1e-3]) @ turn.T
+    Q[0, 1] = np.nextafter(Q[1, 0], np.inf)
+    held = LinearModel(**{**MODEL, "Q": Q}).Q
+    assert np.array_equal(held, held.T)
+    assert held == pytest.approx(Q, rel=1e-15)
+    Q[0, 1] += 1e-9
+    with pytest.raises(InputError, match=r"^Q: .* must be symmetric$"):
+        LinearModel(**{**MODEL, "Q": Q})
+
+
+def test_the_matrices_of_a_model_are_read_only_copies() -> None:
+    A = np.array(MODEL["A"])
+    model = LinearModel(**{**MODEL, "A": A})
+    A[0, 0] = 5.0
+    assert model.A[0, 0] == 1.0
+    for matrix in (*model.arrays, model.A, model.R):
+        with pytest.raises(ValueError, match="read-only"):
+            matrix[0, 0] = 5.0
 
 
 def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
@@ -101,7 +126,7 @@ def test_a_semidefinite_covariance_may_be_so_but_for_rounding() -> None:
 )
 def test_a_transition_of_continuous_time_is_refused(A: Any, eigenvalue: str) -> None:
     n = len(A)
-    given = {"A": A, "B": np.zeros((n, 1)), "H": np.eye(1, n), "Q": 0.1, "R": 1.0}
+    given = {"A": A, "B": np.zeros((n, 1)), "C": np.eye(1, n), "Q": 0.1, "R": 1.0}
     said = f"A: has the eigenvalue {eigenvalue}, as A of continuous time has; {DISCRETE}"
     with pytest.raises(InputError, match=rf"^{said} \(sample it by zero_order_hold, .*\)$"):
         LinearModel(**given)
@@ -114,7 +139,7 @@ def test_the_motion_of_the_actuator_is_refused_too_though_one_eigenvalue_is_zero
     A = np.zeros((5, 5))
     A[0, 1], A[1:, 1:] = 200.0, continuous("normal")[0]
     with pytest.raises(InputError, match=r"^A: has the eigenvalue -379.7, as"):
-        LinearModel(A, np.zeros((5, 1)), np.eye(3, 5), 0.1, 1.0)
+        LinearModel(A, np.zeros((5, 1)), np.eye(3, 5), Q=0.1, R=1.0)
 
 
 @pytest.mark.parametrize(
@@ -155,12 +180,12 @@ def test_a_wrong_layer_or_memory_is_refused(changed: dict[str, Any], said: str) 
 
 
 def test_an_svsf_of_dependent_outputs_is_refused() -> None:
-    twice = LinearModel(**{**MODEL, "H": [[1.0, 2.0], [2.0, 4.0]]})
-    said = r"^model: H has 2 rows but rank 1: no gain corrects all outputs at once$"
+    twice = LinearModel(**{**MODEL, "C": [[1.0, 2.0], [2.0, 4.0]]})
+    said = r"^model: C has 2 rows but rank 1: no gain corrects all outputs at once$"
     with pytest.raises(InputError, match=said):
         SmoothVariableStructureFilter(twice, 1.0, 0.1)
-    more = LinearModel(**{**MODEL, "H": [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]})
-    with pytest.raises(InputError, match=r"^model: H has 3 rows but rank 2: "):
+    more = LinearModel(**{**MODEL, "C": [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]})
+    with pytest.raises(InputError, match=r"^model: C has 3 rows but rank 2: "):
         SmoothVariableStructureFilter(more, 1.0, 0.1)
 
 

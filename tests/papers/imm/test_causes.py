@@ -42,8 +42,8 @@ Array = NDArray[np.float64]
 A, B, H = np.array([[0.9, 0.3], [-0.2, 0.8]]), np.array([[0.1], [0.4]]), np.array([[1.0, 0.5]])
 PSI, GAMMA = 0.7, 0.2
 MODELS = [
-    LinearModel(A, B, H, [0.02, 0.03], [0.1], sampling_period=1.0),
-    LinearModel(0.7 * A, B, H, [0.02, 0.03], [0.1], sampling_period=1.0),
+    LinearModel(A, B, H, Q=[0.02, 0.03], R=[0.1], sampling_period=1.0),
+    LinearModel(0.7 * A, B, H, Q=[0.02, 0.03], R=[0.1], sampling_period=1.0),
 ]
 TRANSITION = np.array([[0.95, 0.05], [0.1, 0.9]])
 
@@ -66,7 +66,14 @@ def a_record() -> tuple[Array, Array]:
 def halves(mixing: bool, gain: int, covariance: int, inverse: str = "pseudo") -> HybridRun:
     y, held = a_record()
     one = bank(mixing, inverse)
-    return run_hybrid(one, gain, covariance, one.init([0.0, 0.0], 0.5, u=held[:1]), y, held)
+    return run_hybrid(
+        one,
+        gain,
+        covariance,
+        one.init([0.0, 0.0], 0.5, u=held[:1]),
+        y,
+        np.append(held, 0.0)[:, None],
+    )
 
 
 @pytest.mark.parametrize("inverse", ["pseudo", "weighted"])
@@ -155,8 +162,8 @@ def test_the_mean_gain_is_the_one_of_the_law() -> None:
 def test_without_saturation_the_gain_goes_on_as_within_the_layer() -> None:
     y, held = a_record()
     one = bank(True)
-    state = one.init([0.0, 0.0], 0.5, u=held[:1])
-    wide = run_hybrid(one, LAW, LAW, state, y, held, unsaturated=np.array([PSI]))
+    state, inputs = one.init([0.0, 0.0], 0.5, u=held[:1]), np.append(held, 0.0)[:, None]
+    wide = run_hybrid(one, LAW, LAW, state, y, inputs, unsaturated=np.array([PSI]))
     assert np.abs(wide.innovation).max() > PSI  # some of them lie outside
     for j in range(2):
         left, total = 0.0, 0.0
@@ -171,8 +178,8 @@ def test_without_saturation_the_gain_goes_on_as_within_the_layer() -> None:
 def test_a_bank_that_leaves_the_floats_ends_there() -> None:
     y, held = a_record()
     one = bank(True)
-    state = one.init([0.0, 0.0], 0.5, u=held[:1])
-    lost = run_hybrid(one, LAW, LAW, state, y, held, unsaturated=np.array([1e-3]))
+    state, inputs = one.init([0.0, 0.0], 0.5, u=held[:1]), np.append(held, 0.0)[:, None]
+    lost = run_hybrid(one, LAW, LAW, state, y, inputs, unsaturated=np.array([1e-3]))
     assert 0 < len(lost.probability) < len(y)
     assert np.isfinite(lost.probability).all()
 

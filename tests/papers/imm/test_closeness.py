@@ -25,12 +25,12 @@ from reobserve.papers.imm.detectors import (
     threshold,
     unmixed_log_odds,
 )
+from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, modes
 from reobserve.papers.imm.setup import run as run_bank
 from reobserve.papers.imm.study_closeness import Grid, alarm_time, driven
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import read_job
-from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.systems.linear import LinearModel
 from tests.papers.imm.test_paper import Tree, ledger, record
 
@@ -179,20 +179,20 @@ def test_distances_are_those_of_the_innovations() -> None:
     assert isinstance(normal, KalmanFilter)
     measured, held = noisy()
     found = distances(rest_likelihoods(one, 800), likelihoods(one, 0, measured, held))
-    state = normal.init(np.zeros(5), one[1].initial_covariance, u=held[:1])
-    belief = normal.predict(state.belief, held[:1])
+    state = normal.init(np.zeros(5), one[1].initial_covariance, u=[held[0], 0.0])
+    belief = normal.predict(state.belief, [held[0], 0.0])
     for k in range(40):
-        told = normal.correct(belief, measured[k], held[k : k + 1])
+        told = normal.correct(belief, measured[k], [held[k + 1], held[k]])
         wanted = told.innovation @ np.linalg.solve(told.innovation_covariance, told.innovation)
         assert found[k] == pytest.approx(wanted, rel=1e-6, abs=1e-8), k
-        belief = normal.predict(told.belief, held[k + 1 : k + 2])
+        belief = normal.predict(told.belief, [held[k + 1], held[k]])
 
 
 def test_noise_of_the_states_has_the_covariance_of_the_model_at_rest() -> None:
     A, H = np.array([[0.8, 0.1], [-0.2, 0.7]]), np.array([[1.0, 0.3]])
     one, other = (
         LinearModel(
-            sign * A, np.zeros((2, 1)), H, 1.0, 1.0, sampling_period=1.0, unusual=True
+            sign * A, np.zeros((2, 1)), H, Q=1.0, R=1.0, sampling_period=1.0, unusual=True
         ).arrays
         for sign in (1, -1)
     )

@@ -22,6 +22,7 @@ from reobserve.replication.evaluation import evaluate
 from reobserve.replication.metrics.metrics import lookup
 from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import (
+    left_limit,
     motion_model,
     ripple,
     run_over,
@@ -40,11 +41,11 @@ MU = np.array([0.6, 0.3, 0.1])
 NORMAL, MOTION = velocity_model("normal"), motion_model("normal")
 STICKY = 0.023 * np.ones((3, 3)) + 0.931 * np.eye(3)  # p_ii = 0.954
 THIRDS = np.full(3, 1 / 3)
-FULL = LinearModel([[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], np.eye(2), 0.01, 0.1)
+FULL = LinearModel([[0.9, 0.2], [-0.1, 0.8]], [[0.1], [0.3]], np.eye(2), Q=0.01, R=0.1)
 
 
 def scalar(H: float = 1.0, Q: float = 0.0, A: float = 1.0) -> LinearModel:
-    return LinearModel([[A]], np.empty((1, 0)), [[H]], Q, 1.0)
+    return LinearModel([[A]], np.empty((1, 0)), [[H]], Q=Q, R=1.0)
 
 
 # --- (8): the sum ends at j, must end at r ------------------------------------------------------
@@ -119,7 +120,7 @@ def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() ->
         np.zeros(5) + gain @ e
     found = smooth(MOTION, 1.0).init(np.zeros(5), 1.0).belief
     told = smooth(MOTION, 1.0).correct(found, e, [0.0])
-    expected = np.linalg.pinv(MOTION.arrays.H) @ gain @ e
+    expected = np.linalg.pinv(MOTION.arrays.C) @ gain @ e
     assert told.belief.mean == pytest.approx(expected, rel=1e-13)
 
 
@@ -261,13 +262,16 @@ def test_the_bias_of_the_kalman_filter_is_that_of_its_steady_gain() -> None:
 
 
 def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one() -> None:
-    # What is left out is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one.
-    u = square_wave(200, 20)
+    # What is left out is h1 u: 27.03 for the normal actuator, 2.34 for the leaky one. The input of
+    # the step before stands in the measurements, which are limits from the left.
+    wave = square_wave(200, 20)
+    u = np.hstack([wave, np.vstack([wave[:1], wave[:-1]])])
     noise = np.array([0.01, 0.2, 8.0]) * ripple(200, 3)
-    z = simulated(MOTION, u) + noise
+    z = simulated(left_limit(MOTION), u) + noise
     found = []
     for feedthrough in (True, False):
-        models = [motion_model(mode, feedthrough) for mode in ("normal", "friction", "leakage")]
+        modes = ("normal", "friction", "leakage")
+        models = [left_limit(motion_model(mode, feedthrough)) for mode in modes]
         bank = IMM([KalmanFilter(replace(model, R=[1e-4, 0.04, 64.0])) for model in models], STICKY)
         run = run_over(bank, z, u, np.zeros(5), 0.01)
         found.append(run["probability"][50:, 0].mean())
@@ -281,7 +285,7 @@ def test_without_feedthrough_a_bank_takes_the_normal_actuator_for_a_broken_one()
 @pytest.mark.parametrize("e", [0.2, 3.0, -3.0])
 def test_4_in_16_multiplies_by_the_innovation_twice(e: float) -> None:
     correction = abs(e) * np.clip(e / 0.1, -1, 1)  # (4) without memory
-    one = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], 0.0, 1.0)
+    one = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=0.0, R=1.0)
     smooth = SmoothVariableStructureFilter(one, 0.1, 0.0)
     told = smooth.correct(smooth.init([0.0], 1.0).belief, [e])
     assert told.belief.mean == pytest.approx([correction]), "(5): K alone is added"

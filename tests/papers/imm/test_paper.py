@@ -232,8 +232,10 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
     filters: list[Any] = []
     for mode in MODES:
         one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 150.0)
-        noise = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
-        model = LinearModel(one.A, one.B, one.H, *noise, one.D, sampling_period=found.step)
+        Q, R = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
+        # Inputs are u from each row on, which moves the state, and u up to it, which is measured.
+        B, D = np.pad(one.B, ((0, 0), (0, 1))), np.pad(one.D, ((0, 0), (1, 0)))
+        model = LinearModel(one.A, B, one.C, D, Q, R, sampling_period=found.step)
         if body["algorithm"] == "kalman":
             filters.append(KalmanFilter(model))
         else:
@@ -243,7 +245,8 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
     chain = [[0.97, off, off], [off, 0.97, off], [off, off, 0.97]]
     bank = IMM(filters, chain)
     columns = [MOTION.index(name) for name in REALISATIONS[body["realisation"]]]
-    z, u = found["measured"][:, columns], found["input"][:, None]
+    z, control = found["measured"][:, columns], found["input"]
+    u = np.column_stack([control, np.append(0.0, control[:-1])])
     start = bank.init(np.zeros(filters[0].model.states), 0.5, u=u[0])
     return bank, bank.run(z[1:], u[1:], state=start)
 

@@ -39,7 +39,7 @@ def stated() -> dict[tuple[str, str], float]:
 
 
 def scalar(A: float, Q: float, R: float) -> LinearModel:
-    return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q, R)
+    return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q=Q, R=R)
 
 
 # --- The full correction ------------------------------------------------------------------------

@@ -80,7 +80,7 @@ BAD_CALLS: dict[str, tuple[dict[str, Any], str]] = {
     "gain": ({"gain": "jac"}, r"gain: 'jac' must be one of series, jacobian, composed"),
     "step": ({"sampling_period": 0}, r"sampling_period: 0 must be greater than zero"),
     "expression": ({"dynamics": ["x2", "-sqrt(x1)"]}, r"dynamics\[1\]: sqrt\(x1\) has no Taylor"),
-    "unknown symbol": ({"output": ["c*x1"]}, r"output\[0\]: c holds c, which has no value"),
+    "unknown symbol": ({"output": ["c*x1"]}, r"output\[0\]: holds c, which has no value"),
 }  # fmt: skip
 
 

@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 from sympy import QQ
 
 from reobserve.core.errors import InputError
+from reobserve.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
-from reobserve.synthesis.normal_form.lie_transform import lie_transform
 from reobserve.synthesis.normal_form.resonance import in_poincare_domain
 from reobserve.synthesis.normal_form.solver import solver_for
 from tests.synthesis.normal_form.systems import (

@@ -13,13 +13,13 @@ from sympy import QQ
 from sympy.polys.rings import PolyElement, ring
 from sympy.polys.solvers import solve_lin_sys
 
+from reobserve.papers.lie.lie_transform import lie_transform
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form import homological
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
-from reobserve.synthesis.normal_form.lie_transform import lie_transform
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import solver_for
 from tests.synthesis.normal_form.systems import (

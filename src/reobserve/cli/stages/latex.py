@@ -7,7 +7,7 @@ from pathlib import Path
 from reobserve.core.errors import InputError
 from reobserve.core.files import SCORE, read_rows, read_text, write_text
 from reobserve.plotting.latex import booktabs, latex, latex_number
-from reobserve.plotting.latex_captions import caption_in_latex
+from reobserve.replication.latex_captions import caption_in_latex
 from reobserve.replication.metrics.metrics import HEADER, read_metrics
 from reobserve.replication.report.files import by_observer
 

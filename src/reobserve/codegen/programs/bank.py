@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.codegen.expressions import Name, Number, Outer, call
+from reobserve.codegen.expressions import Name, Number, call, outer
+from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.codegen.programs import linear
-from reobserve.codegen.programs.linear import Matrices, Switching
-from reobserve.codegen.statements import ONE, ZERO, Program
+from reobserve.codegen.programs.linear import Matrices
 from reobserve.core.errors import InputError
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.imm_loop import LEAST
@@ -24,51 +24,51 @@ def bank(observer: IMM, state: State) -> Program:
     first, r = filters[0].model, len(filters)
     n, p = first.states, first.outputs
     program = Program("Interacting multiple model", first.outputs, first.inputs)
-    models, law = _constants(program, filters)
-    chain = program.constant("Chain", observer.transition, r"\Pi", gain=True)
-    means = program.remember("means", state.means, r"\hat x")
-    spreads = program.remember("spreads", state.covariances, "P")
-    errors = None
-    if law is not None:
-        errors = program.remember("errors", state.errors, "e^+")
+    models = _models(program, filters)
+    svsf = [one for one in filters if isinstance(one, SmoothVariableStructureFilter)]
+    switching = linear.switching_constants(program, svsf, bank=True) if svsf else None
+    chain = program.constant("Chain", observer.transition)
+    means = program.remember("means", state.means)
+    covariances = program.remember("covariances", state.covariances)
+    errors = program.remember("errors", state.errors) if svsf else None
     logarithms = np.maximum(state.log_probabilities, _LEAST)
-    chances = program.remember("log_chance", logarithms, r"\log\mu")
-    held = linear.remember_inputs(program, first, state)
-    foretold = program.local("log_foretold", (r,), r"\log c")
-    program.let(foretold, chances)
-    j: str
-    with program.when("started == 1", "k > 0"):
-        weights = _mixing(program, chain, chances, foretold)
+    log_mu = program.remember("log_mu", logarithms)
+    inputs = linear.Inputs(program, first, state)
+    predicted = program.let(program.local("log_predicted", (r,)), log_mu)
+    with inputs.moves():
+        weights = _mixing(program, chain, log_mu, predicted)
         if observer.mixing:
-            _interact(program, weights, means, spreads)
+            _interact(program, weights, means, covariances)
         with program.for_each("mode", r) as j:
             m = _mode(models, j)
-            program.let(means[j], linear.move(m, means[j], held))
-            program.let(spreads[j], linear.spread(m, spreads[j]), symmetric=True)
-    linear.start(program, held)
-    told = program.local("told", (r,), r"\ell")
-    innovations = program.local("innovations", (r, p), "e_j")
+            program.let(means[j], linear.predicted_mean(m, means[j], inputs.held))
+            program.let(
+                covariances[j], linear.predicted_covariance(m, covariances[j]), symmetric=True
+            )
+    likelihoods = program.local("likelihoods", (r,))
+    innovations = program.local("innovations", (r, p))
     with program.for_each("mode", r) as j:
-        own = None if errors is None else errors[j]
-        x, P = means[j], spreads[j]
-        linear.correct(program, _mode(models, j), x, P, held, _own_law(law, j), own)
-        program.let(told[j], Name("log_likelihood"))
-        with program.hidden():
-            program.let(innovations[j], Name("e", (p,)))
-            with program.for_each("row", p), program.when("seen[row] < 0.5"):
-                program.let(innovations[j, "row"], Name("NAN"))
-    whole = _update(program, foretold, told, chances)
-    mu = program.local("mu", (r,), r"\mu")
+        e, log_likelihood = linear.correct(
+            program, _mode(models, j), means[j], covariances[j],
+            None if switching is None else switching.of(j), None if errors is None else errors[j],
+        )  # fmt: skip
+        program.let(likelihoods[j], log_likelihood)
+        program.let(innovations[j], e)
+        with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
+            program.let(innovations[j, row], Name("NAN"))
+    whole = _update(program, predicted, likelihoods, log_mu)
+    mu = program.local("mu", (r,))
     with program.for_each("mode", r) as j:
-        program.let(mu[j], call("exp", chances[j]))
-    x, P = _combined(program, mu, means, spreads, n)
+        program.let(mu[j], call("exp", log_mu[j]))
+    x, P = program.local("x", (n,)), program.local("P", (n, n))
+    _combine(program, mu, means, covariances, x, P)
     program.estimate("state", x)
-    program.estimate("variance", linear.diagonal(program, P, n))
+    program.estimate("variance", linear.diagonal(program, P))
     program.estimate("covariance", P)
     program.estimate("probability", mu)
     program.estimate("innovation", innovations)
     program.estimate("log_likelihood", whole)
-    linear.remember_row(program, held)
+    inputs.keep()
     return program
 
 
@@ -84,149 +84,110 @@ def _filters(observer: IMM) -> list[LinearFilter]:
     return list(found)
 
 
-def _constants(program: Program, filters: list[LinearFilter]) -> tuple[Matrices, Switching | None]:
-    """The matrices of all modes, one behind the other, and the laws of SVSFs."""
+def _models(program: Program, filters: list[LinearFilter]) -> dict[str, Name]:
+    """The matrices of all modes, one behind the other; no B or D where all are zero."""
     stacks = {
         name: np.array([getattr(one.model.arrays, name) for one in filters])
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
     }
-    names = {
+    return {
         name: program.constant(name, stack)
         for name, stack in stacks.items()
         if name not in "BD" or stack.any()
     }
-    models = Matrices(
-        names["A"], names.get("B"), names["H"], names.get("D"), names["Q"], names["R"]
-    )
-    switching = [one for one in filters if isinstance(one, SmoothVariableStructureFilter)]
-    if not switching:
-        return models, None
-    memory = program.constant("memory_rate", [s.memory for s in switching], r"\gamma", gain=True)
-    layer = program.constant("layer", [s.boundary_layer for s in switching], r"\psi", gain=True)
-    if switching[0].inverse == "weighted":
-        return models, Switching(memory, layer, None)
-    inverses = np.array([np.linalg.pinv(s.model.arrays.H) for s in switching])
-    return models, Switching(memory, layer, program.constant("H_inverse", inverses, "H^+"))
 
 
-def _mode(models: Matrices, j: str) -> Matrices:
-    parts = (models.A, models.B, models.H, models.D, models.Q, models.R)
-    A, B, H, D, Q, R = (None if part is None else part[j] for part in parts)
-    assert A is not None
-    assert H is not None
-    return Matrices(A, B, H, D, Q, R)
+def _mode(models: dict[str, Name], j: str) -> Matrices:
+    own = {name: whole[j] for name, whole in models.items()}
+    return Matrices(own["A"], own.get("B"), own["C"], own.get("D"), own["Q"], own["R"])
 
 
-def _own_law(law: Switching | None, j: str) -> Switching | None:
-    if law is None:
-        return None
-    inverse = None if law.inverse is None else law.inverse[j]
-    return Switching(law.memory[j], law.layer[j], inverse)
-
-
-def _mixing(program: Program, chain: Name, chances: Name, foretold: Name) -> Name:
+def _mixing(program: Program, chain: Name, log_mu: Name, predicted: Name) -> Name:
     """Weights mu(i|j), j along columns, and log c_j; a mode that none reaches keeps to itself."""
-    r = chances.shape[0]
-    weights = program.local("weights", (r, r), r"\omega")
-    total = program.local("total_chance", (), "c")
+    r = log_mu.shape[0]
+    weights = program.local("weights", (r, r))
+    total = program.local("total_probability")
     with program.for_each("mode", r) as j:
+        # c_j = sum over i of Pi_ij mu_i
         program.let(total, ZERO)
         with program.for_each("other", r) as i:
-            program.let(weights[i, j], chain[i, j] * call("exp", chances[i]))
+            program.let(weights[i, j], chain[i, j] * call("exp", log_mu[i]))
             program.let(total, total + weights[i, j])
-        with program.when(f"total_chance > {LEAST!r}", r"c_j > 0") as otherwise:
-            program.let(foretold[j], call("log", total))
-        with program.otherwise(otherwise), program.hidden():
-            _unlikely(program, chain, chances, foretold, weights)
+        with program.when(f"{total} > {LEAST!r}"):
+            program.let(predicted[j], call("log", total))
+        with program.otherwise():
+            _unlikely(program, chain, log_mu, predicted, weights, total)
         with program.for_each("other", r) as i:
             program.let(weights[i, j], weights[i, j] / total)
     return weights
 
 
-def _unlikely(program: Program, chain: Name, chances: Name, foretold: Name, weights: Name) -> None:
+def _unlikely(
+    program: Program, chain: Name, log_mu: Name, predicted: Name, weights: Name, total: Name
+) -> None:
     """The same for a mode so unlikely that its probability is no number: by the largest."""
-    r = chances.shape[0]
-    total = Name("total_chance")
-    greatest = program.local("greatest", (), "g")
-    program.let(greatest, Number(_LEAST))
-    with program.for_each("other", r) as i, program.when("Chain[other][mode] > 0.0"):
-        program.let(weights[i, "mode"], call("log", chain[i, "mode"]) + chances[i])
-        program.let(greatest, call("fmax", greatest, weights[i, "mode"]))
+    r, j = log_mu.shape[0], "mode"
+    largest = program.let(program.local("largest"), Number(_LEAST))
+    with program.for_each("other", r) as i, program.when(f"{chain[i, j]} > 0.0"):
+        program.let(weights[i, j], call("log", chain[i, j]) + log_mu[i])
+        program.let(largest, call("fmax", largest, weights[i, j]))
     program.let(total, ZERO)
     with program.for_each("other", r) as i:
-        with program.when("Chain[other][mode] > 0.0") as none:
-            program.let(weights[i, "mode"], call("exp", weights[i, "mode"] - greatest))
-        with program.otherwise(none):
-            program.let(weights[i, "mode"], ZERO)
-        with program.when(f"greatest <= {_LEAST!r}"):
-            program.let(weights[i, "mode"], ZERO)
-        program.let(total, total + weights[i, "mode"])
-    with program.when(f"greatest <= {_LEAST!r}"):
-        program.let(weights["mode", "mode"], ONE)
+        with program.when(f"{chain[i, j]} > 0.0 && {largest} > {_LEAST!r}"):
+            program.let(weights[i, j], call("exp", weights[i, j] - largest))
+        with program.otherwise():
+            program.let(weights[i, j], ZERO)
+        program.let(total, total + weights[i, j])
+    with program.when(f"{largest} <= {_LEAST!r}"):
+        program.let(weights[j, j], ONE)
         program.let(total, ONE)
-    program.let(foretold["mode"], call("fmax", greatest + call("log", total), _LEAST))
+    program.let(predicted[j], call("fmax", largest + call("log", total), _LEAST))
 
 
-def _interact(program: Program, weights: Name, means: Name, spreads: Name) -> None:
+def _interact(program: Program, weights: Name, means: Name, covariances: Name) -> None:
     """Mixed means and covariances, in the place of the filters' own."""
     r, n = means.shape
-    mixed = program.local("mixed", (r, n), r"\bar x")
-    spread = program.local("mixed_spread", (r, n, n), r"\bar P")
-    apart = program.local("apart", (n,), r"\delta")
+    mixed, mixed_covariances = program.local("mixed", (r, n)), program.local("mixed_P", (r, n, n))
     with program.for_each("mode", r) as j:
-        program.let(mixed[j], Number(0.0, (n,)))
-        with program.for_each("other", r) as i:
-            program.let(mixed[j], mixed[j] + weights[i, j] * means[i])
-        program.let(spread[j], Number(0.0, (n, n)))
-        with program.for_each("other", r) as i:
-            program.let(apart, means[i] - mixed[j])
-            more = weights[i, j] * (spreads[i] + Outer(apart, apart))
-            program.let(spread[j], spread[j] + more)
-    with program.for_each("mode", r) as j:
-        program.let(means[j], mixed[j])
-        program.let(spreads[j], spread[j])
+        _combine(program, weights, means, covariances, mixed[j], mixed_covariances[j], j)
+    program.let(means, mixed)
+    program.let(covariances, mixed_covariances)
 
 
-def _update(program: Program, foretold: Name, told: Name, chances: Name) -> Name:
+def _update(program: Program, predicted: Name, likelihoods: Name, log_mu: Name) -> Name:
     """Probabilities after the measurement; its log-likelihood over all modes."""
-    r = chances.shape[0]
-    greatest = program.local("greatest", (), r"g")
-    total = program.local("total_chance", ())
-    whole = program.local("whole", (), r"\ell")
-    with program.hidden():
-        program.let(greatest, Number(_LEAST))
-    program.let(total, ZERO)
-    program.notes.append(r"$g$ starts from $-\infty$.")
+    r = log_mu.shape[0]
+    largest = program.let(program.local("largest"), Number(_LEAST))
+    total = program.let(program.local("total_probability"), ZERO)
+    whole = program.local("whole")
     with program.for_each("mode", r) as j:
-        program.let(chances[j], foretold[j] + told[j])
-        program.let(greatest, call("fmax", greatest, chances[j]))
+        program.let(log_mu[j], predicted[j] + likelihoods[j])
+        program.let(largest, call("fmax", largest, log_mu[j]))
     with program.for_each("mode", r) as j:
-        program.let(total, total + call("exp", chances[j] - greatest))
-    program.let(whole, greatest + call("log", total))
+        program.let(total, total + call("exp", log_mu[j] - largest))
+    program.let(whole, largest + call("log", total))
     with program.for_each("mode", r) as j:
-        program.let(chances[j], chances[j] - whole)
-        with program.hidden():
-            program.let(chances[j], call("fmax", chances[j], _LEAST))
-    with program.hidden():  # over a row that says nothing there is no likelihood
-        program.let(greatest, ZERO)
-        with program.for_each("row", program.measurements):
-            program.let(greatest, greatest + Name("seen")["row"])
-        with program.when("greatest < 0.5"):
-            program.let(whole, ZERO)
+        program.let(log_mu[j], call("fmax", log_mu[j] - whole, _LEAST))
+    # over a row without measurements there is no likelihood
+    valid = program.let(program.local("measured"), ZERO)
+    with program.for_each("row", program.measurements) as row:
+        program.let(valid, valid + Name("valid")[row])
+    with program.when(f"{valid} < 0.5"):
+        program.let(whole, ZERO)
     return whole
 
 
-def _combined(program: Program, mu: Name, means: Name, spreads: Name, n: int) -> tuple[Name, Name]:
-    r = mu.shape[0]
-    x, P = program.local("x", (n,), r"\hat x"), program.local("P", (n, n))
-    apart = Name("apart", (n,))
-    program.locals["apart"] = (n,)
-    program.symbols.setdefault("apart", r"\delta")
-    program.let(x, Number(0.0, (n,)))
-    with program.for_each("mode", r) as j:
-        program.let(x, x + mu[j] * means[j])
-    program.let(P, Number(0.0, (n, n)))
-    with program.for_each("mode", r) as j:
-        program.let(apart, means[j] - x)
-        program.let(P, P + mu[j] * (spreads[j] + Outer(apart, apart)))
-    return x, P
+def _combine(
+    program: Program, weights: Name, means: Name, covariances: Name, x: Name, P: Name, *to: str
+) -> None:
+    """The mean and the covariance of a mixture: of the modes, or of what is mixed ``to`` one."""
+    apart = program.local("apart", x.shape)
+    # x = sum of w_i x_i
+    program.let(x, Number(0.0, x.shape))
+    with program.for_each("other", means.shape[0]) as i:
+        program.let(x, x + weights[(i, *to)] * means[i])
+    # P = sum of w_i (P_i + (x_i - x) (x_i - x)')
+    program.let(P, Number(0.0, P.shape))
+    with program.for_each("other", means.shape[0]) as i:
+        program.let(apart, means[i] - x)
+        program.let(P, P + weights[(i, *to)] * (covariances[i] + outer(apart, apart)))

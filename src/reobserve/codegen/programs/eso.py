@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from reobserve.codegen.programs.sampling import Rows, tell_part
-from reobserve.codegen.statements import Program
+from reobserve.codegen.program import Program
+from reobserve.codegen.programs.sampling import Rows
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 
 
 def extended_state(observer: ExtendedStateObserver, state: State | None) -> Program:
-    """Its exact sampling, for y in straight lines and u held."""
+    """Its exact discretisation, for y in straight lines and u held."""
     system = observer.system
     begun = observer.init() if state is None else state
     p, m, size = system.outputs, observer.inputs, system.size
@@ -21,27 +21,24 @@ def extended_state(observer: ExtendedStateObserver, state: State | None) -> Prog
         for first in (p + size + place * (p + m) for place in range(3))
     )
     # A straight line has its mean in the middle, and what is held its value.
-    Phi = program.constant("Phi", weights[:, : p + size], r"\Phi", gain=True)
-    before = program.constant("Gamma_0", start[:, :p] + 0.5 * middle[:, :p], r"\Gamma_0", gain=True)
-    after = program.constant("Gamma_1", end[:, :p] + 0.5 * middle[:, :p], r"\Gamma_1", gain=True)
+    Phi = program.constant("Phi", weights[:, : p + size])
+    before = program.constant("Gamma_0", start[:, :p] + 0.5 * middle[:, :p])
+    after = program.constant("Gamma_1", end[:, :p] + 0.5 * middle[:, :p])
     rows = Rows(program, begun)
+    # z: filter of the measurements, states, filtered measurements, faults of actuators and sensors
     z = program.remember("z", np.concatenate([begun.filtered, begun.estimate]))
     value = Phi @ z + before @ rows.y_before + after @ program.y
     if rows.u_before is not None:
         held = start[:, p:] + end[:, p:] + middle[:, p:]
-        value = value + program.constant("Gamma_u", held, r"\Gamma_u", gain=True) @ rows.u_before
+        value = value + program.constant("Gamma_u", held) @ rows.u_before
     with rows.moves():
         program.let(z, value)
     n, r = system.states, system.Fa.shape[1]
     ends = np.cumsum([p, n, p, r, system.Fs.shape[1]])
     spans = {"state": (ends[0], ends[1]), "actuator_fault": (ends[2], ends[3])}
     spans["sensor_fault"] = (ends[3], ends[4])
-    program.notes.append(
-        f"In $z$ stand the filter of the measurements, {p}, then estimates: states, {n}, filtered "
-        f"measurements, {p}, actuator faults and sensor faults"
-    )
     for name, (first, last) in spans.items():
         if last > first:
-            tell_part(program, name, z, int(first), int(last))
+            program.estimate_part(name, z, int(first), int(last))
     rows.keep()
     return program

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from reobserve.codegen.expressions import Expression, Name, call
-from reobserve.codegen.programs.sampling import tell_part
-from reobserve.codegen.statements import ONE, ZERO, Program
+from reobserve.codegen.program import ONE, ZERO, Program
 from reobserve.core.matrices import as_row
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import ObserverState
@@ -27,7 +29,7 @@ class Matrices:
 
     A: Name
     B: Name | None
-    H: Name
+    C: Name
     D: Name | None
     Q: Name | None
     R: Name | None
@@ -38,179 +40,179 @@ def matrices(program: Program, model: LinearModel, *, noise: bool = True) -> Mat
     arrays = model.arrays
     names = {
         name: program.constant(name, getattr(arrays, name))
-        for name in ("A", "B", "H", "D", "Q", "R")
+        for name in ("A", "B", "C", "D", "Q", "R")
         if (noise or name not in "QR") and (name not in "BD" or getattr(arrays, name).any())
     }
     return Matrices(
-        names["A"], names.get("B"), names["H"], names.get("D"), names.get("Q"), names.get("R")
+        names["A"], names.get("B"), names["C"], names.get("D"), names.get("Q"), names.get("R")
     )
 
 
+class Inputs:
+    """The input of the row before, which for the first row is its own."""
+
+    def __init__(self, program: Program, model: LinearModel, state: ObserverState) -> None:
+        self.program, sample = program, state.sample
+        self.started = program.counter("started", 0 if sample is None else 1)
+        self.held: Name | None = None
+        if model.inputs:
+            last = np.zeros(model.inputs) if sample is None else sample[model.outputs :]
+            self.held = program.remember("held", as_row("u", last)[0])
+
+    @contextmanager
+    def moves(self) -> Iterator[None]:
+        """The step to a row that is not the first."""
+        program = self.program
+        with program.when(f"{self.started} == 1"):
+            yield
+        if self.held is not None:
+            with program.when(f"{self.started} == 0"):
+                program.let(self.held, program.u)
+        program.line(f"{self.started} = 1;")
+
+    def keep(self) -> None:
+        """The input of this row, for the next."""
+        if self.held is not None:
+            self.program.let(self.held, self.program.u)
+
+
 def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
-    """x <- A x + B u, x <- x + L (y - H x - D u)."""
+    """x <- A x + B u, x <- x + L (y - C x - D u)."""
     model = observer.model
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
     m = matrices(program, model, noise=False)
-    L = program.constant("L", observer.gain, gain=True)
-    x = program.remember("x", state.belief.mean, r"\hat x")
-    held = remember_inputs(program, model, state)
-    with program.when("started == 1", "k > 0"):
-        program.let(x, move(m, x, held))
-    start(program, held)
-    e, _ = foretell_error(program, m, x, held)
+    L = program.constant("L", observer.gain)
+    x = program.remember("x", state.belief.mean)
+    inputs = Inputs(program, model, state)
+    with inputs.moves():
+        program.let(x, predicted_mean(m, x, inputs.held))
+    e, _ = innovation(program, m, x)
     program.let(x, x + L @ e)
-    tell_innovation(program, e)
+    estimate_innovation(program, e)
     program.estimate("state", x)
-    remember_row(program, held)
+    inputs.keep()
     return program
 
 
 def kalman(observer: KalmanFilter, state: State) -> Program:
     """The filter with its covariance."""
-    program = Program("Kalman filter", observer.model.outputs, observer.model.inputs)
-    _filter(program, observer.model, state, None)
-    return program
+    return _filter("Kalman filter", observer.model, state)
 
 
 def augmented(observer: AugmentedKalmanFilter, state: State) -> Program:
     """The Kalman filter of the state and the unknown inputs, which are told apart."""
-    whole, n = observer._kalman, observer.model.states
     title = "Kalman filter with unknown inputs"
-    program = Program(title, whole.model.outputs, whole.model.inputs)
-    _filter(program, whole.model, state, None, split=n)
-    return program
+    return _filter(title, observer._kalman.model, state, split=observer.model.states)
 
 
 def smooth(observer: SmoothVariableStructureFilter, state: State) -> Program:
     """The SVSF with its covariance."""
-    model = observer.model
-    program = Program("Smooth variable structure filter", model.outputs, model.inputs)
-    _filter(program, model, state, observer)
-    return program
+    return _filter("Smooth variable structure filter", observer.model, state, observer)
 
 
 def _filter(
-    program: Program,
+    title: str,
     model: LinearModel,
     state: State,
-    switching: SmoothVariableStructureFilter | None,
+    svsf: SmoothVariableStructureFilter | None = None,
     split: int = 0,
-) -> None:
+) -> Program:
+    program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
-    law = None if switching is None else switching_constants(program, switching)
-    x = program.remember("x", state.belief.mean, r"\hat x")
+    switching = None if svsf is None else switching_constants(program, [svsf])
+    x = program.remember("x", state.belief.mean)
     P = program.remember("P", state.belief.covariance)
-    error = program.remember("error", state.belief.error, "e^+") if law else None
-    held = remember_inputs(program, model, state)
-    with program.when("started == 1", "k > 0"):
-        program.let(x, move(m, x, held))
-        program.let(P, spread(m, P), symmetric=True)
-    start(program, held)
-    seen_error = correct(program, m, x, P, held, law, error)
-    tell_innovation(program, seen_error)
-    variance = diagonal(program, P, model.states)
+    error = program.remember("error", state.belief.error) if switching else None
+    inputs = Inputs(program, model, state)
+    with inputs.moves():
+        program.let(x, predicted_mean(m, x, inputs.held))
+        program.let(P, predicted_covariance(m, P), symmetric=True)
+    e, log_likelihood = correct(program, m, x, P, switching, error)
+    estimate_innovation(program, e)
+    variance = diagonal(program, P)
+    program.estimate_part("state", x, 0, split or n)
+    program.estimate_part("variance", variance, 0, split or n)
     if split:
-        for prefix, first, last in (("", 0, split), ("unknown_input", split, model.states)):
-            tell_part(program, prefix or "state", x, first, last)
-            tell_part(program, f"{prefix}_variance".lstrip("_"), variance, first, last)
-    else:
-        program.estimate("state", x)
-        program.estimate("variance", variance)
-    program.estimate("log_likelihood", Name("log_likelihood"))
-    remember_row(program, held)
+        program.estimate_part("unknown_input", x, split, n)
+        program.estimate_part("unknown_input_variance", variance, split, n)
+    program.estimate("log_likelihood", log_likelihood)
+    inputs.keep()
+    return program
 
 
-def diagonal(program: Program, P: Name, size: int) -> Name:
+def diagonal(program: Program, P: Name) -> Name:
     """The variances of a covariance."""
-    variance = program.local("spread_of", (size,), r"\operatorname{diag} P")
-    with program.hidden(), program.for_each("row", size) as row:
+    variance = program.local("variances", P.shape[:1])
+    with program.for_each("row", P.shape[0]) as row:
         program.let(variance[row], P[row, row])
     return variance
 
 
-def move(m: Matrices, x: Name, held: Name | None) -> Expression:
+def predicted_mean(m: Matrices, x: Name, held: Name | None) -> Expression:
     """A x + B u."""
     return m.A @ x if held is None or m.B is None else m.A @ x + m.B @ held
 
 
-def spread(m: Matrices, P: Name) -> Expression:
+def predicted_covariance(m: Matrices, P: Name) -> Expression:
     """A P A' + Q."""
     assert m.Q is not None
     return m.A @ P @ m.A.T + m.Q
 
 
-def remember_inputs(program: Program, model: LinearModel, state: ObserverState) -> Name | None:
-    """The counter that tells the first row, and the input of the row before."""
-    program.counter("started", 0 if state.sample is None else 1)
-    if not model.inputs:
-        return None
-    last = np.zeros(model.inputs) if state.sample is None else state.sample[model.outputs :]
-    return program.remember("held", as_row("u", last)[0], "u_{k-1}")
-
-
-def start(program: Program, held: Name | None) -> None:
-    """Of the first row the own input stands for the one before it."""
-    with program.hidden():
-        if held is not None:
-            with program.when("started == 0"):
-                program.let(held, program.u)
-        program.set_counter(Name("started"), 1)
-
-
-def remember_row(program: Program, held: Name | None) -> None:
-    """The input of this row, for the next."""
-    if held is not None:
-        with program.hidden():
-            program.let(held, program.u)
-
-
-def foretell_error(program: Program, m: Matrices, x: Name, held: Name | None) -> tuple[Name, Name]:
+def innovation(program: Program, m: Matrices, x: Name) -> tuple[Name, Name]:
     """The innovation, zero where a measurement is missing, and ones where it is not."""
     p = program.measurements
-    e = program.local("e", (p,))
-    program.let(e, _error(program, m, x, held))
-    seen = program.local("seen", (p,))
-    with program.hidden(), program.for_each("row", p) as row:
-        program.let(seen[row], ONE)
-        with program.when(f"isnan(e[{row}])"):
-            program.let(seen[row], ZERO)
+    e = program.let(program.local("e", (p,)), _error(program, m, x))
+    valid = program.local("valid", (p,))
+    with program.for_each("row", p) as row:
+        program.flag(valid[row], f"!isnan({e[row]})")
+        with program.when(f"{valid[row]} < 0.5"):
             program.let(e[row], ZERO)
-    program.notes.append("A measurement that is missing, nan, corrects nothing.")
-    return e, seen
+    return e, valid
 
 
-def _error(program: Program, m: Matrices, x: Name, held: Name | None) -> Expression:
-    error = program.y - m.H @ x
-    return error if held is None or m.D is None else error - m.D @ held
+def _error(program: Program, m: Matrices, x: Name) -> Expression:
+    """y - C x - D u."""
+    error = program.y - m.C @ x
+    return error if m.D is None else error - m.D @ program.u
 
 
-def tell_innovation(program: Program, e: Name) -> None:
+def estimate_innovation(program: Program, e: Name) -> None:
     """The innovation as an estimate, nan where it is missing."""
-    told = program.local("innovation", (program.measurements,), "e")
-    with program.hidden():
-        program.let(told, e)
-        with program.for_each("row", program.measurements), program.when("seen[row] < 0.5"):
-            program.let(told["row"], Name("NAN"))
-    program.estimate("innovation", told)
+    out = program.let(program.local("innovation", e.shape), e)
+    with program.for_each("row", program.measurements) as row, program.when("valid[row] < 0.5"):
+        program.let(out[row], Name("NAN"))
+    program.estimate("innovation", out)
 
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """The law of an SVSF: gamma, psi and H^+, or no such inverse where P weighs it."""
+    """The gain function of an SVSF: gamma, psi and C^+, or no such inverse where P weighs it."""
 
-    memory: Name
+    rate: Name
     layer: Name
     inverse: Name | None
 
+    def of(self, mode: str) -> Switching:
+        """That of one mode of a bank."""
+        inverse = None if self.inverse is None else self.inverse[mode]
+        return Switching(self.rate[mode], self.layer[mode], inverse)
 
-def switching_constants(program: Program, observer: SmoothVariableStructureFilter) -> Switching:
-    """Its constants."""
-    memory = program.constant("memory_rate", observer.memory, r"\gamma", gain=True)
-    layer = program.constant("layer", observer.boundary_layer, r"\psi", gain=True)
-    if observer.inverse == "weighted":
-        return Switching(memory, layer, None)
-    inverse = np.linalg.pinv(observer.model.arrays.H)
-    return Switching(memory, layer, program.constant("H_inverse", inverse, "H^+"))
+
+def switching_constants(
+    program: Program, filters: list[SmoothVariableStructureFilter], *, bank: bool = False
+) -> Switching:
+    """Its constants; of a bank, those of all filters, one behind the other."""
+
+    def constant(name: str, values: list[Any]) -> Name:
+        return program.constant(name, values if bank else values[0])
+
+    rate = constant("convergence_rate", [one.memory for one in filters])
+    layer = constant("layer", [one.boundary_layer for one in filters])
+    if filters[0].inverse == "weighted":
+        return Switching(rate, layer, None)
+    inverses = [np.linalg.pinv(one.model.arrays.C) for one in filters]
+    return Switching(rate, layer, constant("H_inverse", inverses))
 
 
 def correct(
@@ -218,72 +220,69 @@ def correct(
     m: Matrices,
     x: Name,
     P: Name,
-    held: Name | None,
-    law: Switching | None,
+    switching: Switching | None,
     error: Name | None,
-) -> Name:
-    """Correct mean and covariance in place; return the innovation."""
+) -> tuple[Name, Name]:
+    """Correct mean and covariance in place; return the innovation and its log-likelihood."""
     assert m.R is not None
     n, p = x.shape[0], program.measurements
-    e, seen = foretell_error(program, m, x, held)
-    C = program.let(program.local("C", (n, p)), P @ m.H.T)
-    S = program.let(program.local("S", (p, p)), m.H @ C + m.R)
-    with program.hidden(), program.for_each("row", p), program.when("seen[row] < 0.5"):
-        with program.for_each("column", p):
-            program.let(S["row", "column"], ZERO)
-            program.let(S["column", "row"], ZERO)
-        program.let(S["row", "row"], ONE)
+    e, valid = innovation(program, m, x)
+    # S = C P C' + R, with a row and column of the identity for what is missing
+    PC = program.let(program.local("PC", (n, p)), P @ m.C.T)
+    S = program.let(program.local("S", (p, p)), m.C @ PC + m.R)
+    with program.for_each("row", p) as row, program.when("valid[row] < 0.5"):
+        with program.for_each("column", p) as column:
+            program.let(S[row, column], ZERO)
+            program.let(S[column, row], ZERO)
+        program.let(S[row, row], ONE)
     L, K = program.local("L", (p, p)), program.local("K", (n, p))
     program.cholesky(L, S)
-    if law is None:
-        program.solve_right(K, C, L)
+    if switching is None:
+        program.solve_right(K, PC, L)  # K = P C' S^-1
     else:
         assert error is not None
-        _switching_gain(program, m, C, e, error, law, K)
-    with program.hidden(), program.for_each("row", n), program.for_each("column", p):
-        program.let(K["row", "column"], K["row", "column"] * seen["column"])
+        _switching_gain(program, m, PC, e, error, switching, K)
+    with program.for_each("row", n) as row, program.for_each("column", p) as column:
+        program.let(K[row, column], K[row, column] * valid[column])
     program.let(x, x + K @ e)
-    # Joseph's form for any gain: T = (I - K H) P, then T (I - K H)' + K R K'.
-    T = program.let(program.local("T", (n, n)), P - K @ C.T)
-    program.let(P, T - (T @ m.H.T - K @ m.R) @ K.T, symmetric=True)
-    _likelihood(program, L, e, seen)
+    # Joseph's form for any gain: T = (I - K C) P, then T (I - K C)' + K R K'.
+    T = program.let(program.local("T", (n, n)), P - K @ PC.T)
+    program.let(P, T - (T @ m.C.T - K @ m.R) @ K.T, symmetric=True)
+    log_likelihood = _log_likelihood(program, L, e, valid)
     if error is not None:
-        after = program.let(program.local("after", (p,), "e^+"), _error(program, m, x, held))
-        with program.hidden(), program.for_each("row", p), program.when("seen[row] > 0.5"):
-            program.let(error["row"], after["row"])
-    return e
+        after = program.let(program.local("after", (p,)), _error(program, m, x))
+        with program.for_each("row", p) as row, program.when("valid[row] > 0.5"):
+            program.let(error[row], after[row])
+    return e, log_likelihood
 
 
 def _switching_gain(
-    program: Program, m: Matrices, C: Name, e: Name, error: Name, law: Switching, K: Name
+    program: Program, m: Matrices, PC: Name, e: Name, error: Name, switching: Switching, K: Name
 ) -> None:
+    """K = C^+ diag((|e| + gamma |e+|) / max(|e|, psi)), C^+ = P C' (C P C')^-1 where weighted."""
     n, p = K.shape
-    if law.inverse is not None:
-        program.let(K, law.inverse)
+    if switching.inverse is not None:
+        program.let(K, switching.inverse)
     else:
-        G = program.let(program.local("G", (p, p)), m.H @ C)
+        G = program.let(program.local("G", (p, p)), m.C @ PC)
         root = program.local("root", (p, p))
         program.cholesky(root, G)
-        program.solve_right(K, C, root)
+        program.solve_right(K, PC, root)
     share = program.local("share", (p,))
     with program.for_each("row", p) as row:
         size = call("fabs", e[row])
-        above = size + law.memory * call("fabs", error[row])
-        program.let(share[row], above / call("fmax", size, law.layer[row]))
+        above = size + switching.rate * call("fabs", error[row])
+        program.let(share[row], above / call("fmax", size, switching.layer[row]))
     with program.for_each("row", n) as row, program.for_each("column", p) as column:
         program.let(K[row, column], K[row, column] * share[column])
 
 
-def _likelihood(program: Program, L: Name, e: Name, seen: Name) -> None:
-    p = e.shape[0]
-    w = program.local("w", (p,), r"w")
-    told = program.local("log_likelihood", (), r"\ell")
-    program.notes.append(
-        r"$\ell = -\tfrac12 \lvert L^{-1} e \rvert^2 - \sum_i \log L_{ii} - \tfrac m2 \log 2\pi$"
-    )
-    with program.hidden():
-        program.solve_lower(w, L, e)
-        program.let(told, ZERO)
-        with program.for_each("row", p) as row:
-            one = -0.5 * (w[row] * w[row]) - call("log", L[row, row])
-            program.let(told, told + one - _HALF_LOG_TWO_PI * seen[row])
+def _log_likelihood(program: Program, L: Name, e: Name, valid: Name) -> Name:
+    """-|L^-1 e|^2 / 2 - sum of log L_ii - m/2 log 2 pi, over what was measured."""
+    w, total = program.local("w", e.shape), program.local("log_likelihood")
+    program.solve_lower(w, L, e)
+    program.let(total, ZERO)
+    with program.for_each("row", e.shape[0]) as row:
+        one = -0.5 * (w[row] * w[row]) - call("log", L[row, row])
+        program.let(total, total + one - _HALF_LOG_TWO_PI * valid[row])
+    return total

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from reobserve.codegen.expressions import Name
+from reobserve.codegen.program import Program
 from reobserve.codegen.programs.polynomial import evaluated, polynomial
 from reobserve.codegen.programs.sampling import Rows, runge_kutta
-from reobserve.codegen.statements import Program
 from reobserve.core.errors import InputError
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.observers.normal_form_observer import NormalFormObserver, State
@@ -15,28 +15,24 @@ from reobserve.observers.normal_form_transformed import TransformedObserver
 
 
 def _begun(observer: NormalFormObserver, state: State | None) -> State:
-    return (
-        observer.init(np.zeros(observer.normal_form.problem.system.states))
-        if state is None
-        else state
-    )
+    if state is not None:
+        return state
+    return observer.init(np.zeros(observer.normal_form.problem.system.states))
 
 
 def _known(program: Program, rows: Rows, injected: int) -> list[Name]:
     """l(y) - beta(y, u) at the start, the middle and the end of a step."""
     p, m = program.measurements, program.inputs
-    row = program.local("known", (p + m,), "(y, u)")
+    row = program.local("known", (p + m,))
     found = []
-    for number, symbol in enumerate(("k-1", "k-1/2", "k"), start=1):
+    for number in (1, 2, 3):
         for i in range(p):
             before, now = rows.y_before[i], program.y[i]
-            value = (before, 0.5 * before + 0.5 * now, now)[number - 1]
-            program.let(row[i], value)
+            program.let(row[i], (before, 0.5 * before + 0.5 * now, now)[number - 1])
         if rows.u_before is not None:
             for i in range(m):
                 program.let(row[p + i], rows.u_before[i])
-        into = f"injected_{number}"
-        found.append(evaluated(program, "injected", injected, row, into, f"l_{{{symbol}}}"))
+        found.append(evaluated(program, "injected", injected, row, f"injected_{number}"))
     return found
 
 
@@ -53,37 +49,36 @@ def identity(observer: IdentityObserver, state: State | None) -> Program:
     program = Program(f"Normal-form observer of order {observer.order}", p, observer.inputs)
     begun = _begun(observer, state)
     rows = Rows(program, begun)
-    x = program.remember("x", begun.values, r"\hat x")
+    x = program.remember("x", begun.values)
+    h = program.constant("h", observer.sampling_period)
     system, injection = form.problem.system, form.problem.injection
     fed = injection.after(system.output, injection.degree * system.output.degree)
     gain = form.S.upto(1).jacobian() if observer.order == 0 else form.gain.upto(observer.order)
-    polynomial(program, "field", system.dynamics.as_floats(), "f")
-    polynomial(program, "fed", fed.as_floats(), "l(h)")
-    polynomial(program, "gain", gain.as_floats(), "L")
-    injected = polynomial(program, "injected", form.injected.as_floats(), "l")
-    at, known = program.local("point", (n,), r"\hat x"), program.local("given", (n,), "l")
-    out = program.local("slope_out", (n,), "s")
-    with program.function("slope", (at, known), out, "F"):
-        f = evaluated(program, "field", n, at, "f", "f")
-        own = evaluated(program, "fed", n, at, "own", "l(h)")
-        flat = evaluated(program, "gain", n * n, at, "flat", "L")
-        apart = program.let(program.local("apart", (n,), r"\delta"), own - known)
-        L = program.local("L", (n, n), "L")
-        with program.hidden():
-            for i in range(n):
-                for j in range(n):
-                    program.let(L[i, j], flat[i * n + j])
+    polynomial(program, "field", system.dynamics.as_floats())
+    polynomial(program, "fed", fed.as_floats())
+    polynomial(program, "gain", gain.as_floats())
+    injected = polynomial(program, "injected", form.injected.as_floats())
+    at, known = program.local("point", (n,)), program.local("given", (n,))
+    out = program.local("slope_out", (n,))
+    with program.function("slope", (at, known), out):
+        f = evaluated(program, "field", n, at, "f")
+        own = evaluated(program, "fed", n, at, "own")
+        flat = evaluated(program, "gain", n * n, at, "flat")
+        apart = program.let(program.local("apart", (n,)), own - known)
+        L = program.local("L", (n, n))
+        for i, j in np.ndindex(n, n):
+            program.let(L[i, j], flat[i * n + j])
         program.let(out, f + L @ apart)
     with rows.moves():
-        start, middle, end = _known(program, rows, injected)
-        runge_kutta(program, "slope", x, ((start,), (middle,), (end,)), observer.sampling_period)
+        stages = [(each,) for each in _known(program, rows, injected)]
+        runge_kutta(program, "slope", x, stages, h)
     program.estimate("state", x)
     rows.keep()
     return program
 
 
 def transformed(observer: TransformedObserver, state: State | None) -> Program:
-    """z' = A z - l(y) + beta, sampled exactly; x^ = T(z)."""
+    """z' = A z - l(y) + beta, discretised exactly; x^ = T(z)."""
     form = observer.normal_form
     n, p = form.problem.system.states, form.problem.system.outputs
     title = f"Normal-form observer of order {observer.order}, transformed"
@@ -92,14 +87,14 @@ def transformed(observer: TransformedObserver, state: State | None) -> Program:
     rows = Rows(program, begun)
     z = program.remember("z", begun.values)
     transition, weights = observer._transition
-    Phi = program.constant("Phi", transition, r"\Phi", gain=True)
+    Phi = program.constant("Phi", transition)
     W = [program.constant(f"W_{i + 1}", weights[i]) for i in range(3)]
-    polynomial(program, "series", observer.T.as_floats(), "T")
-    injected = polynomial(program, "injected", form.injected.as_floats(), "l")
+    polynomial(program, "series", observer.T.as_floats())
+    injected = polynomial(program, "injected", form.injected.as_floats())
     with rows.moves():
         start, middle, end = _known(program, rows, injected)
         program.let(z, Phi @ z - W[0] @ start - W[1] @ middle - W[2] @ end)
-    program.estimate("state", evaluated(program, "series", n, z, "x", r"\hat x"))
+    program.estimate("state", evaluated(program, "series", n, z, "x"))
     program.estimate("coordinates", z)
     rows.keep()
     return program

@@ -7,8 +7,8 @@ import math
 import operator
 from typing import Any
 
-from reobserve.codegen.expressions import Expression, Name, Number, Scaled, call
-from reobserve.codegen.statements import Program
+from reobserve.codegen.expressions import Expression, Name, Number, call, times
+from reobserve.codegen.program import Program
 from reobserve.core.errors import InputError
 from reobserve.systems.triangular import TriangularModel
 from reobserve.systems.triangular_text import TextModel
@@ -33,15 +33,12 @@ def right_hand_sides(program: Program, model: TriangularModel) -> None:
             "of a model of compiled functions cannot be exported, as no text is left of them; "
             "reobserve.systems.triangular_text.triangular_model keeps its text",
         )
-    x, f = (
-        program.local("at", (model.states,), "x"),
-        program.local("drift_out", (model.states,), "f"),
-    )
-    with program.function("drift", (x,), f, "f"):
+    x, f = program.local("at", (model.states,)), program.local("drift_out", (model.states,))
+    with program.function("drift", (x,), f):
         for i, code in enumerate(model.drift_code):
             program.let(f[i], expression(code, x))
-    y, gain = program.local("output", (1,), "y"), program.local("gain_out", (1,), "G")
-    with program.function("input_gain", (y,), gain, "G"):
+    y, gain = program.local("output", (1,)), program.local("gain_out", (1,))
+    with program.function("input_gain", (y,), gain):
         program.let(gain[0], expression(model.gain_code, y))
 
 
@@ -80,14 +77,14 @@ def _joined(sign: ast.operator, left: Expression, right: Expression) -> Expressi
         if isinstance(left, Name) and power in range(2, _WRITTEN_OUT + 1):
             written: Expression = left
             for _ in range(int(power) - 1):
-                written = Scaled(written, left)
+                written = times(written, left)
             return written
         return call("pow", left, right)
     if isinstance(left, Number) and isinstance(right, Number):
         return Number(_SIGNS[type(sign)](left.value, right.value))
     if isinstance(sign, ast.Mult):  # in the order in which it is written
         negative = isinstance(left, Number) and left.value < 0
-        product = Scaled(Number(abs(left.value)) if isinstance(left, Number) else left, right)
+        product = times(Number(abs(left.value)) if isinstance(left, Number) else left, right)
         return -product if negative else product
     joined: Expression = _SIGNS[type(sign)](left, right)
     return joined

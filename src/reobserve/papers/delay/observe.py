@@ -9,14 +9,14 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_vector
-from reobserve.observers.delay_adaptive import AdaptiveDelayEstimator
-from reobserve.observers.delay_estimator import DelayEstimator
-from reobserve.observers.delay_least_squares import LeastSquaresDelayEstimator
-from reobserve.observers.delay_variable_structure import VariableStructureDelayEstimator
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
 from reobserve.papers.delay import keys, records
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
+from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
+from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
 from reobserve.papers.delay.record import UNITS
 from reobserve.papers.delay.setup import build_model, delay_bounds
 from reobserve.replication.parameters.job import Job, Settings, read_job

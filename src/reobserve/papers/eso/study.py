@@ -17,12 +17,12 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.design import design
+from reobserve.papers.eso.deviation import held_deviation
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.scoring import scores
 from reobserve.papers.eso.setup import augmented, experiment
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.signals.series import Channel, Series
-from reobserve.synthesis.extended_state.deviation import held_deviation
 
 Row = dict[str, Any]
 

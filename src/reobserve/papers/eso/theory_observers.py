@@ -17,6 +17,7 @@ from reobserve.core.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
+from reobserve.papers.eso.deviation import held_deviation
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import controlled_motor
 from reobserve.papers.eso.theory_inequality import margin_above_norm
@@ -26,7 +27,6 @@ from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.deviation import held_deviation
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 Array = NDArray[np.float64]

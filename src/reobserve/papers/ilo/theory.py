@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from reobserve.core.random_streams import random_stream
 from reobserve.papers.ilo import keys, theory_cost, theory_faults, theory_limits, theory_runs
 from reobserve.papers.ilo.body import known_body
+from reobserve.papers.ilo.lyapunov import gyroscopic_eta
 from reobserve.papers.ilo.reading import of_reading
+from reobserve.papers.ilo.theorem import certify, lemma1_sides
 from reobserve.papers.ilo.theory_bench import Bench
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.synthesis.ilo_error_system import LearningLaw
-from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 from reobserve.synthesis.ilo_stability import continuous_stability
-from reobserve.synthesis.ilo_theorem import certify, lemma1_sides
 from reobserve.systems.rigid_body import RigidBody
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from reobserve.core.validation import Terms
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
+from reobserve.papers.ilo.lyapunov import gyroscopic_eta
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.reading import READINGS
@@ -20,7 +21,6 @@ from reobserve.papers.ilo.scoring import Errors
 from reobserve.papers.ilo.setup import build_observer
 from reobserve.replication.parameters.job import Job, named
 from reobserve.signals.series import Series
-from reobserve.synthesis.ilo_lyapunov import gyroscopic_eta
 
 Array = NDArray[np.float64]
 

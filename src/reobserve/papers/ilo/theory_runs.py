@@ -11,14 +11,14 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import State
 from reobserve.papers.ilo.body import known_body
+from reobserve.papers.ilo.lyapunov import RepairedLyapunov
 from reobserve.papers.ilo.reading import READINGS
 from reobserve.papers.ilo.setup import stride
+from reobserve.papers.ilo.theorem import bound18, certify
 from reobserve.papers.ilo.theory_bench import Bench, rate_and_error
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import peak, root_mean_square_of_steps
-from reobserve.synthesis.ilo_lyapunov import RepairedLyapunov
-from reobserve.synthesis.ilo_theorem import bound18, certify
 
 _HARDLY_ANY = 1e-9  # a damping [N m s/rad] that is certified for no gains here
 

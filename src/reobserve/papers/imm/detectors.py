@@ -22,10 +22,10 @@ from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
-from reobserve.observers.innovation_tests import cusum, inflation_glr
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.setup import run, start_alone
+from reobserve.papers.imm.innovation_tests import cusum, inflation_glr
+from reobserve.papers.imm.setup import run, stacked_inputs, start_alone
 from reobserve.papers.imm.study_rows import CUSUM, GLR, UNMIXED
 
 Array = NDArray[np.float64]
@@ -82,8 +82,7 @@ def likelihoods(bank: Bank, mode: int, measured: Array, held: Array) -> Array:
     one, observer = bank
     alone = cast(LinearFilter, one.filters[mode])
     begin = start_alone(alone, observer, held[0])
-    control = np.append(held[1:], held[-1:])
-    return np.asarray(alone.run(measured, control, state=begin)["log_likelihood"])
+    return np.asarray(alone.run(measured, stacked_inputs(held), state=begin)["log_likelihood"])
 
 
 def rest_likelihoods(bank: Bank, rows: int) -> Array:

@@ -61,7 +61,7 @@ def run_hybrid(
     covariance: int,
     state: State,
     measured: Array,
-    held: Array,
+    inputs: Array,
     *,
     unsaturated: Array | None = None,
 ) -> HybridRun:
@@ -75,8 +75,10 @@ def run_hybrid(
         `KALMAN` or `LAW`: whose gain moves the means, and whose covariance tells likelihoods.
     state
         From the bank's ``init`` with an input: a sampling period before the first row.
-    measured, held
-        Ends of steps, shape (k, m), and the inputs held over them, (k,).
+    measured
+        Rows, shape (k, m).
+    inputs
+        That of the row before, then that of each row, shape (k + 1, p).
     unsaturated
         Boundary layers, shape (m,), whose edge SVSFs are not to know: outside of it the gain goes
         on as within it.
@@ -96,7 +98,7 @@ def run_hybrid(
     good = _run(
         (0,) * n, (0,) * m, loop, filters[0].compiled_law, gain, covariance, edges,
         state.means.copy(), np.array([state.covariances, state.covariances]),
-        np.zeros((r, m)), state.log_probabilities.copy(), measured, held[:, None],
+        np.zeros((r, m)), state.log_probabilities.copy(), measured, inputs,
         probability, innovation, gains,
     )  # fmt: skip
     return HybridRun(probability[:good], innovation[:good], gains / max(good, 1))
@@ -179,7 +181,7 @@ def _run(
     errors: Array,
     log_probabilities: Array,
     measured: Array,
-    held: Array,
+    inputs: Array,
     probability: Array,
     innovation: Array,
     gains: Array,
@@ -203,16 +205,23 @@ def _run(
                     _keep(spread[kind, j], covariances[kind, j])
         for j in range(r):
             model = ModelArrays(
-                bank.model.A[j], bank.model.B[j], bank.model.H[j],
+                bank.model.A[j], bank.model.B[j], bank.model.C[j],
                 bank.model.D[j], bank.model.Q[j], bank.model.R[j],
             )  # fmt: skip
             mean, error, e = means[j], errors[j], innovation[k, j]
             for kind in range(2):
                 covariance = covariances[kind, j]
                 predict(
-                    states, model, held[k], mixed[kind, j], spread[kind, j], mean, covariance, work
+                    states,
+                    model,
+                    inputs[k],
+                    mixed[kind, j],
+                    spread[kind, j],
+                    mean,
+                    covariance,
+                    work,
                 )
-                output_error(states, model, measured[k], held[k], mean, e)
+                output_error(states, model, measured[k], inputs[k + 1], mean, e)
                 found = _half(
                     states, outputs, model, law, kind, bank.parameters[j], edges, error,
                     covariance, e, factor, work,
@@ -224,7 +233,7 @@ def _run(
                 if kind == LAW:
                     _add(gains[j], work.gain)
             _correct_mean(mean, chosen, e)
-            output_error(states, model, measured[k], held[k], mean, error)
+            output_error(states, model, measured[k], inputs[k + 1], mean, error)
         total = update_probabilities(predicted, likelihood, log_probabilities)
         for j in range(r):
             probability[k, j] = math.exp(log_probabilities[j])

@@ -51,8 +51,8 @@ def estimate(settings: Settings, plant: Series) -> Series:
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
     channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
     names = REALISATIONS[observer.realisation]
-    # Neither has a share of the input in it: the same row of H in all modes.
-    rows = chosen.filters[0].model.H
+    # Neither has a share of the input in it: the same row of C in all modes.
+    rows = chosen.filters[0].model.C
     for name in ("position", "velocity"):
         if name in names:
             values = np.concatenate([[0.0], found["state"] @ rows[names.index(name)]])

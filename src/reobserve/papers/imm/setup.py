@@ -20,7 +20,7 @@ from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
-from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel
+from reobserve.plants.hydraulic_actuator import MOTION, ORDER, REALISATIONS, ActuatorModel, Sampled
 from reobserve.signals.grid import multiple
 from reobserve.signals.inputs import Signal
 from reobserve.systems.linear import LinearModel
@@ -129,11 +129,30 @@ def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> Line
     noise = observer.process_noise, observer.measurement_noise
     Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(one.A), ORDER + 1))
     R = _picked(noise[1], MOTION, measured_columns(observer))
-    model = LinearModel(one.A, one.B, one.H, Q, R, one.D, sampling_period=period)
+    model = _model(one, Q, R, period)
     if isinstance(observer, keys.Kalman):
         return KalmanFilter(model)
     layer = boundary_layer(observer, model.outputs)
     return SmoothVariableStructureFilter(model, layer, observer.memory, observer.inverse)
+
+
+def _model(one: Sampled, Q: Any, R: Any, period: float) -> LinearModel:
+    """The model of a filter, whose inputs are those of `stacked_inputs`.
+
+    x(k+1) = A x(k) + [B 0] [u(k), u(k-1)]'
+    y(k)   = C x(k) + [0 D] [u(k), u(k-1)]'
+    """
+    B, D = np.hstack([one.B, np.zeros_like(one.B)]), np.hstack([np.zeros_like(one.D), one.D])
+    return LinearModel(one.A, B, one.C, D, Q, R, sampling_period=period)
+
+
+def stacked_inputs(held: Array) -> Array:
+    """The input from each row on, and that held up to it, shape (k, 2).
+
+    Measured acceleration and jerk are limits from the left: they depend on the latter. ``held``,
+    shape (k,), are the inputs held up to the rows; nothing reads what follows the last one.
+    """
+    return np.stack([np.append(held[1:], held[-1:]), held], axis=1)
 
 
 def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any:
@@ -154,9 +173,8 @@ def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> R
 
     ``measured``, shape (k, m), are the ends of steps, ``held``, (k,), the inputs held over them.
     """
-    control = np.append(held[1:], held[-1:])  # from each row on; nothing reads the last one
     state = start(chosen, observer, held[0])
-    return chosen.run(measured, control, state=state, on_divergence="return")
+    return chosen.run(measured, stacked_inputs(held), state=state, on_divergence="return")
 
 
 def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
@@ -172,12 +190,12 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
     with _ledger_keys():
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
-        return chosen.init(rest, observer.initial_covariance, certain, u=held)
+        return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
 
 
 def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> FilterState:
     """The same of one filter of a bank, which runs alone."""
-    return one.init(np.zeros(one.model.states), observer.initial_covariance, u=held)
+    return one.init(np.zeros(one.model.states), observer.initial_covariance, u=[held, 0.0])
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from reobserve.papers.imm.setup import (
     bank,
     boundary_layer,
     measured_columns,
+    stacked_inputs,
     start,
 )
 from reobserve.papers.imm.setup import run as run_bank
@@ -129,22 +130,23 @@ def variants(
     """Runs of all `VARIANTS` of an SVSF-IMM in their order; None for one that cannot be had."""
     chosen = bank(plant, body, period)
     state = start(chosen, body, float(held[0]))
-    whole = run_hybrid(chosen, LAW, LAW, state, measured, held)
+    inputs = np.vstack([[held[0], 0.0], stacked_inputs(held)])
+    whole = run_hybrid(chosen, LAW, LAW, state, measured, inputs)
     for variant, (gain, covariance) in HALVES.items():
         same = (gain, covariance) == (LAW, LAW)
         yield (
             variant,
-            whole if same else run_hybrid(chosen, gain, covariance, state, measured, held),
+            whole if same else run_hybrid(chosen, gain, covariance, state, measured, inputs),
         )
     yield HELD, held_gains(chosen, body, whole.mean_gain, measured, held)
     layer = boundary_layer(body, chosen.measurements)
-    yield INSIDE, run_hybrid(chosen, LAW, LAW, state, measured, held, unsaturated=layer)
+    yield INSIDE, run_hybrid(chosen, LAW, LAW, state, measured, inputs, unsaturated=layer)
     for variant, changed in (
         (OUTSIDE, replace(body, layer_factor=_NO_LAYER * body.layer_factor)),
         (NO_MEMORY, replace(body, memory=0.0)),
     ):
         other = bank(plant, changed, period)
-        yield variant, run_hybrid(other, LAW, LAW, state, measured, held)
+        yield variant, run_hybrid(other, LAW, LAW, state, measured, inputs)
 
 
 def held_gains(

@@ -31,6 +31,7 @@ from reobserve.papers.imm.detectors import (
     rest_likelihoods,
     threshold,
 )
+from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, measured_columns, modes
 from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
@@ -38,7 +39,6 @@ from reobserve.replication.parameters.job import Job
 from reobserve.signals.grid import multiple
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Series
-from reobserve.synthesis.nu_gap import nu_gap
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
     ``kicks``, (k, n), enter over each step. From step ``begin`` on the other model moves the
     states, which go on as they are.
     """
-    n, m = kicks.shape[1], len(one.H)
+    n, m = kicks.shape[1], len(one.C)
     states, moved, outputs = np.zeros(n), np.empty(n), np.zeros((len(kicks), m))
     for k in range(len(kicks)):
         # Products written out: those of matrices take the compiler seconds, for their refusals.
@@ -124,7 +124,7 @@ def driven(one: ModelArrays, other: ModelArrays, begin: int, kicks: Array) -> Ar
         for a in range(n):
             states[a] = moved[a]
             for o in range(m):
-                outputs[k, o] += model.H[o, a] * states[a]
+                outputs[k, o] += model.C[o, a] * states[a]
     return outputs
 
 

@@ -25,6 +25,7 @@ from reobserve.papers.imm.setup import (
     measured_columns,
     modes,
     run,
+    stacked_inputs,
 )
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve.replication.metrics.metrics import Metric
@@ -82,13 +83,13 @@ def _grid(theory: keys.Theory) -> tuple[int, int, Signal]:
     return steps, begin, signal
 
 
-def corrected_radius(A: Array, H: Array) -> float:
-    """Spectral radius of (I - H^+ H) A: outside the layers errors move so, but for gamma.
+def corrected_radius(A: Array, C: Array) -> float:
+    """Spectral radius of (I - C^+ C) A: outside the layers errors move so, but for gamma.
 
     Where every output is corrected in full, (15) with the pseudo-inverse, what is left of the
     error is what no output sees. Above one it grows, however the layers are chosen.
     """
-    left = (np.eye(len(A)) - np.linalg.pinv(H) @ H) @ A
+    left = (np.eye(len(A)) - np.linalg.pinv(C) @ C) @ A
     return float(np.abs(np.linalg.eigvals(left)).max())
 
 
@@ -111,7 +112,7 @@ def _largest_radius(job: Job, realisation: str) -> float:
     """Of all modes; no unit of states matters."""
     period = job.theory.period
     sampled = (mode.sampled(realisation, period, 1.0 / period) for mode in modes(job.plant))
-    return max(corrected_radius(one.A, one.H) for one in sampled)
+    return max(corrected_radius(one.A, one.C) for one in sampled)
 
 
 def _smooth(chosen: Observers) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
@@ -161,7 +162,7 @@ def _filtered(
 
 def _velocity_error(body: keys.Observer, leak: _Leak, states: Array, filters: IMM) -> float:
     """Root mean square over the time from the leak on."""
-    row = filters.filters[0].model.H[REALISATIONS[body.realisation].index("velocity")]
+    row = filters.filters[0].model.C[REALISATIONS[body.realisation].index("velocity")]
     error = states @ row - leak.motion[:, MOTION.index("velocity")]
     return float(np.sqrt(np.mean(error[leak.begin :] ** 2)))
 
@@ -191,7 +192,7 @@ def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
         alone = replace(body, stay=1.0)
         states, filters = _filtered(job, name, alone, leak, leak.models[:1])
         model = filters.filters[0].model
-        told = states @ model.H.T + leak.control[:, None] @ np.asarray(model.D).T
+        told = states @ model.C.T + stacked_inputs(leak.control) @ model.D.T
         error = leak.motion[:, measured_columns(body)] - told
         share = np.abs(error[late:]) / boundary_layer(body, error.shape[1])
         yield Metric(name, "layer_share", float(share.max()), "1")

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import located
 from reobserve.papers.lie import keys
+from reobserve.papers.lie.floquet import LimitCycle, limit_cycle
 from reobserve.papers.lie.setup import build_problem, forms
 from reobserve.papers.lie.study_rows import Row, summary
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
-from reobserve.synthesis.floquet import LimitCycle, limit_cycle
 from reobserve.synthesis.normal_form.convergence import Convergence, convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.problem import NormalFormProblem

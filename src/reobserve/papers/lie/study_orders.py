@@ -13,13 +13,13 @@ import numpy as np
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.papers.lie.observe import observe
 from reobserve.papers.lie.scoring import integral_of_squares, settling_time
 from reobserve.papers.lie.setup import build_observer, forms
 from reobserve.papers.lie.study_rows import Row, summary
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
-from reobserve.synthesis.floquet import LimitCycle, floquet_exponents, limit_cycle
 from reobserve.synthesis.normal_form.design import NormalForm
 from reobserve.synthesis.normal_form.gain import GAINS, gain_at
 

@@ -16,6 +16,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_vector
 from reobserve.core.random_streams import random_stream
 from reobserve.papers.lie import keys, table, theory_comparison, theory_conditions
+from reobserve.papers.lie.lie_transform import lie_transform
 from reobserve.papers.lie.setup import build_problem, stored_form
 from reobserve.papers.lie.theory_cases import random_problem
 from reobserve.papers.lie.theory_runs import (
@@ -37,7 +38,6 @@ from reobserve.replication.parameters.job import Job, Settings, named, read_job
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver
-from reobserve.synthesis.normal_form.lie_transform import lie_transform
 from reobserve.synthesis.normal_form.problem import NormalFormProblem, hidden_modes
 
 Array = NDArray[np.float64]

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
+from reobserve.papers.lie.lie_transform import LieTransform, lie_transform
 from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along, zeros
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
-from reobserve.synthesis.normal_form.lie_transform import LieTransform, lie_transform
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
 from reobserve.synthesis.normal_form.solver import identity, solver_for
 

@@ -101,7 +101,6 @@ def certify(
     variables: PdPiVariables | PiVariables | None = None,
     decay: float = 0.0,
     bound: float = inf,
-    hamiltonian: bool = True,
 ) -> Certificate:
     """Prove, or refute, what is promised of an observer.
 
@@ -116,9 +115,6 @@ def certify(
         the promises are judged from the poles and the Hamiltonian alone.
     decay, bound
         Promised -``bound`` < Re s < -``decay`` of all poles [1/s].
-    hamiltonian
-        Whether to bound the norm by Hamiltonian matrices, in 0.5 s for N = 28, 10 s for 54, 70 s
-        for 104. If not, the norm is between the floor and the gamma that the inequality proves.
 
     Raises
     ------
@@ -136,16 +132,12 @@ def certify(
         _floor_reason(gamma, floor),
         _pole_reason(poles, decay, bound),
     ]
-    lower, upper = floor, inf
     inequality = p1 = 0.0
     if variables is not None:
         inequality, p1, reason = _prove(system, gains, gamma, variables, decay, bound)
         reasons.append(reason)
-        if gamma is not None and not reason:
-            upper = gamma
-    if hamiltonian:
-        lower, upper, reason = _norm(system, gains)
-        reasons.append(reason)
+    lower, upper, reason = _norm(system, gains)
+    reasons.append(reason)
     if gamma is not None and upper > gamma:
         reasons.append(
             f"the H-infinity norm, {lower:.9g} to {upper:.9g}, is not proved to be below gamma "

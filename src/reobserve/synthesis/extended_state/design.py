@@ -74,7 +74,6 @@ def accepted(
     objective: float,
     decay: float = 0.0,
     bound: float = inf,
-    hamiltonian: bool = True,
 ) -> Design:
     """The design of what a solver returned, arrays of floats, if its certificate holds.
 
@@ -88,7 +87,7 @@ def accepted(
         gains = variables.gains()
     except np.linalg.LinAlgError:
         raise InputError("solver", f"{solver} said {status}, but P has no inverse") from None
-    certificate = certify(system, gains, gamma, variables, decay, bound, hamiltonian)
+    certificate = certify(system, gains, gamma, variables, decay, bound)
     if not certificate.holds:
         raise InputError("solver", f"{solver} said {status}, but {certificate.reason}")
     return Design(method, gains, gamma, solver, status, objective, certificate)

@@ -197,6 +197,7 @@ def _check_shapes(system: AugmentedSystem) -> None:
             )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def _check_reconstruction(system: AugmentedSystem) -> None:
     A, C, Az = system.A, system.C, system.Az
     n, p, r, q = system.states, system.outputs, system.Fa.shape[1], system.Fs.shape[1]
@@ -243,5 +244,7 @@ def _rank(matrix: Matrix) -> int:
         for axis in (1, 0):
             largest = np.abs(matrix).max(axis=axis, keepdims=True)
             matrix = matrix / np.sqrt(np.where(largest > 0, largest, 1.0))
+    if not np.isfinite(matrix).all():
+        raise InputError("A", "has eigenvalues beyond floating-point numbers")
     values = np.linalg.svd(matrix, compute_uv=False)
     return int(np.sum(values > _RANK * values[0]))

@@ -15,6 +15,7 @@ from reobserve.systems.polynomial import PolynomialSystem
 _REACHED = 1e-6  # relative distance at which a pole counts as placed
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray[np.float64]:
     """L0, shape (n, p), that gives A = F + L0 H the ``poles`` [1/s].
 

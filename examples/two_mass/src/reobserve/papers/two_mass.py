@@ -137,9 +137,9 @@ def compute(job: Job) -> dict[str, Any]:
 def observed(plant: Plant, poles: Any, noise: float, y: Matrix, u: Matrix) -> Matrix:
     """x1 and x2 [m] by an observer with these poles, or without any by the Kalman filter."""
     A, effects = sampled(plant)
-    gust, H = plant.gusts * effects[:, 1:], [[1.0, 0.0, 0.0, 0.0]]
-    known = (A, effects[:, :1], H, gust @ gust.T, noise**2)
-    model = LinearModel(*known, sampling_period=plant.step)
+    gust, C = plant.gusts * effects[:, 1:], [[1.0, 0.0, 0.0, 0.0]]
+    Q, R = gust @ gust.T, noise**2
+    model = LinearModel(A, effects[:, :1], C, Q=Q, R=R, sampling_period=plant.step)
     built = luenberger(model, poles) if poles else steady_kalman(model)
     return built.run(y, u, state=built.init(np.zeros(4), 0.0))["state"][:, :2]
 

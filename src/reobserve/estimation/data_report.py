@@ -1,0 +1,258 @@
+"""The data report: what was done to a record and what the alarms found, as a table and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from reobserve.estimation.dates import SECOND, spelled
+
+MOST_LISTED = 50  # gaps and other events that are told one by one
+
+
+@dataclass
+class Interval:
+    """A time over which an alarm is raised, and how large its column is there.
+
+    ``mean`` and ``standard_deviation`` are those of the column's values, ``sigma`` is the standard
+    deviation by the observer (root mean square), ``peak`` the value that is farthest off normal.
+    """
+
+    start: float
+    end: float
+    values: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    variances: float | None = None
+    peak: float = 0.0
+
+    def add(self, value: float, sigma: float | None, normal: float) -> None:
+        """Take a value, by Welford's sums."""
+        self.values += 1
+        off = value - self.mean
+        self.mean += off / self.values
+        self.squares += off * (value - self.mean)
+        if sigma is not None:
+            self.variances = (self.variances or 0.0) + sigma**2
+        if self.values == 1 or abs(value - normal) > abs(self.peak - normal):
+            self.peak = value
+
+    def summary(self) -> dict[str, float | None]:
+        """As the report has it."""
+        spread = None if self.values < 2 else math.sqrt(self.squares / (self.values - 1))
+        sigma = None if self.variances is None else math.sqrt(self.variances / self.values)
+        return {
+            "start": self.start, "end": self.end, "mean": self.mean,
+            "standard_deviation": spread, "sigma": sigma, "peak": self.peak,
+        }  # fmt: skip
+
+
+@dataclass
+class AlarmReport:
+    """What an alarm found: whether, when and how large; and what its threshold is learned from.
+
+    ``start_up`` [s] after each start of the observer, at ``started``, it is not raised. ``current``
+    is the latest interval, ``waiting`` values with their sigmas belong to it if it goes on.
+    """
+
+    unit: str
+    start_up: float
+    learns: bool = False
+    threshold: float | None = None
+    rows: int = 0
+    first: float | None = None
+    intervals: list[Interval] = field(default_factory=list)
+    interval_count: int = 0  # before the current one
+    current: Interval | None = None
+    waiting: list[list[float | None]] = field(default_factory=list)
+    started: float | None = None
+    origin: float | None = None  # the time of the first estimate
+    learned: int = 0
+    mean: float = 0.0
+    squares: float = 0.0
+    ready: bool = False
+
+    def close(self) -> None:
+        """End the current interval."""
+        if self.current is not None:
+            self.interval_count += 1
+            if len(self.intervals) < MOST_LISTED:
+                self.intervals.append(self.current)
+        self.current = None
+        self.waiting.clear()
+
+    def summary(self) -> dict[str, Any]:
+        """As the report has it."""
+        listed = self.intervals + ([] if self.current is None else [self.current])
+        learned = {"mean": self.mean, "learned": self.learned} if self.learns else {}
+        return {
+            "unit": self.unit, "threshold": self.threshold, **learned, "start_up": self.start_up,
+            "rows": self.rows, "first": self.first,
+            "interval_count": self.interval_count + (self.current is not None),
+            "intervals": [interval.summary() for interval in listed[:MOST_LISTED]],
+        }  # fmt: skip
+
+
+@dataclass
+class DataReport:
+    """Counts over a record; ``columns`` by the name of the column, times in [s] of the record.
+
+    ``intervals`` are those between timestamps that follow one another, ``jitter`` the largest
+    offset of one from its place on the grid, in sampling periods.
+    ``origin`` [s since 1970] is what times count from if timestamps are dates: the whole second at
+    or before the first one.
+    """
+
+    rows: int = 0
+    first: float | None = None
+    last: float | None = None
+    intervals: int = 0
+    single: int = 0  # intervals of one period
+    jitter: float = 0.0
+    lost: int = 0  # rows that the timestamps say are missing
+    repeated: int = 0
+    unstamped: int = 0
+    before_start: int = 0
+    after_end: int = 0
+    missing: dict[str, int] = field(default_factory=dict)
+    filled: dict[str, int] = field(default_factory=dict)
+    saturated: dict[str, int] = field(default_factory=dict)
+    gaps: list[list[float | None]] = field(default_factory=list)
+    gap_count: int = 0
+    dropped: int = 0  # rows inside gaps; of those that the record lacks, the first
+    restarts: int = 0
+    statuses: dict[str, int] = field(default_factory=dict)
+    estimates: int = 0
+    alarms: dict[str, AlarmReport] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    origin: int | None = None
+
+    def clock(self, timestamp: int | None) -> float:
+        """The time [s] of a timestamp [ns since 1970], nan for none; the first sets the origin."""
+        if timestamp is None:
+            return math.nan
+        if self.origin is None:
+            self.origin = timestamp // SECOND
+        return (timestamp - self.origin * SECOND) / SECOND  # of whole numbers: rounded once
+
+    def count(self, table: dict[str, int], name: str, more: int) -> None:
+        """Add to one of the tables."""
+        if more:
+            table[name] = table.get(name, 0) + int(more)
+
+    def warn(self, sentence: str) -> None:
+        """Keep a warning, once."""
+        if sentence not in self.warnings:
+            self.warnings.append(sentence)
+
+    def open_gap(self, start: float) -> None:
+        """A gap begins after the sample at ``start``."""
+        self.gap_count += 1
+        if len(self.gaps) < MOST_LISTED:
+            self.gaps.append([start, None])
+
+    def close_gap(self, end: float) -> None:
+        """It ends with the sample at ``end``."""
+        if self.gaps and self.gaps[-1][1] is None:
+            self.gaps[-1][1] = end
+
+    @property
+    def mean_interval(self) -> float | None:
+        """[s], over all intervals."""
+        slots = self.intervals + self.lost
+        if self.first is None or self.last is None or not slots:
+            return None
+        return (self.last - self.first) / slots
+
+
+def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The whole report, with what else is known ``about`` the run."""
+    told = {name: value for name, value in vars(report).items() if name != "single"}
+    told["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
+    told["origin"] = None if report.origin is None else spelled(report.origin)
+    return {**about, "mean_interval": report.mean_interval, **told}
+
+
+def as_table(report: DataReport, period: float) -> str:
+    """A few lines for a terminal: only what there is to tell."""
+    lines = [("rows read", f"{report.rows}")]
+    if report.first is not None and report.last is not None:
+        since = "" if report.origin is None else f" after {spelled(report.origin)}"
+        lines.append(("time", f"{_time(report.first)} to {_time(report.last)} s{since}"))
+    if report.mean_interval is not None:
+        told = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
+        lines.append(("sampling period", told))
+        if report.jitter > 1e-9:
+            lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
+    for name, value in (
+        ("samples lost", report.lost),
+        ("timestamps repeated, left out", report.repeated),
+        ("rows without timestamp, left out", report.unstamped),
+        ("rows before all is measured", report.before_start),
+        ("rows after all was measured", report.after_end),
+    ):
+        if value:
+            lines.append((name, str(value)))
+    for name, table in (
+        ("values missing", report.missing),
+        ("values filled", report.filled),
+        ("values saturated", report.saturated),
+    ):
+        if table:
+            listed = ", ".join(f"{column} {count}" for column, count in table.items())
+            lines.append((name, listed))
+    for start, end in report.gaps[:5]:
+        begun = "the start" if start is None else f"{_time(start)} s"
+        ending = "the end" if end is None else f"{_time(end)} s"
+        lines.append(("gap", f"{begun} to {ending}"))
+    if report.gap_count > 5:
+        lines.append(("gaps in all", str(report.gap_count)))
+    if report.restarts:
+        lines.append(("restarts", str(report.restarts)))
+    listed = ", ".join(f"{count} {word}" for word, count in report.statuses.items())
+    lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
+    for name, alarm in report.alarms.items():
+        lines.append((f"alarm {name}", _told(alarm)))
+        lines += [("", _size(one, alarm.unit)) for one in alarm.summary()["intervals"][:5]]
+    width = max(len(name) for name, _ in lines)
+    said = [f"  {name:<{width}}  {value}" for name, value in lines]
+    return "\n".join(said + [f"  warning: {warning}" for warning in report.warnings])
+
+
+def _time(seconds: float) -> str:
+    """Six digits, or milliseconds where timestamps count from 1970."""
+    return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
+
+
+def _told(alarm: AlarmReport) -> str:
+    if alarm.threshold is None:
+        if alarm.ready:
+            return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"
+        return "no threshold yet: the record ends before the stretch that sets it does"
+    said = f"threshold {_amount(alarm.threshold, alarm.unit)}"
+    if alarm.learns:
+        said += f" off {alarm.mean:.4g}, from {alarm.learned} values"
+    if alarm.start_up:
+        said += f"; not raised in the first {_time(alarm.start_up)} s after a start"
+    if alarm.first is None:
+        return f"none; {said}"
+    found = alarm.summary()["interval_count"]
+    times = "once" if found == 1 else f"{found} times"
+    return f"{times}, {alarm.rows} rows, first at {_time(alarm.first)} s; {said}"
+
+
+def _size(interval: Mapping[str, Any], unit: str) -> str:
+    """When, and how large."""
+    said = f"{_time(interval['start'])} to {_time(interval['end'])} s: mean "
+    said += _amount(interval["mean"], unit)
+    if interval["standard_deviation"] is not None:
+        said += f", standard deviation {interval['standard_deviation']:.2g}"
+    if interval["sigma"] is not None:
+        said += f" (by the observer {interval['sigma']:.2g})"
+    return f"{said}, peak {_amount(interval['peak'], unit)}"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit if unit != '1' else ''}".rstrip()

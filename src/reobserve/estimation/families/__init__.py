@@ -1,0 +1,88 @@
+"""Families of observers: how each is declared, designed, run on a record and exported.
+
+A family is one module with one class, a `reobserve.estimation.families.design.Design`. The table
+below is the only list of them. A package of a user's adds one by an entry point of the group
+``reobserve.families``, with the name of the family and ``module:Class``.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module, metadata
+from typing import TYPE_CHECKING, Any
+
+from reobserve.core.errors import InputError, shown
+
+if TYPE_CHECKING:
+    from reobserve.estimation.families.design import Design
+
+GROUP = "reobserve.families"  # of entry points
+
+# By name: the module here and its class, imported when the family is asked for.
+FAMILIES = {
+    "kalman": "kalman:KalmanDesign",
+    "luenberger": "luenberger:LuenbergerDesign",
+    "augmented-kalman": "augmented_kalman:AugmentedKalmanDesign",
+    "svsf": "svsf:SvsfDesign",
+    "imm": "imm:ImmDesign",
+    "eso": "eso:EsoDesign",
+    "normal-form": "normal_form:NormalFormDesign",
+    "high-gain": "high_gain:HighGainDesign",
+    "extended-high-gain": "extended_high_gain:ExtendedHighGainDesign",
+    "ilo": "ilo:IloDesign",
+    "adaptive": "adaptive:AdaptiveDesign",
+    "levant": "levant:LevantDesign",
+}
+
+_RENAMED = {
+    "fixed_gain": "luenberger, with the gain under gains",
+    "steady_kalman": "kalman, with gain: steady",
+    "pi": "adaptive, with a proportional_gain",
+    "augmented_kalman": "augmented-kalman",
+    "normal_form": "normal-form",
+    "high_gain": "high-gain",
+    "extended_high_gain": "extended-high-gain",
+}
+
+
+def family(name: Any, place: str = "kind") -> type[Design]:
+    """The class of a family.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if isinstance(name, str) and name in _RENAMED:
+        raise InputError(place, f"{name} is now {_RENAMED[name]}")
+    found: type[Design]
+    if isinstance(name, str) and name in FAMILIES:
+        module, _, attribute = FAMILIES[name].partition(":")
+        found = getattr(import_module(f"{__name__}.{module}"), attribute)
+        return found
+    added = metadata.entry_points(group=GROUP)
+    for entry in added:
+        if entry.name == name:
+            found = entry.load()
+            return found
+    names = (*FAMILIES, *(entry.name for entry in added))
+    problem = f"{shown(name)} must be one of {', '.join(names)}"
+    raise InputError(place, problem)
+
+
+def name_of(kind: type[Design]) -> str:
+    """The name of a family by its class.
+
+    Raises
+    ------
+    InputError
+        If it is in no table.
+    """
+    named = f"{kind.__module__}:{kind.__qualname__}"
+    tables = {
+        **{name: f"{__name__}.{where}" for name, where in FAMILIES.items()},
+        **{entry.name: entry.value for entry in metadata.entry_points(group=GROUP)},
+    }
+    for name, where in tables.items():
+        if where == named:
+            return name
+    raise InputError("design", f"{shown(kind.__name__)} must be a design of a family that there is")

@@ -1,0 +1,161 @@
+"""Kalman filter of the state and of unknown inputs: faults, disturbances and biases of sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.design import Certificate, Example, pairs
+from reobserve.estimation.families.kalman import MOTOR, NOISE
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    NoisySystem,
+    check_shape,
+    decay_sentences,
+)
+from reobserve.estimation.families.setup import Setup
+from reobserve.estimation.families.signals import Signal, Signals, listed, numbered, variances
+from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.synthesis.linear import steady_kalman_gain
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum pushed by an unknown torque; the sensor of its rate has a bias.
+time: continuous            # or discrete: A, B and fault_matrix are then those of a sample
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad, rate: rad/s}
+unknown_inputs: {push: N m, bias: rad/s}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0], [0, 1]]
+fault_matrix: [[0, 0], [1, 0]]          # how unknown inputs enter the states, as B
+output_fault_matrix: [[0, 0], [0, 1]]   # and how the measurements, as D; zero if left out
+random_walk: [1.0e-5, 1.0e-7]           # variance of what they gain a sample
+Q: [1.0e-8, 1.0e-6]         # variances of the noise that a sample adds to the states
+R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AugmentedSystem(NoisySystem):
+    """A linear system with x' = ... + E d and y = ... + F d, where d is a random walk.
+
+    ``fault_matrix`` is E, sampled as A and B are; ``output_fault_matrix`` F, zero if left out. d
+    starts from ``initial_unknown_input``, zero if left out, with a covariance, 1 if left out.
+    """
+
+    unknown_inputs: Signals = field(default_factory=dict)
+    fault_matrix: Array
+    output_fault_matrix: Array | None = None
+    random_walk: Array
+    initial_unknown_input: list[float] | None = None
+    initial_unknown_input_covariance: Array = field(default_factory=lambda: np.array(1.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        named = len(self.unknown_inputs)
+        if named:
+            check_shape("fault_matrix", self.fault_matrix, (len(self.A), named))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AugmentedKalmanDesign(FilterDesign):
+    """A Kalman filter of state and unknown inputs."""
+
+    system: AugmentedSystem
+    gains: None = None
+
+    keys: ClassVar = {
+        "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix",
+        "walk": "random_walk", "unknown_input": "initial_unknown_input",
+        "unknown_input_covariance": "initial_unknown_input_covariance",
+    }  # fmt: skip
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {AugmentedKalmanFilter: "linear:augmented"}
+    records: ClassVar = {
+        "augmented-kalman": Example(
+            "weak_motor",
+            "# Kalman filter of the state and of an unknown input: the voltage that never arrived."
+            "\nobserver:\n  kind: augmented-kalman\n" + MOTOR + NOISE
+            + "  unknown_inputs: {voltage_lost: V}\n"
+            "  fault_matrix: [[0.0], [20.0]]   # how it enters the states, as B\n"
+            "  random_walk: 1.0e-3        # variance of what it gains a sample [V^2]\n",
+            "  - {name: weak, of: voltage_lost, above: 1.0}\n",
+        ),
+    }  # fmt: skip
+
+    @classmethod
+    def find_gains(cls, system: AugmentedSystem) -> None:
+        """None: the gain follows the covariance."""
+
+    @cached_property
+    def observer(self) -> AugmentedKalmanFilter:
+        """The filter."""
+        system = self.system
+        E = system.fault_matrix
+        if E.ndim == 2 and len(E) == len(system.A):
+            E = system.sampled(E)[1]
+        return AugmentedKalmanFilter(
+            system.model, E, system.random_walk, system.output_fault_matrix
+        )
+
+    @property
+    def unknown_inputs(self) -> tuple[Signal, ...]:
+        """The components of d."""
+        count = self.observer.unknown_inputs
+        return listed(self.system.unknown_inputs) or numbered("unknown_input", count)
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """Those of a filter, and the unknown inputs."""
+        return {
+            **super().estimates, "unknown_input": self.unknown_inputs,
+            "unknown_input_variance": variances(self.unknown_inputs),
+        }  # fmt: skip
+
+    def start(self) -> Any:
+        """Initial mean and covariance, at the first sample."""
+        system = self.system
+        return self.observer.init(
+            system.mean, system.initial_covariance, system.initial_unknown_input,
+            system.initial_unknown_input_covariance,
+        )  # fmt: skip
+
+    def set_up(self) -> Setup:
+        """The filter, with the deviations that it predicts."""
+        found = super().set_up()
+        return replace(
+            found, sigmas={**found.sigmas, "unknown_input": "unknown_input_variance"},
+            left_out=(*found.left_out, "unknown_input_variance"), unseen=(),
+        )  # fmt: skip
+
+    def certify(self) -> Certificate:
+        """Poles of the error of state and unknown inputs, with the gain that the filter comes to.
+
+        Raises
+        ------
+        InputError
+            If it comes to none.
+        """
+        whole = self.observer._kalman.model
+        resting = FixedGainObserver(whole, steady_kalman_gain(whole))
+        return {"poles": pairs(resting.poles), "spectral_radius": float(np.abs(resting.poles[0]))}
+
+    def summary(self) -> list[str]:
+        """Poles, and how fast errors decay."""
+        period = self.system.sampling_period
+        return [
+            "Kalman filter of state and unknown inputs",
+            *decay_sentences(self.certificate, period),
+        ]

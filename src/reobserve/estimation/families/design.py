@@ -1,0 +1,320 @@
+"""The base class of families: an observer with its system, its gains and a certificate."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import NoneType
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_type_hints
+
+import numpy as np
+
+from reobserve.core.documents import Tree
+from reobserve.core.errors import InputError, located
+from reobserve.core.matrices import FloatArray, as_positive
+from reobserve.core.validation import checked, join, parse
+from reobserve.estimation.families.setup import Setup
+from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
+from reobserve.observers.contract import Observer
+
+Array = FloatArray
+Certificate = dict[str, Any]  # of plain values; `poles` are pairs of real and imaginary part
+
+Period = Annotated[float, checked(as_positive)]
+
+_AGREE = 1e-6  # of a number: what another processor may make of the same gains
+
+
+# Keys that are now called otherwise.
+_RENAMED = {
+    "H": "C, with y = C x + D u",
+    "continuous": "time: continuous, with A and B beside it",
+    "model": "nothing: its keys stand beside kind",
+    "system": "nothing: its keys stand beside kind",
+    "body": "nothing: inertia, input_matrix and fault_matrix stand beside kind",
+    "start": "initial_state (and initial_covariance, initial_delay)",
+    "initial_variance": "initial_covariance",
+    "variables": "states, a mapping of names to units",
+    "walk": "random_walk",
+    "output_matrix": "output_fault_matrix",
+    "filter": "gains.filter",
+}
+
+
+# Parameters of observers, and the keys that state them.
+_KEYS = {
+    "mean": "initial_state", "state": "initial_state", "covariance": "initial_covariance",
+    "delay": "initial_delay", "probabilities": "initial_probabilities",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class System:
+    """What all systems state: the period [s] between samples, and signals by name and unit.
+
+    Signals that are left out are numbered, and have no units.
+    """
+
+    sampling_period: Period
+    states: Signals = field(default_factory=dict)
+    inputs: Signals = field(default_factory=dict)
+    measurements: Signals = field(default_factory=dict)
+
+
+class Example(NamedTuple):
+    """An observer in a specification, and the simulated plant whose record it reads."""
+
+    plant: str  # of `reobserve.estimation.families.examples`
+    observer: str  # YAML
+    alarms: str = ""  # YAML
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design(ABC):
+    """An observer of a family; what derives from it declares the keys of its files.
+
+    ``system`` is what a model's file or a specification states; ``gains`` what was found or chosen
+    for it, None if there is nothing to choose; ``certificate`` what was computed of both.
+    """
+
+    system: Any
+    gains: Any = None
+    certificate: Certificate = field(default_factory=dict)
+
+    example: ClassVar[str]  # the text of a model's file that can be designed as it is
+    records: ClassVar[Mapping[str, Example]] = {}  # by name: NAME or NAME-VARIANT
+    programs: ClassVar[Mapping[type, Any]] = {}  # of observers: functions, or "module:function"
+    differentiates: ClassVar[bool] = False  # whether it finds derivatives of its signals itself
+    keys: ClassVar[Mapping[str, str]] = {}  # of parameters of the observer under other names
+
+    @classmethod
+    @contextmanager
+    def keyed(cls) -> Iterator[None]:
+        """Let an `InputError` of an observer's parameter name the key that states it."""
+        try:
+            yield
+        except InputError as error:
+            name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
+            rest = error.parameter[len(name) :]
+            gains = get_type_hints(cls)["gains"]
+            if name in {each.name for kind in _kinds(gains) for each in fields(kind)}:
+                raise InputError(f"gains.{name}{rest}", error.problem) from None
+            key = {**_KEYS, **cls.keys}.get(name, name)
+            raise InputError(f"{key}{rest}", error.problem) from None
+
+    @classmethod
+    def read(cls, tree: Tree) -> tuple[Any, Any]:
+        """The system of a model's file or a specification, and its gains, None if left out.
+
+        Raises
+        ------
+        InputError
+            If a key is missing, unknown or wrong.
+        """
+        hints = get_type_hints(cls)
+        check_renamed(tree, hints["system"])
+        rest = {name: part for name, part in tree.items() if name != "gains"}
+        gains = tree.get("gains")
+        if gains is not None and hints["gains"] is NoneType:
+            raise InputError("gains", "must be left out; nothing is chosen in this family")
+        if gains is not None:
+            gains = parse(hints["gains"], gains, "gains")
+        return parse(hints["system"], rest), gains
+
+    @classmethod
+    def designed(cls, tree: Tree) -> Self:
+        """The design of a model's file; gains that it leaves out are found.
+
+        Raises
+        ------
+        InputError
+            As `read` and `find_gains`.
+        """
+        return cls.of(*cls.read(tree))
+
+    @classmethod
+    def of(cls, system: Any, gains: Any = None) -> Self:
+        """The design of a system; raises as `find_gains` if no gains are given."""
+        return cls(system=system, gains=cls.find_gains(system) if gains is None else gains)
+
+    @classmethod
+    def find_gains(cls, system: Any) -> Any:
+        """Gains for a system.
+
+        Raises
+        ------
+        InputError
+            If there are none, or the family chooses none by itself.
+        """
+        raise InputError("gains", "are missing; a design of this kind chooses none by itself")
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The states of the system."""
+        return listed(self.system.states)
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """The columns of u."""
+        return listed(self.system.inputs) or numbered("input", self.observer.inputs)
+
+    @property
+    def measurements(self) -> tuple[Signal, ...]:
+        """The columns of y."""
+        named = listed(self.system.measurements)
+        return named or numbered("measurement", self.observer.measurements)
+
+    @property
+    @abstractmethod
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The components of each estimate of the observer, row by row if it is a matrix."""
+
+    @property
+    @abstractmethod
+    def observer(self) -> Observer[Any]:
+        """The observer, ready to run."""
+
+    @abstractmethod
+    def start(self) -> Any:
+        """The state to start from; None if the observer starts from its first measurement."""
+
+    @abstractmethod
+    def certify(self) -> Certificate:
+        """Compute the certificate of system and gains.
+
+        Raises
+        ------
+        InputError
+            If they are none of a sound observer, with the numbers.
+        """
+
+    @abstractmethod
+    def summary(self) -> list[str]:
+        """A few sentences on what the certificate says."""
+
+    def set_up(self) -> Setup:
+        """The observer for records; `InputError` if it cannot start as the system says."""
+        observer, names = self.observer, self.estimates
+        self.start()
+
+        def start(y: Array) -> Any:
+            found = self.start()
+            return observer._start(y) if found is None else found
+
+        measured, known = (
+            tuple(unit for _, unit in signals) for signals in (self.measurements, self.inputs)
+        )
+        units = {name: tuple(unit for _, unit in parts) for name, parts in names.items()}
+        return Setup(
+            observer, start,
+            measured=measured if all(measured) else (), known=known if all(known) else (),
+            units={name: parts for name, parts in units.items() if all(parts)},
+            names={name: tuple(label for label, _ in parts) for name, parts in names.items()},
+            widths=((len(measured),), (len(known),)),
+        )  # fmt: skip
+
+    def checked(self) -> Design:
+        """The design, if its certificate is the one of its system and gains.
+
+        Raises
+        ------
+        InputError
+            If it is not, with the numbers; or as `certify`.
+        """
+        with located("gains"):
+            found = self.certify()
+        _compare("certificate", self.certificate, found)
+        return self
+
+
+def _kinds(hint: Any) -> list[Any]:
+    """The dataclasses that a type may be."""
+    return [kind for kind in get_args(hint) or [hint] if is_dataclass(kind)]
+
+
+def check_renamed(tree: Tree, system: Any, place: str = "") -> None:
+    """Refuse keys that had another name.
+
+    Raises
+    ------
+    InputError
+        With the new name.
+    """
+    known = {each.name for each in fields(system)}
+    modes = tree.get("modes")
+    parts = {"": tree}
+    if isinstance(modes, Mapping):
+        parts |= {f"modes.{name}": mode for name, mode in modes.items()}
+    for where, part in parts.items():
+        for key in part if isinstance(part, Mapping) else ():
+            if key in _RENAMED and key not in known:
+                raise InputError(join(join(place, where), key), f"is now {_RENAMED[key]}")
+
+
+def plain(value: Any) -> Any:
+    """A dataclass with its arrays as what JSON can hold; what is None is left out."""
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {each.name: getattr(value, each.name) for each in fields(value)}
+        return {name: plain(part) for name, part in parts.items() if part is not None}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(name): plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def pairs(poles: Any) -> list[list[float]]:
+    """Poles as a certificate has them, in the order given."""
+    return [[float(pole.real), float(pole.imag)] for pole in poles]
+
+
+def pole_text(poles: list[list[float]]) -> str:
+    """Poles as a sentence lists them."""
+    return ", ".join(
+        f"{real:.6g}" if imag == 0 else f"{real:.6g}{imag:+.6g}j" for real, imag in poles
+    )
+
+
+def _compare(place: str, stated: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Refuse a certificate that says other than what was found."""
+    for name in (*found, *(name for name in stated if name not in found)):
+        if name not in stated:
+            raise InputError(f"{place}.{name}", "is missing")
+        if name not in found:
+            raise InputError(f"{place}.{name}", "is nothing that this kind of design certifies")
+        if name == "poles":
+            _compare_poles(f"{place}.{name}", stated[name], found[name])
+            continue
+        said, computed = stated[name], found[name]
+        if isinstance(computed, float) and _is_number(said):
+            same = abs(said - computed) <= _AGREE * max(abs(computed), abs(said))
+        else:
+            same = said == computed
+        if not same:
+            raise InputError(f"{place}.{name}", f"says {said}, but the gains give {computed}")
+
+
+def _compare_poles(place: str, stated: Any, found: list[list[float]]) -> None:
+    """Poles that are near each other are badly determined, their polynomial is not."""
+    good = isinstance(stated, list) and len(stated) == len(found)
+    good = good and all(
+        isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) for p in stated
+    )
+    if not good:
+        raise InputError(place, f"must be {len(found)} pairs of real and imaginary part")
+    said, computed = (np.array([complex(*pole) for pole in poles]) for poles in (stated, found))
+    with np.errstate(all="ignore"):
+        scale = np.abs(np.poly(-np.maximum(np.abs(computed), np.finfo(float).tiny)))
+        off = np.abs(np.poly(said) - np.poly(computed))
+        same = bool(np.all(off <= _AGREE * scale))
+    if not same:
+        raise InputError(place, f"says {pole_text(stated)}, but the gains give {pole_text(found)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,98 @@
+"""Examples: a specification for each observer, and the record that it is for."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from reobserve.core.errors import InputError, nearest, shown
+from reobserve.estimation import example_records
+from reobserve.estimation.example_records import Simulated
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.design import Example
+
+_EVEN = "sampling: {{period: {}, missing: interpolate, gap: {}, at_gap: restart}}\n"
+_TIME = "columns:\n  time: {column: t, unit: ms}\n  measurements:\n"
+
+_SATELLITE = f"""\
+{_TIME.rstrip()}              # what the observer reads in rad/s, in the units of the log
+    - {{column: wx, unit: deg/s}}
+    - {{column: wy, unit: deg/s}}
+    - {{column: wz, unit: deg/s}}
+  inputs:
+    - {{column: Tx, unit: mN m}}
+    - {{column: Ty, unit: mN m}}
+    - {{column: Tz, unit: mN m}}
+sampling:
+  period: 0.01               # [s]
+  missing: interpolate       # samples that were lost: refuse, interpolate, or skip (Kalman filters)
+  gap: 0.1                   # [s], the longest stretch that is filled
+  at_gap: restart            # after a longer one: refuse, restart, or coast (Kalman filters)
+"""
+_MOTOR_COLUMNS = f"""\
+{_TIME}    - {{column: speed, unit: rpm}}
+    - {{column: current, unit: mA}}
+  inputs:
+    - {{column: voltage, unit: V}}
+"""
+_MOTOR = f"""\
+{_MOTOR_COLUMNS}sampling:
+  period: 0.01               # [s]
+  missing: skip              # a lost sample is predicted over, a lost sensor leaves the other
+  gap: 0.1                   # [s]
+  at_gap: coast              # predict on, with growing sigmas; or restart, or refuse
+"""
+# The columns of the records of plants, and the sampling.
+_RECORDS = {
+    "satellite": _SATELLITE,
+    "pendulum": f"{_TIME}    - {{column: angle, unit: deg}}\n{_EVEN.format(0.02, 0.2)}",
+    "driven_pendulum": f"{_TIME}    - {{column: angle, unit: deg}}\n"
+    f"  inputs:\n    - {{column: torque, unit: mN m}}\n{_EVEN.format(0.01, 0.1)}",
+    "lag": f'{_TIME}    - {{column: level, unit: "%"}}\n'
+    f'  inputs:\n    - {{column: valve, unit: "%", model_unit: "1"}}\n{_EVEN.format(0.01, 0.1)}',
+    "signal": f"{_TIME}    - {{column: voltage, unit: mV, model_unit: V}}\n"
+    f"{_EVEN.format(0.01, 0.1)}",
+    "motor": _MOTOR,
+    "weak_motor": _MOTOR,
+    "worn_motor": _MOTOR,
+    "faulty_motor": f"{_MOTOR_COLUMNS}{_EVEN.format(0.01, 0.1)}",
+}
+
+
+@cache
+def examples() -> dict[str, Example]:
+    """Those of all families, by their names."""
+    return {name: one for kind in FAMILIES for name, one in family(kind).records.items()}
+
+
+def _example(name: str) -> Example:
+    """That of one name, of which the family is imported alone."""
+    kind = next((kind for kind in FAMILIES if name == kind or name.startswith(f"{kind}-")), "")
+    found = family(kind).records if kind else examples()
+    if name not in found:
+        raise InputError("example", f"there is no {shown(name)}{nearest(name, examples())}")
+    return found[name]
+
+
+def specification_text(name: str) -> str:
+    """The specification of an example, with comments.
+
+    Raises
+    ------
+    InputError
+        If there is no such example.
+    """
+    found = _example(name)
+    alarms = f"alarms:\n{found.alarms}" if found.alarms else ""
+    return f"{found.observer}{_RECORDS[found.plant]}{alarms}"
+
+
+def simulated(name: str) -> Simulated:
+    """The plant of an example, followed over its record.
+
+    Raises
+    ------
+    InputError
+        If there is no such example.
+    """
+    made: Simulated = getattr(example_records, _example(name).plant)()
+    return made

@@ -1,0 +1,159 @@
+"""Extended high-gain observer of a state and of the delay of its input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Literal
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.design import Certificate, Design, Example
+from reobserve.estimation.families.setup import Setup, first_state_error
+from reobserve.estimation.families.signals import Signal, listed, numbered
+from reobserve.estimation.families.triangular import TriangularSystem, step_growth
+from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
+
+EXAMPLE = """\
+# A tank behind a pipe of unknown length: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u(t - delay).
+sampling_period: 0.01       # [s]
+states: {level: "1"}
+inputs: {valve: "1"}        # u alone, or u and all derivatives that the order asks for
+measurements: {level: "1"}    # the first state
+drift:                      # f, text in the states up to the own one
+  level: -level
+input_gain: 1               # G, text in the first state
+delay_bounds: [0, 1.5]      # [s]
+initial_state: [0]
+initial_delay: 0.3          # [s]
+gains:
+  rho: 5                    # [1/s]; all poles of the linear part are -rho
+  order: 2                  # derivatives of the input in the expansion of its delay
+  threshold: 0.035          # of |xi|, below which the delay cannot be seen
+  switched: delay           # there: only the gain of the delay is zero, or all
+"""
+
+_RECORD = """\
+# Extended high-gain observer of a state and of the delay of its input.
+observer:
+  kind: extended-high-gain
+  states: {level: "1"}
+  drift: {level: -level}
+  input_gain: 1
+  delay_bounds: [0.0, 1.5]   # [s]
+  initial_state: [0.0]
+  initial_delay: 0.3         # [s]
+  gains:
+    rho: 5.0                 # [1/s]
+    order: 2                 # derivatives of the input, found from its samples
+    threshold: 0.035         # of |xi|, below which the delay cannot be seen
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DelayedSystem(TriangularSystem):
+    """A chain whose input comes late, by a delay [s] within bounds."""
+
+    delay_bounds: tuple[float, float]
+    initial_delay: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lipschitz is not None:
+            problem = "has no use here: where the delay is estimated, no decay is proved from it"
+            raise InputError("lipschitz", problem)
+        as_vector("delay_bounds", self.delay_bounds, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class ExtendedGains:
+    """rho [1/s], the order of the expansion, the threshold of |xi| and what is off below it."""
+
+    rho: float
+    order: int
+    threshold: float = 0.0
+    switched: Literal["delay", "all"] = "delay"
+    initial_matrix: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedHighGainDesign(Design):
+    """An extended high-gain observer."""
+
+    system: DelayedSystem
+    gains: ExtendedGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {ExtendedHighGainObserver: "extended_high_gain:extended"}
+    differentiates: ClassVar[bool] = True
+    records: ClassVar = {"extended-high-gain": Example("lag", _RECORD)}
+
+    def __post_init__(self) -> None:
+        named, most = len(self.system.inputs), self.gains.order + 1
+        if named not in (0, 1, most):
+            problem = f"name {named} signals, must name 1, or {most} with the derivatives"
+            raise InputError("inputs", problem)
+
+    @cached_property
+    def observer(self) -> ExtendedHighGainObserver:
+        """The observer."""
+        system, gains = self.system, self.gains
+        return ExtendedHighGainObserver(
+            system.model, gains.rho, gains.order, system.delay_bounds, gains.threshold,
+            gains.switched, gains.initial_matrix, sampling_period=system.sampling_period,
+        )  # fmt: skip
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """State, delay, and the share of each period in which gains were off."""
+        return {
+            "state": self.states,
+            "delay": (Signal("delay", "s"),),
+            "switched_off": (Signal("switched_off", "1"),),
+        }
+
+    def start(self) -> State:
+        """The initial state and delay."""
+        return self.observer.init(self.system.start, self.system.initial_delay)
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """The input, alone or with its derivatives."""
+        return listed(self.system.inputs) or numbered("input", 1)
+
+    @property
+    def measurements(self) -> tuple[Signal, ...]:
+        """The first state."""
+        return listed(self.system.measurements) or self.states[:1]
+
+    def set_up(self) -> Setup:
+        """The observer; where the input is not named, its derivatives may come in columns, too."""
+        found = replace(super().set_up(), residual=first_state_error, holds_inputs=False)
+        if self.system.inputs:
+            return found
+        return replace(found, widths=((1,), (1, self.gains.order + 1)), known=())
+
+    def certify(self) -> Certificate:
+        """Poles of the linear part, and what a step leaves of its errors.
+
+        Raises
+        ------
+        InputError
+            If rho is more than the step can follow.
+        """
+        rho, step = self.observer.rho, self.observer.sampling_period
+        poles = [[-rho, 0.0] for _ in range(len(self.states) + 1)]
+        return {"poles": poles, "step_growth": step_growth(rho, step)}
+
+    def summary(self) -> list[str]:
+        """Poles, and what is not certified."""
+        n = len(self.states) + 1
+        least, most = self.system.delay_bounds
+        return [
+            f"extended high-gain observer, expansion of order {self.gains.order}",
+            f"poles: {n} at {-self.gains.rho:.6g} 1/s, of the linear part of the error",
+            f"the estimate of the delay stays from {least:g} to {most:g} s; that it converges is "
+            "not certified: this asks for an input that moves enough (|xi| above the threshold) "
+            "and a rest of the expansion that is small, which no gain can promise",
+        ]

@@ -1,0 +1,129 @@
+"""High-gain observer, from right-hand sides as text: one number is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+from reobserve.core.errors import InputError
+from reobserve.estimation.families.design import Certificate, Design, Example
+from reobserve.estimation.families.setup import Setup, first_state_error
+from reobserve.estimation.families.signals import Signal, listed
+from reobserve.estimation.families.triangular import (
+    TriangularSystem,
+    decay_sentence,
+    step_growth,
+)
+from reobserve.observers.high_gain import HighGainObserver, State
+
+EXAMPLE = """\
+# A pendulum whose angle is measured: x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u, y = x1.
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # as it reaches the plant
+measurements: {angle: rad}  # the first state
+drift:                      # f, text in the states up to the own one
+  angle: 0
+  rate: -9.81*sin(angle) - 0.5*rate
+input_gain: 4               # G, text in the first state
+lipschitz:                  # bounds of df_i/dx_j, from which decay is proved; may be left out
+  rate: {angle: 9.81, rate: 0.5}
+initial_state: [0.3, 0]
+gains:
+  rho: 12                   # [1/s]; all poles of the linear part are -rho
+"""
+
+_RECORD = """\
+# High-gain observer of x1' = x2 + f1(x1), ..., xn' = fn(x) + G(x1) u with y = x1.
+observer:
+  kind: high-gain
+  states: {angle: rad, rate: rad/s}
+  inputs: {torque: N m}      # as it reaches the plant
+  drift: {angle: 0, rate: -9.81*sin(angle) - 0.5*rate}
+  input_gain: 4
+  gains: {rho: 8.0}          # [1/s], all poles of its linear part
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class HighGain:
+    """rho [1/s]."""
+
+    rho: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HighGainDesign(Design):
+    """A standard high-gain observer."""
+
+    system: TriangularSystem
+    gains: HighGain
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {HighGainObserver: "high_gain:standard"}
+    records: ClassVar = {"high-gain": Example("driven_pendulum", _RECORD)}
+
+    def __post_init__(self) -> None:
+        if len(self.system.inputs) > 1:
+            problem = f"name {len(self.system.inputs)} signals, must name one"
+            raise InputError("inputs", problem)
+
+    @cached_property
+    def observer(self) -> HighGainObserver:
+        """The observer."""
+        system = self.system
+        return HighGainObserver(
+            system.model, self.gains.rho, sampling_period=system.sampling_period
+        )
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The state."""
+        return {"state": self.states}
+
+    def start(self) -> State:
+        """The initial state."""
+        return self.observer.init(self.system.start)
+
+    @property
+    def measurements(self) -> tuple[Signal, ...]:
+        """The first state."""
+        return listed(self.system.measurements) or self.states[:1]
+
+    def set_up(self) -> Setup:
+        """The observer; its residual is the error of the first state."""
+        return replace(super().set_up(), residual=first_state_error)
+
+    def certify(self) -> Certificate:
+        """Poles of the linear part, what a step leaves of its errors, and the decay proved.
+
+        Raises
+        ------
+        InputError
+            If rho is more than the step can follow, or too low for the bounds that are stated.
+        """
+        rho, step = self.observer.rho, self.observer.sampling_period
+        certificate: Certificate = {
+            "poles": [[-rho, 0.0] for _ in self.states], "step_growth": step_growth(rho, step),
+        }  # fmt: skip
+        decay = self.system.decay(rho)
+        if decay is None:
+            return certificate
+        if not decay > 0:
+            raise InputError(
+                "rho",
+                f"{rho:g} 1/s is too low for the bounds of lipschitz: errors are proved to grow by "
+                f"no more than {-decay:.4g} 1/s, not to decay",
+            )
+        return {**certificate, "decay": decay}
+
+    def summary(self) -> list[str]:
+        """Poles, and what is proved."""
+        n = len(self.states)
+        return [
+            "high-gain observer",
+            f"poles: {n} at {-self.gains.rho:.6g} 1/s, of the linear part of the error",
+            decay_sentence(self.certificate),
+        ]

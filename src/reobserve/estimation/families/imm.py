@@ -1,0 +1,234 @@
+"""Interacting multiple model: the modes that a plant may be in, and their Markov chain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from reobserve.core.errors import InputError, located
+from reobserve.core.kernel import kernel
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.design import Certificate, Design, Example
+from reobserve.estimation.families.kalman import MOTOR, NOISE
+from reobserve.estimation.families.linear_system import LinearSystem, NoisySystem, unobserved
+from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.signals import (
+    Signal,
+    check_signals,
+    covariances,
+    listed,
+    numbered,
+    variances,
+)
+from reobserve.observers.imm import IMM, State
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum that may be worn: its friction tells which.
+time: continuous            # or discrete: A and B are then those of a sample
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad}
+modes:                      # each says where it is not like the rest of this file
+  sound: {}
+  worn: {A: [[0, 1], [-0.983, -0.5]]}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0]]
+Q: [1.0e-10, 1.0e-8]        # variances of the noise that a sample adds to the states
+R: 1.0e-6                   # of the noise of a measurement
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+gains:
+  filter: kalman            # or svsf, with boundary_layer and memory
+  transition: [[0.999, 0.001], [0.001, 0.999]]      # from one sample to the next
+"""
+
+_MODES = """\
+  modes:                     # each says where it is not like the rest
+    healthy: {}
+    worn: {A: [[-20.0, 40.0], [-0.4, -20.0]]}
+  gains:
+    transition: [[0.999, 0.001], [0.001, 0.999]]   # from one sample to the next
+"""
+_ALARM = "  - {name: worn, of: probability_worn, above: 0.9}\n"
+_MOST_MODES = 50
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mode:
+    """Where a mode differs."""
+
+    A: Array | None = None
+    B: Array | None = None
+    C: Array | None = None
+    D: Array | None = None
+    Q: Array | None = None
+    R: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ManyModes(NoisySystem):
+    """A linear system in several modes, with their probabilities at the start, equal if left out.
+
+    The covariance of the initial state is that of all modes.
+    """
+
+    modes: dict[str, Mode]
+    initial_probabilities: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_signals("modes", dict.fromkeys(self.modes, "1"))
+        if not 1 <= len(self.modes) <= _MOST_MODES:
+            raise InputError("modes", f"has {len(self.modes)} modes, must have 1 to {_MOST_MODES}")
+
+    @cached_property
+    def systems(self) -> dict[str, LinearSystem]:
+        """The linear system of each mode; `InputError` names the mode that has none."""
+        shared = {each.name: getattr(self, each.name) for each in fields(LinearSystem)}
+        found = {}
+        for name, mode in self.modes.items():
+            changed = {key: value for key, value in vars(mode).items() if value is not None}
+            with located(f"modes.{name}"):
+                found[name] = LinearSystem(**{**shared, **changed})
+                _ = found[name].model
+        return found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BankGains:
+    """The filter of all modes, the chain's probabilities, and whether estimates are mixed."""
+
+    filter: Literal["kalman", "svsf"] = "kalman"
+    transition: Array
+    mixing: bool = True
+    boundary_layer: Array | None = None
+    memory: float | None = None
+    inverse: Literal["pseudo", "weighted"] = "pseudo"
+
+    def __post_init__(self) -> None:
+        for name in ("boundary_layer", "memory"):
+            if (getattr(self, name) is None) != (self.filter == "kalman"):
+                wanted = "must be left out" if self.filter == "kalman" else "is missing"
+                raise InputError(name, f"{wanted} with the filter {self.filter}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ImmDesign(Design):
+    """An interacting multiple model."""
+
+    system: ManyModes
+    gains: BankGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {IMM: "bank:bank"}
+    records: ClassVar = {
+        "imm-kalman": Example(
+            "worn_motor", "# Bank of Kalman filters: which of several models does the record "
+            "follow?\nobserver:\n  kind: imm\n" + MOTOR + NOISE + _MODES
+            + "    filter: kalman\n", _ALARM,
+        ),
+        "imm-svsf": Example(
+            "worn_motor", "# Bank of SVSFs: which of several models does the record follow?\n"
+            "observer:\n  kind: imm\n" + MOTOR + NOISE + _MODES + "    filter: svsf\n"
+            "    boundary_layer: [0.3, 0.1] # psi, in the units of the measurements\n"
+            "    memory: 0.1                # gamma\n", _ALARM,
+        ),
+    }  # fmt: skip
+
+    @cached_property
+    def observer(self) -> IMM:
+        """The bank."""
+        gains = self.gains
+        filters: list[LinearFilter] = []
+        for system in self.system.systems.values():
+            if gains.boundary_layer is None or gains.memory is None:
+                filters.append(KalmanFilter(system.model))
+            else:
+                layer, memory = gains.boundary_layer, gains.memory
+                filters.append(
+                    SmoothVariableStructureFilter(system.model, layer, memory, gains.inverse)
+                )
+        return IMM(filters, gains.transition, gains.mixing)
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The states of all modes."""
+        return listed(self.system.states) or numbered("state", len(self.system.A))
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """Mixture, probabilities of modes, innovations of all filters."""
+        modes = tuple(self.system.modes)
+        return {
+            "state": self.states,
+            "variance": variances(self.states),
+            "covariance": covariances(self.states),
+            "probability": tuple(Signal(f"probability_{mode}", "1") for mode in modes),
+            "innovation": tuple(
+                Signal(f"{mode}_{signal.name}_innovation", signal.unit)
+                for mode in modes
+                for signal in self.measurements
+            ),
+            "log_likelihood": (Signal("log_likelihood", "1"),),
+        }
+
+    def start(self) -> State:
+        """Initial mean and covariance of all modes, at the first sample."""
+        system = self.system
+        return self.observer.init(
+            system.mean, system.initial_covariance, system.initial_probabilities
+        )
+
+    def set_up(self) -> Setup:
+        """The bank, with the residual of the mixture."""
+        systems = self.system.systems.items()
+        return replace(
+            super().set_up(), residual=_mixed_innovation, sigmas={"state": "variance"},
+            left_out=("variance", "covariance", "innovation", "log_likelihood"),
+            unseen=tuple(
+                sentence for name, system in systems
+                for sentence in unobserved(system.model, f"modes.{name}")
+            ),
+        )  # fmt: skip
+
+    def certify(self) -> Certificate:
+        """How long the chain stays in each mode on average, in samples."""
+        chain = self.observer.transition
+        stay = [min(float(1.0 / max(1.0 - p, 1e-300)), 1e300) for p in np.diag(chain)]
+        return {f"samples_in_{mode}": s for mode, s in zip(self.system.modes, stay, strict=True)}
+
+    def summary(self) -> list[str]:
+        """How long the chain stays in each mode."""
+        period = self.system.sampling_period
+        lines = [f"interacting multiple model of {len(self.system.modes)} modes"]
+        for mode in self.system.modes:
+            seconds = self.certificate[f"samples_in_{mode}"] * period
+            lines.append(f"{mode}: stays for {seconds:.4g} s on average")
+        return lines
+
+
+def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
+    """The innovations of the modes, weighed by their probabilities."""
+    return _weighed(estimates["probability"], estimates["innovation"])
+
+
+@kernel
+def _weighed(probability: Array, innovation: Array) -> Array:
+    rows, modes, size = innovation.shape
+    found = np.zeros((rows, size))
+    for k in range(rows):
+        for mode in range(modes):
+            for place in range(size):
+                found[k, place] += probability[k, mode] * innovation[k, mode, place]
+    return found

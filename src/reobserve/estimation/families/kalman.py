@@ -1,0 +1,150 @@
+"""Kalman filter: with the covariance in time, or with the gain that it comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.design import Certificate, Example, pairs
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    NoisySystem,
+    decay_sentences,
+)
+from reobserve.estimation.families.setup import Setup
+from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.synthesis.linear import steady_kalman_gain
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum whose angle is measured.
+time: continuous            # or discrete: A and B are then those of a sample
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0]]                 # y = C x + D u
+Q: [1.0e-10, 1.0e-8]        # variances of the noise that a sample adds to the states
+R: 1.0e-6                   # of the noise of a measurement
+gain: steady                # that of the Riccati equation; or varying, with the covariance
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+"""
+
+MOTOR = """\
+  time: continuous           # sampled here; or discrete: A and B of a sample
+  states: {speed: rad/s, current: A}
+  inputs: {voltage: V}       # held from sample to sample
+  measurements: {speed: rad/s, current: A}
+  A: [[-10.0, 40.0], [-0.4, -20.0]]
+  B: [[0.0], [20.0]]
+  C: [[1.0, 0.0], [0.0, 1.0]]
+"""
+NOISE = """\
+  Q: [1.0e-4, 1.0e-4]        # variances of the noise that a sample adds
+  R: [1.0e-3, 1.0e-4]        # of the measurements
+  initial_state: [0.0, 0.0]
+  initial_covariance: 1.0
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KalmanSystem(NoisySystem):
+    """A linear system with noise, and whether the gain is the steady one."""
+
+    gain: Literal["varying", "steady"] = "varying"
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanGains:
+    """K at rest, shape (n, m)."""
+
+    gain: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KalmanDesign(FilterDesign):
+    """A Kalman filter."""
+
+    system: KalmanSystem
+    gains: KalmanGains | None = None
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {KalmanFilter: "linear:kalman", FixedGainObserver: "linear:fixed_gain"}
+    records: ClassVar = {
+        "kalman": Example(
+            "motor", "# Kalman filter.\nobserver:\n  kind: kalman\n" + MOTOR + NOISE,
+            "  - {name: odd, of: residual speed, sigma: 6, since: 1, until: 4}"
+            "  # learned on a stretch [s]\n",
+        ),
+        "kalman-steady": Example(
+            "motor", "# The Kalman filter with the gain that it comes to.\n"
+            "observer:\n  kind: kalman\n  gain: steady\n" + MOTOR + NOISE,
+        ),
+    }  # fmt: skip
+
+    def __post_init__(self) -> None:
+        if (self.gains is None) != (self.system.gain == "varying"):
+            wanted = "are missing" if self.gains is None else "must be left out"
+            raise InputError("gains", f"{wanted} where the gain is {self.system.gain}")
+
+    @classmethod
+    def of(cls, system: KalmanSystem, gains: KalmanGains | None = None) -> Self:
+        """The Kalman filter of a system.
+
+        Raises
+        ------
+        InputError
+            If it comes to no gain, `reobserve.synthesis.linear.steady_kalman_gain`.
+        """
+        if gains is None and system.gain == "steady":
+            gains = KalmanGains(steady_kalman_gain(system.model))
+        return cls(system=system, gains=gains)
+
+    @cached_property
+    def observer(self) -> LinearFilter:
+        """The filter."""
+        if self.gains is None:
+            return KalmanFilter(self.system.model)
+        return FixedGainObserver(self.system.model, self.gains.gain)
+
+    def set_up(self) -> Setup:
+        """The filter; of a constant gain no deviations are known."""
+        found = super().set_up()
+        return found if self.gains is None else replace(found, sigmas={}, spread=None)
+
+    def certify(self) -> Certificate:
+        """Poles of the error at rest, the gain against the Riccati equation's.
+
+        Raises
+        ------
+        InputError
+            If there is no gain at rest, or the gain is another.
+        """
+        steady = steady_kalman_gain(self.system.model)
+        given = steady if self.gains is None else self.gains.gain
+        resting = FixedGainObserver(self.system.model, given)  # refuses other shapes
+        off = np.abs(resting.gain - steady)
+        if off.max() > 1e-6 * np.abs(steady).max():
+            worst = np.unravel_index(np.argmax(off), steady.shape)
+            raise InputError(
+                f"gain[{worst[0]}][{worst[1]}]",
+                f"is {resting.gain[worst]:.9g}, the Riccati equation gives {steady[worst]:.9g}",
+            )
+        return {"poles": pairs(resting.poles), "spectral_radius": float(np.abs(resting.poles[0]))}
+
+    def summary(self) -> list[str]:
+        """Poles, and how fast errors decay."""
+        kept = "gain that follows the covariance" if self.gains is None else "steady gain"
+        period = self.system.sampling_period
+        return [f"Kalman filter, {kept}", *decay_sentences(self.certificate, period)]

@@ -1,0 +1,166 @@
+"""Robust exact differentiator, by a bound on the highest derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from reobserve.codegen.expressions import Expression, call
+from reobserve.codegen.program import ONE, ZERO, Program
+from reobserve.codegen.programs.sampling import Rows
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.design import Certificate, Design, Example, System
+from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.signals import Signal, numbered, product
+from reobserve.observers.levant import LevantDifferentiator, State
+
+Array = FloatArray
+
+EXAMPLE = """\
+# The angle of an encoder, of which rate and acceleration are wanted.
+sampling_period: 0.001      # [s]
+measurements: {angle: rad}
+gains:
+  order: 2                  # the highest derivative
+  L: 50                     # [rad/s^3] at most of the derivative after it
+"""
+
+_RECORD = """\
+# Robust exact differentiator of one signal.
+# Estimates: derivatives_1 is the signal without its noise [V], derivatives_2 its rate [V/s], and
+# derivatives_3 the rate of that; with `measurements: {voltage: V}` they are named after it.
+observer:
+  kind: levant
+  gains:
+    L: 1.5                   # bound on the derivative of order 3 [V/s^3]
+    order: 2
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SignalSystem(System):
+    """One signal."""
+
+    initial_state: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.measurements) > 1:
+            problem = f"name {len(self.measurements)} signals, must be the one to differentiate"
+            raise InputError("measurements", problem)
+        for name in ("states", "inputs"):
+            if getattr(self, name):
+                raise InputError(name, "must be left out: there are none")
+
+
+@dataclass(frozen=True, eq=False)
+class LevantGains:
+    """``L`` bounds the derivative of order ``order`` + 1; ``lambdas`` as the observer has them."""
+
+    L: float
+    order: int = 2
+    lambdas: list[float] | None = None
+
+
+def program(observer: LevantDifferentiator, state: State | None) -> Program:
+    """Its homogeneous discretisation."""
+    step = Program("Robust exact differentiator", 1, 0)
+    begun = observer.init([0.0] * (observer.order + 1)) if state is None else state
+    rows, law, lines = Rows(step, begun), observer._law, observer.order + 1
+    z = step.remember("z", begun.derivatives)
+    factors = step.constant("factor", law.factors)
+    powers = step.constant("power", law.exponents)
+    taylor = step.constant("taylor", law.taylor)
+    if state is None:
+        rows.start_from(z[0], step.y[0])
+    with rows.moves():
+        error = step.let(step.local("error"), z[0] - rows.y_before[0])
+        sign = step.let(step.local("sign"), ZERO)
+        with step.when(f"{error} > 0.0"):
+            step.let(sign, ONE)
+        with step.when(f"{error} < 0.0"):
+            step.let(sign, -ONE)
+        size = step.let(step.local("size"), call("fabs", error))
+        for i in range(lines):
+            more: Expression = call("pow", size, powers[i]) if i + 1 < lines else ONE
+            step.let(size, factors[i] * more)
+            moved: Expression = z[i]
+            for j in range(1, lines - i):
+                moved = moved + taylor[j] * z[i + j]
+            # z[i] is read by no later line.
+            step.let(z[i], moved - taylor[1] * size * sign)
+    step.estimate("derivatives", z)
+    rows.keep()
+    return step
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LevantDesign(Design):
+    """A robust exact differentiator."""
+
+    system: SignalSystem
+    gains: LevantGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {LevantDifferentiator: program}
+    records: ClassVar = {"levant": Example("signal", _RECORD)}
+
+    @cached_property
+    def observer(self) -> LevantDifferentiator:
+        """The differentiator."""
+        gains = self.gains
+        return LevantDifferentiator(
+            gains.L, gains.order, gains.lambdas, sampling_period=self.system.sampling_period
+        )
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The signal and its derivatives."""
+        if not self.system.measurements:
+            return numbered("derivatives", self.gains.order + 1)
+        ((name, unit),) = self.system.measurements.items()
+        units = [product(unit, f"1/s^{i}" if i else "1") for i in range(self.gains.order + 1)]
+        return tuple(
+            Signal(f"{name}_derivative_{i}" if i else name, unit) for i, unit in enumerate(units)
+        )
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The signal and its derivatives."""
+        return {"derivatives": self.states}
+
+    def start(self) -> State | None:
+        """The initial derivatives; None for the first measurement."""
+        stated = self.system.initial_state
+        if stated is None:
+            return None
+        return self.observer.init(as_vector("initial_state", stated, self.gains.order + 1))
+
+    def set_up(self) -> Setup:
+        """The differentiator; its residual is the error of the signal itself."""
+
+        def residual(y: Array, estimates: Estimates) -> Array:
+            found: Array = y - estimates["derivatives"][:, :1]
+            return found
+
+        return replace(super().set_up(), residual=residual)
+
+    def certify(self) -> Certificate:
+        """What of a signal within the bound is left after some steps: L T^(n+1-i) of each."""
+        powers = self.gains.order + 1 - np.arange(self.gains.order + 1)
+        scales = self.observer.L * self.observer.sampling_period**powers
+        return {f"scale_{i}": float(scale) for i, scale in enumerate(scales)}
+
+    def summary(self) -> list[str]:
+        """Accuracy without noise."""
+        lines = [f"robust exact differentiator of order {self.gains.order}"]
+        for i, signal in enumerate(self.states):
+            scale = self.certificate[f"scale_{i}"]
+            lines.append(
+                f"{signal.name}: error of the order of {scale:.3g} {signal.unit}, no noise"
+            )
+        return lines

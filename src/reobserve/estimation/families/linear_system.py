@@ -1,0 +1,156 @@
+"""A linear model as YAML states it, and what filters on one have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from reobserve.core.discretisation import zero_order_hold
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.design import Certificate, Design, System, pole_text
+from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.signals import Signal, listed, numbered, variances
+from reobserve.synthesis.linear import undetectable_modes
+from reobserve.systems.linear import LinearModel
+
+Array = FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearSystem(System):
+    """x' = A x + B u or x(k+1) = A x(k) + B u(k), by the word ``time``, with y = C x + D u.
+
+    A model of continuous time is sampled for inputs that are held. ``Q`` and ``R`` are covariances
+    of the noise of a sample, in either time. ``unusual`` accepts a discrete A that looks like one
+    of continuous time.
+    """
+
+    time: Literal["continuous", "discrete"]
+    A: Array
+    B: Array | None = None
+    C: Array
+    D: Array | None = None
+    Q: Array = field(default_factory=lambda: np.array(0.0))
+    R: Array = field(default_factory=lambda: np.array(1.0))
+    unusual: bool = False
+    initial_state: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.states) or _rows(self.A)
+        m, p = len(self.measurements) or _rows(self.C), len(self.inputs)
+        if p and self.B is None:
+            raise InputError("B", f"is missing, must have shape {(n, p)}, as there are inputs")
+        if not p and self.B is not None and self.B.ndim == 2:
+            p = self.B.shape[1]
+        shapes = {"A": (n, n), "B": (n, p), "C": (m, n), "D": (m, p)}
+        for name, shape in shapes.items():
+            check_shape(name, getattr(self, name), shape)
+        if self.initial_state is not None:
+            as_vector("initial_state", self.initial_state, n)
+
+    @property
+    def mean(self) -> Array:
+        """The initial state, zero where it is not stated, shape (n,)."""
+        stated = self.initial_state
+        return np.zeros(len(self.A)) if stated is None else np.array(stated, dtype=np.float64)
+
+    def sampled(self, effect: Array) -> tuple[Array, Array]:
+        """A of a sample, and what in a sample a matrix adds that enters x as B does."""
+        if self.time == "discrete":
+            return self.A, effect
+        # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
+        return zero_order_hold(self.A, effect, self.sampling_period)
+
+    @cached_property
+    def model(self) -> LinearModel:
+        """The sampled model; `InputError` if it is none that filters can have."""
+        A, B = self.sampled(np.zeros((len(self.A), 0)) if self.B is None else self.B)
+        return LinearModel(
+            A, B, self.C, self.D, self.Q, self.R,
+            unusual=self.unusual or self.time == "continuous",
+            sampling_period=self.sampling_period,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NoisySystem(LinearSystem):
+    """A linear system of which the noise is known, and the covariance of the initial state."""
+
+    Q: Array
+    R: Array
+    initial_covariance: Array
+
+
+def _rows(matrix: Array) -> int:
+    return len(matrix) if matrix.ndim else 0
+
+
+def check_shape(name: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Refuse a matrix of another shape than the signals ask for; None is not there."""
+    if value is not None and value.shape != shape:
+        raise InputError(name, f"has shape {value.shape}, must be {shape}, as the signals say")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FilterDesign(Design):
+    """A filter on a linear model."""
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The states of the system."""
+        return listed(self.system.states) or numbered("state", len(self.system.A))
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """Those of `LinearFilter`."""
+        return {
+            "state": self.states, "variance": variances(self.states),
+            "innovation": tuple(Signal(f"{s.name}_innovation", s.unit) for s in self.measurements),
+            "log_likelihood": (Signal("log_likelihood", "1"),),
+        }  # fmt: skip
+
+    def start(self) -> Any:
+        """Initial mean and covariance, at the first sample."""
+        return self.observer.init(self.system.mean, self.system.initial_covariance)  # type: ignore[attr-defined]
+
+    def set_up(self) -> Setup:
+        """The filter, with the deviations that it predicts."""
+        filter_: Any = self.observer
+        return replace(
+            super().set_up(), residual=innovation, sigmas={"state": "variance"},
+            left_out=("variance", "innovation", "log_likelihood"),
+            unseen=unobserved(self.system.model), spread=filter_.innovation_deviation,
+        )  # fmt: skip
+
+
+def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
+    """Sentences on modes whose estimate stays that of the start."""
+    hidden = undetectable_modes(model.A, model.C)
+    if not len(hidden):
+        return ()
+    return (
+        f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
+        "hidden from the measurements, so that its estimate is that of the start for ever",
+    )
+
+
+def innovation(y: Array, estimates: Estimates) -> Array:
+    """The residual of filters."""
+    return estimates["innovation"]
+
+
+def decay_sentences(certificate: Certificate, period: float) -> list[str]:
+    """What poles of discrete time mean."""
+    radius = certificate["spectral_radius"]
+    if radius == 0:
+        return ["poles: all zero; an error is gone after as many samples as there are states"]
+    rate = -period / np.log(radius)
+    return [
+        f"poles: {pole_text(certificate['poles'])}, of the error from sample to sample",
+        f"spectral radius {radius:.6g}: the slowest error falls to 37 % in {rate:.3g} s",
+    ]

@@ -1,0 +1,114 @@
+"""Luenberger observer: a prediction, corrected by a constant gain, given or found by poles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.design import Certificate, Example, pairs
+from reobserve.estimation.families.kalman import MOTOR
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    LinearSystem,
+    decay_sentences,
+)
+from reobserve.estimation.families.poles import Poles, sampled_poles
+from reobserve.estimation.families.setup import Setup
+from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
+from reobserve.observers.linear_filter import State
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum whose angle is measured.
+time: continuous            # or discrete: A and B are then those of a sample
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0]]
+poles: [-3, -4]             # [1/s], of discrete time those of a sample; complex: "-3+1j"
+initial_state: [0.3, 0]
+"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedSystem(LinearSystem):
+    """A linear system, and the poles that errors are to have."""
+
+    poles: Poles | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LuenbergerGains:
+    """L, shape (n, m)."""
+
+    gain: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LuenbergerDesign(FilterDesign):
+    """An observer of constant gain."""
+
+    system: PlacedSystem
+    gains: LuenbergerGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {FixedGainObserver: "linear:fixed_gain"}
+    records: ClassVar = {
+        "luenberger": Example(
+            "motor", "# A Luenberger observer.\nobserver:\n  kind: luenberger\n" + MOTOR
+            + "  poles: [-70.0, -50.0]      # [1/s]; of discrete time those of a sample\n",
+        ),
+        "luenberger-gain": Example(
+            "motor", "# A Luenberger observer of a gain that is given.\n"
+            "observer:\n  kind: luenberger\n" + MOTOR
+            + "  gains: {gain: [[0.3, 0.2], [0.0, 0.4]]}\n",
+        ),
+    }  # fmt: skip
+
+    @classmethod
+    def find_gains(cls, system: PlacedSystem) -> LuenbergerGains:
+        """The gain that gives the error the poles that the system states.
+
+        Raises
+        ------
+        InputError
+            If the poles cannot be placed, `reobserve.synthesis.linear.place`, are not stable, or
+            are not stated.
+        """
+        if system.poles is None:
+            raise InputError("poles", "are missing, and so are gains; one of them must be stated")
+        period = system.sampling_period if system.time == "continuous" else None
+        gain = luenberger(system.model, sampled_poles("poles", system.poles, period)).gain
+        return LuenbergerGains(gain)
+
+    @cached_property
+    def observer(self) -> FixedGainObserver:
+        """The observer."""
+        return FixedGainObserver(self.system.model, self.gains.gain)
+
+    def start(self) -> State:
+        """The initial state, at the first sample."""
+        return self.observer.init(self.system.mean, 0.0)
+
+    def set_up(self) -> Setup:
+        """The observer; of a constant gain no deviations are known."""
+        return replace(super().set_up(), sigmas={}, spread=None)
+
+    def certify(self) -> Certificate:
+        """Poles of the error."""
+        poles = self.observer.poles
+        return {"poles": pairs(poles), "spectral_radius": float(np.abs(poles[0]))}
+
+    def summary(self) -> list[str]:
+        """Poles, and how fast errors decay."""
+        period = self.system.sampling_period
+        return ["Luenberger observer", *decay_sentences(self.certificate, period)]

@@ -1,0 +1,250 @@
+"""Normal-form observer, from right-hand sides as text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from reobserve.core.errors import InputError, nearest
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.estimation.families.design import (
+    Certificate,
+    Design,
+    Example,
+    System,
+    pairs,
+    pole_text,
+)
+from reobserve.estimation.families.linear_system import check_shape
+from reobserve.estimation.families.poles import Poles, stable_poles
+from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.signals import Signal, numbered
+from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_transformed import TransformedObserver
+
+Array = FloatArray
+Form = Literal["identity", "transformed"]
+Reading = Literal["series", "jacobian", "composed"]
+
+EXAMPLE = """\
+# A pendulum whose angle is measured. Right-hand sides are text in states and inputs.
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # known; must enter so that errors stay linear, which is checked
+measurements: {angle: rad}
+dynamics:
+  angle: rate
+  rate: -sin(angle) - rate/10 + torque
+output:
+  angle: angle
+injection:                  # terms of l(y) from degree 2 on, in y1, y2, ...; none if left out
+  rate: sin(y1) - y1        # here they make the observer exact, and known inputs possible
+order: 3                    # of the gain
+poles: [-1.5, -2.2]         # [1/s] of the error; complex ones are written as "-1+2j"
+initial_state: [0.3, 0]
+"""
+
+
+def _record(about: str, chosen: str) -> str:
+    return f"""\
+# Normal-form observer {about}, of a system x' = f(x), y = h(x) that is written as text.
+observer:
+  kind: normal-form
+  states: {{angle: rad, rate: rad/s}}
+  measurements: {{angle: rad}}
+  dynamics: {{angle: rate, rate: -sin(angle) - rate/10}}
+  output: {{angle: angle}}
+  poles: [-1.5, -2.0]        # [1/s] of the error; complex ones are written as "-1+2j"
+{chosen}"""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NonlinearSystem(System):
+    """x' = f(x, u), y = h(x) with an equilibrium at the origin, expanded there."""
+
+    dynamics: dict[str, str | float]
+    output: dict[str, str | float]
+    injection: dict[str, str | float] | None = None
+    order: int
+    poles: Poles | None = None
+    form: Form = "identity"
+    gain: Reading = "series"
+    degree: int | None = None
+    expanded: int = 9
+    initial_state: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        for name, signals in (("dynamics", self.states), ("output", self.measurements)):
+            given = getattr(self, name)
+            for key in given:
+                if key not in signals:
+                    raise InputError(f"{name}.{key}", f"is of no signal{nearest(key, signals)}")
+            for key in signals:
+                if key not in given:
+                    raise InputError(f"{name}.{key}", "is missing; each signal needs one")
+        for key in self.injection or {}:
+            if key not in self.states:
+                raise InputError(f"injection.{key}", f"is of no state{nearest(key, self.states)}")
+        if self.initial_state is not None:
+            as_vector("initial_state", self.initial_state, len(self.states))
+        for name in self.inputs:
+            if name in self.states:
+                raise InputError(f"inputs.{name}", "is the name of a state, too")
+
+    def built(self, **chosen: Any) -> NormalFormObserver:
+        """The observer with poles, or with an injection; raises as `normal_form_observer`."""
+        higher = None
+        if self.injection:
+            higher = [self.injection.get(name, 0) for name in self.states]
+        try:
+            return normal_form_observer(
+                [self.dynamics[name] for name in self.states],
+                [self.output[name] for name in self.measurements],
+                list(self.states),
+                inputs=list(self.inputs),
+                higher=higher,
+                sampling_period=self.sampling_period,
+                degree=self.degree,
+                expanded=self.expanded,
+                order=self.order,
+                form=self.form,
+                gain=self.gain,
+                **chosen,
+            )
+        except InputError as error:
+            raise InputError(self._place(error.parameter), error.problem) from None
+
+    def _place(self, parameter: str) -> str:
+        """The key of what a list has for it: ``dynamics[0]`` is that of the first state."""
+        found = re.fullmatch(r"(dynamics|output|higher)\[(\d+)\]", parameter)
+        if found is None:
+            return parameter
+        signals = self.measurements if found[1] == "output" else self.states
+        key = "injection" if found[1] == "higher" else found[1]
+        return f"{key}.{list(signals)[int(found[2])]}"
+
+
+@dataclass(frozen=True, eq=False)
+class NormalFormGains:
+    """L0, the linear part of l, shape (n, p)."""
+
+    injection: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NormalFormDesign(Design):
+    """A normal-form observer."""
+
+    system: NonlinearSystem
+    gains: NormalFormGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {
+        IdentityObserver: "normal_form:identity", TransformedObserver: "normal_form:transformed",
+    }  # fmt: skip
+    records: ClassVar = {
+        "normal-form-constant": Example("pendulum", _record("of constant gain", """\
+  order: 0                   # a constant gain
+""")),
+        "normal-form-identity": Example("pendulum", _record("in identity form", """\
+  order: 4                   # degree up to which the gain is kept
+  form: identity
+  gain: series               # series, jacobian or composed
+""")),
+        "normal-form-transformed": Example("pendulum", _record("in transformed coordinates", """\
+  order: 4                   # degree up to which the series are kept
+  form: transformed
+""")),
+    }  # fmt: skip
+
+    @classmethod
+    def find_gains(cls, system: NonlinearSystem) -> NormalFormGains:
+        """The injection that gives the error in z the poles [1/s] that the system states.
+
+        Raises
+        ------
+        InputError
+            As `reobserve.observers.normal_form.normal_form_observer`, or if poles are not stated
+            or not stable.
+        """
+        if system.poles is None:
+            raise InputError("poles", "are missing, and so are gains; one of them must be stated")
+        built = system.built(poles=stable_poles("poles", system.poles))
+        matrix = np.asarray(built.normal_form.problem.injection.matrix, dtype=np.float64)
+        return NormalFormGains(matrix)
+
+    def __post_init__(self) -> None:
+        shape = (len(self.system.states), len(self.system.measurements))
+        check_shape("gains.injection", self.gains.injection, shape)
+
+    @cached_property
+    def observer(self) -> NormalFormObserver:
+        """The observer."""
+        return self.system.built(injection=self.gains.injection)
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The state, and of the transformed form its coordinates."""
+        found = {"state": self.states}
+        if self.system.form == "transformed":
+            found["coordinates"] = numbered("coordinates", len(self.states))
+        return found
+
+    def start(self) -> State | None:
+        """The initial state; None for the origin."""
+        stated = self.system.initial_state
+        return None if stated is None else self.observer.init(stated)
+
+    def set_up(self) -> Setup:
+        """The observer; its residual is y - h(x)."""
+        read = self.observer.normal_form.problem.system.output
+
+        def residual(y: Array, estimates: Estimates) -> Array:
+            found: Array = y - np.array([read(row) for row in estimates["state"]])
+            return found
+
+        return replace(super().set_up(), residual=residual)
+
+    def certify(self) -> Certificate:
+        """Poles of the error in z, the smallest divisor of the series, the size of S beyond x.
+
+        Raises
+        ------
+        InputError
+            If A is not stable or resonant, or an input leaves no linear error dynamics.
+        """
+        form = self.observer.normal_form
+        poles = np.linalg.eigvals(np.asarray(form.problem.A, dtype=np.float64))
+        poles = poles[np.lexsort((poles.imag, -poles.real))]
+        largest = np.abs(form.S.coefficients[:, form.problem.system.states + 1 :])
+        certificate: Certificate = {
+            "poles": pairs(poles), "nonlinearity": float(largest.max(initial=0.0)),
+        }  # fmt: skip
+        if form.resonance is not None:
+            certificate["smallest_divisor"] = form.resonance.distance
+        return certificate
+
+    def summary(self) -> list[str]:
+        """Poles, and what they are of."""
+        known, system = self.certificate, self.system
+        lines = [
+            f"normal-form observer, {system.form} form, order {system.order}",
+            f"poles: {pole_text(known['poles'])} 1/s, of the error in z = S(x)",
+        ]
+        if known["nonlinearity"] < 1e-9:
+            lines.append("S(x) = x: the error is linear in x itself")
+        else:
+            lines.append(
+                f"largest coefficient of S beyond x: {known['nonlinearity']:.4g}; the error is "
+                "linear in z, up to what the order cuts off"
+            )
+        if "smallest_divisor" in known:
+            lines.append(f"smallest divisor of the series: {known['smallest_divisor']:.4g} 1/s")
+        return lines

@@ -1,0 +1,125 @@
+"""Observers of a rigid body: the body, its signals and the initial state."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import FloatArray, as_vector
+from reobserve.core.validation import checked
+from reobserve.estimation.families.design import Design, System
+from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
+from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
+from reobserve.systems.rigid_body import RigidBody
+
+Array = FloatArray
+
+
+def three(place: str, value: Mapping[str, str]) -> None:
+    """Three axes."""
+    if len(value) not in (0, 3):
+        raise InputError(place, f"names {len(value)} signals, must be 3, one an axis")
+
+
+BODY = "  inertia: [[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]]   # [kg m^2]\n"
+ALARMS = """\
+  - {name: leak, of: fault_1, above: 0.2}                      # [N m], as stated
+  - {name: odd, of: residual wx, sigma: 6, since: 1, until: 4} # learned on a stretch [s]
+"""
+
+Axes = Annotated[Signals, checked(three)]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodySystem(System):
+    """J w' = -w x J w + B u + B_f u_f, with w measured."""
+
+    states: Axes = field(default_factory=dict)
+    inputs: Axes = field(default_factory=dict)
+    inertia: Array
+    input_matrix: Array = field(default_factory=lambda: np.eye(3))
+    fault_matrix: Array = field(default_factory=lambda: np.eye(3))
+    initial_state: list[float] | None = None
+    initial_fault: list[float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.measurements:
+            raise InputError("measurements", "must be left out: they are the states")
+        if self.initial_fault is not None:
+            as_vector("initial_fault", self.initial_fault, 3)
+            if self.initial_state is None:
+                raise InputError("initial_fault", "goes with an initial_state")
+        if self.initial_state is not None:
+            as_vector("initial_state", self.initial_state, 3)
+        for name, signals, unit in (
+            ("states", self.states, "rad/s"), ("inputs", self.inputs, "N m"),
+        ):  # fmt: skip
+            for signal, stated in signals.items():
+                if stated != unit:
+                    raise InputError(f"{name}.{signal}", f"{stated!r} must be {unit!r}")
+
+    @cached_property
+    def body(self) -> RigidBody:
+        """The body; `InputError` if it is none."""
+        return RigidBody(self.inertia, self.input_matrix, self.fault_matrix)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyDesign(Design):
+    """An observer of a body's rate and of a fault torque."""
+
+    system: BodySystem
+
+    @property
+    @abstractmethod
+    def observer(self) -> RigidBodyObserver:
+        """The observer, ready to run."""
+
+    @property
+    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
+        """The rate and the fault torque."""
+        faults = tuple(Signal(f"{name}_fault", "N m") for name in self.system.inputs)
+        return {"rate": self.states, "fault": faults or numbered("fault", 3, "N m")}
+
+    @property
+    def states(self) -> tuple[Signal, ...]:
+        """The rates of the body."""
+        return listed(self.system.states) or numbered("rate", 3, "rad/s")
+
+    @property
+    def measurements(self) -> tuple[Signal, ...]:
+        """The rates themselves."""
+        return self.states
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """Torques."""
+        return listed(self.system.inputs) or numbered("torque", 3, "N m")
+
+    def start(self) -> State | None:
+        """The initial rate without a fault; None for the first measurement."""
+        stated, fault = self.system.initial_state, self.system.initial_fault
+        if stated is None:
+            return None
+        return self.observer.init(stated, np.zeros(3) if fault is None else fault)
+
+    def set_up(self) -> Setup:
+        """The observer, with a warning if a part of the fault has no effect."""
+        rank = int(np.linalg.matrix_rank(self.system.body.fault_matrix))
+        unseen = (
+            f"fault: fault_matrix has rank {rank} of 3, so that a part of the fault moves nothing "
+            "and its estimate means nothing",
+        )
+        return replace(super().set_up(), residual=_rate_error, unseen=unseen if rank < 3 else ())
+
+
+def _rate_error(y: Array, estimates: Estimates) -> Array:
+    residual: Array = y - estimates["rate"]
+    return residual

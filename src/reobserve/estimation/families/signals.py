@@ -1,0 +1,95 @@
+"""Signals of a system by name and unit, as a model's file states them: ``{angle: rad}``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Annotated, NamedTuple
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.units import is_unit
+from reobserve.core.validation import checked
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}", re.ASCII)
+_MOST = 100
+_FACTOR = re.compile(r"([^\s/()^]+)(?:\^([+-]?\d+))?")
+
+
+class Signal(NamedTuple):
+    """One number of a row: what it is called, and its unit, empty if nobody said."""
+
+    name: str
+    unit: str
+
+
+def check_signals(place: str, value: Mapping[str, str]) -> None:
+    """Names of letters, digits and ``_``, each with a unit.
+
+    Raises
+    ------
+    InputError
+        If one is not so.
+    """
+    if len(value) > _MOST:
+        raise InputError(place, f"names {len(value)} signals, must be {_MOST} or fewer")
+    for name, unit in value.items():
+        if not _NAME.fullmatch(name):
+            problem = f"{shown(name)} must be letters, digits and _, from a letter on"
+            raise InputError(place, problem)
+        if not is_unit(unit) or "," in unit:
+            raise InputError(f"{place}.{name}", f"{shown(unit)} is no unit, as rad/s, N m or 1 are")
+
+
+Signals = Annotated[dict[str, str], checked(check_signals)]
+
+
+def listed(signals: Mapping[str, str]) -> tuple[Signal, ...]:
+    """The signals in the order of their columns."""
+    return tuple(Signal(name, unit) for name, unit in signals.items())
+
+
+def numbered(name: str, count: int, unit: str = "") -> tuple[Signal, ...]:
+    """Signals without names of their own: ``name_1`` to ``name_n``, or ``name`` for a single one.
+
+    A single state or fault is numbered, too.
+    """
+    if count == 1 and name not in ("state", "fault"):
+        return (Signal(name, unit),)
+    return tuple(Signal(f"{name}_{place + 1}", unit) for place in range(count))
+
+
+def variances(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+    """The variance of each."""
+    return tuple(Signal(f"{name}_variance", product(unit, unit)) for name, unit in signals)
+
+
+def covariances(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+    """Their covariance matrix, row by row."""
+    among = tuple(signals)
+    return tuple(
+        Signal(f"{one.name}_{other.name}_covariance", product(one.unit, other.unit))
+        for one in among
+        for other in among
+    )
+
+
+def product(*units: str) -> str:
+    """The unit of a product: of ``rad/s`` and ``rad`` it is ``rad^2/s``; empty if one is."""
+    if not all(units):
+        return ""
+    powers: dict[str, int] = {}
+    for unit in units:
+        above, _, below = unit.partition("/")
+        for part, sign in ((above, 1), (below, -1)):
+            for symbol, power in _FACTOR.findall(part):
+                powers[symbol] = powers.get(symbol, 0) + sign * int(power or 1)
+    powers.pop("1", None)
+    above = _written({symbol: power for symbol, power in powers.items() if power > 0})
+    below = _written({symbol: -power for symbol, power in powers.items() if power < 0})
+    if not below:
+        return above or "1"
+    return f"{above or '1'}/({below})" if " " in below else f"{above or '1'}/{below}"
+
+
+def _written(powers: Mapping[str, int]) -> str:
+    return " ".join(s if power == 1 else f"{s}^{power}" for s, power in powers.items())

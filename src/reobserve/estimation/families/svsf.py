@@ -1,0 +1,88 @@
+"""Smooth variable structure filter: its boundary layers and convergence rate are chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal
+
+from reobserve.core.matrices import FloatArray
+from reobserve.estimation.families.design import Certificate, Example
+from reobserve.estimation.families.kalman import MOTOR, NOISE
+from reobserve.estimation.families.linear_system import FilterDesign, NoisySystem
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+
+Array = FloatArray
+
+EXAMPLE = """\
+# A pendulum whose angle and rate are measured.
+time: continuous            # or discrete: A and B are then those of a sample
+sampling_period: 0.01       # [s]
+states: {angle: rad, rate: rad/s}
+inputs: {torque: N m}       # held from sample to sample
+measurements: {angle: rad, rate: rad/s}
+A: [[0, 1], [-0.983, -0.1]]
+B: [[0], [1]]
+C: [[1, 0], [0, 1]]
+Q: [1.0e-8, 1.0e-6]         # variances of the noise that a sample adds to the states
+R: [1.0e-6, 1.0e-4]         # of the noise of a measurement
+initial_state: [0.3, 0]
+initial_covariance: [0.01, 0.01]
+gains:
+  boundary_layer: [0.02, 0.1]   # innovations within it are taken in part
+  memory: 0.1                   # from 0 to below 1: how fast errors outside it shrink
+  inverse: pseudo               # of C; or weighted, by the covariance
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingGains:
+    """psi in units of the measurements, gamma, and which inverse of C."""
+
+    boundary_layer: Array
+    memory: float
+    inverse: Literal["pseudo", "weighted"] = "pseudo"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SvsfDesign(FilterDesign):
+    """A smooth variable structure filter."""
+
+    system: NoisySystem
+    gains: SwitchingGains
+
+    example: ClassVar[str] = EXAMPLE
+    programs: ClassVar = {SmoothVariableStructureFilter: "linear:smooth"}
+    records: ClassVar = {
+        "svsf": Example(
+            "motor", "# Smooth variable structure filter.\nobserver:\n  kind: svsf\n"
+            + MOTOR + NOISE + "  gains:\n"
+            "    boundary_layer: [0.3, 0.1] # psi, in the units of the measurements\n"
+            "    memory: 0.1                # gamma\n",
+        ),
+    }  # fmt: skip
+
+    @cached_property
+    def observer(self) -> SmoothVariableStructureFilter:
+        """The filter."""
+        gains = self.gains
+        return SmoothVariableStructureFilter(
+            self.system.model, gains.boundary_layer, gains.memory, gains.inverse
+        )
+
+    def certify(self) -> Certificate:
+        """How output errors outside the layers shrink, if C is square; the observer's checks."""
+        outputs, states = self.system.C.shape
+        return {"contraction": self.observer.memory, "square": outputs == states}
+
+    def summary(self) -> list[str]:
+        """What holds outside the boundary layers."""
+        known = self.certificate
+        lines = ["smooth variable structure filter"]
+        if known["square"]:
+            lines.append(
+                f"outside the layers output errors shrink to {known['contraction']:g} a sample"
+            )
+        else:
+            lines.append("fewer outputs than states: what the outputs do not see is not certified")
+        return lines

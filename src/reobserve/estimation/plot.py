@@ -1,0 +1,223 @@
+"""A plot of results: estimates with what they may be off, residuals, alarms, and gaps in grey.
+
+It remembers no more than some thousand points of a record, however long that is: of more it keeps
+the least and the greatest value of as many rows as must share a point. matplotlib is imported when
+the plot is drawn.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError
+from reobserve.core.extras import package
+from reobserve.core.files import write_whole
+from reobserve.estimation.dates import spelled
+from reobserve.estimation.estimate import Estimated, Estimation
+from reobserve.estimation.outputs import RESIDUAL, Output
+
+Array = NDArray[np.float64]
+
+_POINTS = 4000
+_MOST_LINES = 6  # in a panel
+_MOST_PANELS = 12
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#7f6000")
+_FORMATS = (".png", ".pdf", ".svg")
+
+
+def check_plot(path: Path) -> None:
+    """Refuse a name that says no format of plots, before there is one to draw.
+
+    Raises
+    ------
+    InputError
+        If it ends otherwise, or matplotlib is not installed.
+    """
+    if path.suffix not in _FORMATS:
+        raise InputError(str(path), f"must end with {', '.join(_FORMATS)}")
+    package("matplotlib", "draw a plot")
+
+
+class Plot:
+    """Collects results, and draws them."""
+
+    def __init__(self, estimation: Estimation) -> None:
+        self.estimation = estimation
+        self.share = 1  # rows to a point
+        width = len(estimation.outputs.columns) + len(estimation.alarms)
+        self.time, self.least = np.empty(0), np.empty((0, width))
+        self.greatest, self.rest = self.least, np.empty((0, 1 + width))
+
+    def add(self, block: Estimated) -> None:
+        """Take a block of results."""
+        rows = np.column_stack([block.time, block.numbers, block.alarms])
+        self.rest = np.concatenate([self.rest, rows])
+        self._reduce(len(self.rest) // self.share)
+        while len(self.time) >= 4 * _POINTS:
+            if len(self.time) % 2:  # it waits for its partner
+                break
+            self._halve()
+
+    def _reduce(self, points: int) -> None:
+        """Make points of the rows that wait."""
+        if not points:
+            return
+        taken, self.rest = self.rest[: points * self.share], self.rest[points * self.share :]
+        shared = taken.reshape(points, -1, taken.shape[1])
+        self.time = np.concatenate([self.time, shared[:, 0, 0]])
+        self.least = np.concatenate([self.least, np.fmin.reduce(shared[:, :, 1:], axis=1)])
+        self.greatest = np.concatenate([self.greatest, np.fmax.reduce(shared[:, :, 1:], axis=1)])
+
+    def _halve(self) -> None:
+        """Let two points become one; there is an even number of them."""
+        self.share *= 2
+        self.time = self.time[::2]
+        self.least = np.fmin(self.least[::2], self.least[1::2])
+        self.greatest = np.fmax(self.greatest[::2], self.greatest[1::2])
+
+    def save(self, path: Path) -> None:
+        """Draw it.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, or matplotlib is not installed.
+        """
+        if len(self.rest):
+            self.share, share = len(self.rest), self.share
+            self._reduce(1)
+            self.share = share
+        style = {
+            "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
+            "axes.grid": True, "grid.color": "0.92", "axes.axisbelow": True, "svg.hashsalt": "0",
+            "legend.frameon": False, "pdf.fonttype": 42, "svg.fonttype": "none",
+        }  # fmt: skip
+        matplotlib = package("matplotlib", "draw a plot")
+        with matplotlib.rc_context(style):
+            figure = self._figure(package("matplotlib.figure", "draw a plot"))
+            metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
+            write_whole(
+                path,
+                lambda partial: figure.savefig(
+                    partial, format=path.suffix[1:], dpi=160, metadata=metadata
+                ),
+            )
+
+    def _figure(self, matplotlib: Any) -> Any:
+        panels = self._panels()
+        signals = self.estimation.alarms
+        heights = [1.0] * len(panels) + ([0.16 + 0.17 * len(signals)] if signals else [])
+        figure = matplotlib.Figure(figsize=(7.2, 0.7 + 1.55 * sum(heights)), layout="constrained")
+        axes = figure.subplots(
+            len(heights), 1, sharex=True, squeeze=False, height_ratios=heights
+        )[:, 0]  # fmt: skip
+        for ax, columns in zip(axes, panels, strict=False):
+            self._panel(ax, columns)
+        if signals:
+            self._alarm_panel(axes[-1])
+        for ax in axes:
+            self._grey(ax)
+        if len(self.time):
+            axes[-1].set_xlim(self.time[0], self.time[-1] if len(self.time) > 1 else None)
+        origin = self.estimation.report.origin
+        axes[-1].set_xlabel("time [s]" if origin is None else f"time after {spelled(origin)} [s]")
+        figure.align_ylabels()
+        return figure
+
+    def _panels(self) -> list[list[int]]:
+        """Columns that share a panel: components of one estimate in one unit."""
+        groups: dict[tuple[str, str], list[int]] = {}
+        for c, column in enumerate(self.estimation.outputs.columns):
+            if not column.deviation:
+                groups.setdefault((column.estimate, column.unit), []).append(c)
+        ordered = sorted(groups, key=lambda key: key[0] == RESIDUAL)
+        return [groups[key][:_MOST_LINES] for key in ordered[:_MOST_PANELS]]
+
+    def _panel(self, ax: Any, columns: list[int]) -> None:
+        every = self.estimation.outputs.columns
+        for line, c in enumerate(columns):
+            colour = _COLOURS[line % len(_COLOURS)]
+            time, low, high = self._broken(c)
+            thin = every[c].estimate == RESIDUAL
+            if self.share == 1:
+                ax.plot(time, low, color=colour, linewidth=0.8 if thin else 1.4,
+                        label=every[c].name)  # fmt: skip
+            else:
+                ax.fill_between(time, low, high, color=colour, linewidth=0.6, label=every[c].name)
+            self._band(ax, c, colour)
+        self._limit(ax, columns)
+        for alarm in self.estimation.alarms:
+            found = self.estimation.report.alarms[alarm.name]
+            if alarm.column in columns and found.threshold is not None:
+                _, low, high = self._broken(alarm.column)
+                reached = np.nanmin(low) < found.mean, np.nanmax(high) > found.mean
+                for side, there in zip((-1, 1), reached, strict=True):
+                    bound, (bottom, top) = found.mean + side * found.threshold, ax.get_ylim()
+                    # A probability has no bound below zero; one far off would flatten the curves.
+                    if there and 2 * bottom - top <= bound <= 2 * top - bottom:
+                        ax.axhline(bound, color="0.35", linestyle="--", linewidth=0.8)
+                        ax.set_ylim(min(bottom, bound), max(top, bound))
+        first = every[columns[0]]
+        name = first.name if len(columns) == 1 else first.estimate.replace("_", " ")
+        ax.set_ylabel(f"{name}\n[{first.unit}]" if first.unit else name)
+        if len(columns) > 1:
+            ax.legend(fontsize=8, ncols=len(columns), loc="lower right", bbox_to_anchor=(1, 0.97),
+                      borderpad=0, handlelength=1.4)  # fmt: skip
+
+    def _band(self, ax: Any, c: int, colour: str) -> None:
+        """Two standard deviations to each side, where they are known."""
+        columns: tuple[Output, ...] = self.estimation.outputs.columns
+        if c + 1 < len(columns) and columns[c + 1].deviation:
+            time, low, high = self._broken(c)
+            _, _, sigma = self._broken(c + 1)
+            ax.fill_between(time, low - 2 * sigma, high + 2 * sigma, color=colour, alpha=0.2,
+                            linewidth=0)  # fmt: skip
+
+    def _limit(self, ax: Any, columns: list[int]) -> None:
+        """Let the axis follow the estimates and their usual bands, and not the first band."""
+        every, low, high = self.estimation.outputs.columns, np.inf, -np.inf
+        for c in columns:
+            band = 0.0
+            if c + 1 < len(every) and every[c + 1].deviation:
+                sigma = self.greatest[:, c + 1]
+                band = 2.0 * float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 0.0
+            low = min(low, float(np.nanmin(self.least[:, c], initial=np.inf)) - band)
+            high = max(high, float(np.nanmax(self.greatest[:, c], initial=-np.inf)) + band)
+        if np.isfinite(high - low) and high > low:
+            ax.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+
+    def _jumps(self) -> NDArray[np.int_]:
+        """Before which points there is a gap."""
+        longest = 1.5 * self.share * self.estimation.specification.sampling.period
+        return np.flatnonzero(np.diff(self.time) > longest) + 1
+
+    def _broken(self, c: int) -> tuple[Array, Array, Array]:
+        """A column with a nan in each gap, so that no line crosses it."""
+        at = self._jumps()
+        return (
+            np.insert(self.time, at, self.time[at]),
+            np.insert(self.least[:, c], at, np.nan), np.insert(self.greatest[:, c], at, np.nan),
+        )  # fmt: skip
+
+    def _grey(self, ax: Any) -> None:
+        for start, end in self.estimation.report.gaps:
+            last = self.time[-1] if end is None and len(self.time) else end
+            ax.axvspan(start, last, color="0.88", linewidth=0, zorder=0)
+
+    def _alarm_panel(self, ax: Any) -> None:
+        signals, width = self.estimation.alarms, len(self.estimation.outputs.columns)
+        step = self.share * self.estimation.specification.sampling.period
+        for row, _ in enumerate(signals):
+            raised = self.greatest[:, width + row]
+            on = np.flatnonzero(raised == 1.0)
+            for part in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if len(on) else ():
+                start, end = self.time[part[0]], self.time[part[-1]] + step
+                ax.broken_barh([(start, end - start)], (row - 0.3, 0.6), color="#b2182b")
+        ax.set_yticks(range(len(signals)), [alarm.name for alarm in signals])
+        ax.set_ylim(len(signals) - 0.5, -0.5)
+        ax.set_ylabel("alarms")
+        ax.grid(visible=False)

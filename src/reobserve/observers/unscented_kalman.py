@@ -1,0 +1,74 @@
+"""The unscented Kalman filter with scaled sigma points (Wan & van der Merwe 2000).
+
+    X_0 = x,   X_i = x + c L_i,   X_(n+i) = x - c L_i,   P = L L',   c^2 = n + lambda
+    lambda = alpha^2 (n + kappa) - n
+    x = sum w_i f(X_i),   P = sum v_i (f(X_i) - x) (f(X_i) - x)' + Q
+
+The weights of all points but the first are 1 / (2 c^2); those of the first are lambda / c^2 in
+means and lambda / c^2 + 1 - alpha^2 + beta in covariances. The points are placed anew after the
+prediction, and L is the lower Cholesky factor, as in filterpy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive, as_scalar
+from reobserve.observers.nonlinear_filter import NonlinearFilter
+from reobserve.observers.unscented_kalman_loop import Weights
+from reobserve.systems.nonlinear_flow import Functions
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UnscentedKalmanFilter(NonlinearFilter):
+    """The unscented Kalman filter, which asks for no Jacobians.
+
+    Parameters
+    ----------
+    model
+        The nonlinear model that it trusts.
+    alpha
+        How far the points are spread, from above 0 to 1. Wan & van der Merwe name 0.001; filterpy's
+        ``MerweScaledSigmaPoints`` has no default and uses 0.1 in its examples. Weights grow as
+        1 / alpha^2, and so do rounding errors.
+    beta
+        Knowledge of the distribution's tails; 2 is best for a Gaussian one.
+    kappa
+        Second spread, above -n; 0 as in Wan & van der Merwe. filterpy's documentation names 3 - n.
+
+    Raises
+    ------
+    InputError
+        If ``alpha`` is not above 0 and up to 1, or n + ``kappa`` is not above 0.
+    """
+
+    alpha: float = 0.1
+    beta: float = 2.0
+    kappa: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        alpha = as_positive("alpha", self.alpha)
+        if not 1e-6 <= alpha <= 1:
+            raise InputError("alpha", f"{alpha:g} must be from 1e-6 to 1")
+        kappa = as_scalar("kappa", self.kappa)
+        if self.model.states + kappa <= 0:
+            raise InputError("kappa", f"{kappa:g} must be above -{self.model.states}, minus n")
+        object.__setattr__(self, "alpha", alpha)
+        object.__setattr__(self, "beta", as_scalar("beta", self.beta))
+        object.__setattr__(self, "kappa", kappa)
+
+    @property
+    def functions(self) -> Functions:
+        """The model as the loop reads it."""
+        return self.model.functions_alone
+
+    @property
+    def weights(self) -> Weights:
+        """Those of the sigma points."""
+        n, alpha_squared = self.model.states, self.alpha**2
+        square = alpha_squared * (n + self.kappa)
+        first = (square - n) / square + 1.0 - alpha_squared + self.beta
+        return Weights(math.sqrt(square), 0.5 / square, first)

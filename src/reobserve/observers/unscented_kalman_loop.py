@@ -1,0 +1,246 @@
+"""Compiled steps of the unscented Kalman filter."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.observers.linear_filter_loop import (
+    HALF_LOG_TWO_PI,
+    Size,
+    assign,
+    kalman_gain,
+    leave_out,
+)
+from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, correct_mean, innovate
+from reobserve.systems.nonlinear_flow import Functions, move
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
+
+
+class Weights(NamedTuple):
+    """Of scaled sigma points (Wan & van der Merwe 2000, (15)).
+
+    The points are x and x +- ``spread`` times the columns of a root of P. ``each`` is the weight of
+    all but the first one, of which ``first`` is that in covariances.
+    """
+
+    spread: float
+    each: float
+    first: float
+
+
+@kernel
+def take_root(covariance: Array, root: Array) -> bool:
+    """Write the lower Cholesky factor L of P = L L'; false if P has a negative eigenvalue.
+
+    Where P is singular a column of L is zero.
+    """
+    n = len(covariance)
+    for j in range(n):
+        for i in range(j):
+            root[i, j] = 0.0
+        pivot = covariance[j, j]
+        for i in range(j):
+            pivot -= root[j, i] * root[j, i]
+        bound = _ROUNDING * covariance[j, j]
+        if not pivot >= -bound:  # nan, too
+            return False
+        singular = pivot <= 1e-4 * bound
+        root[j, j] = 0.0 if singular else math.sqrt(pivot)
+        for k in range(j + 1, n):
+            total = covariance[k, j]
+            for i in range(j):
+                total -= root[k, i] * root[j, i]
+            root[k, j] = 0.0 if singular else total / root[j, j]
+    return True
+
+
+@kernel
+def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
+    """Write the sigma points: x, x + c L_i, x - c L_i; false if P has no root."""
+    n = len(mean)
+    if not take_root(covariance, work.root):
+        work.cause[0] = NO_ROOT
+        return False
+    for a in range(n):
+        work.points[0, a] = mean[a]
+        for i in range(n):
+            apart = weights.spread * work.root[a, i]
+            work.points[1 + i, a] = mean[a] + apart
+            work.points[1 + n + i, a] = mean[a] - apart
+    return True
+
+
+@kernel
+def average_points(images: Array, weight: float, mean: Array) -> None:
+    """Write the mean, as the first point plus what the others differ from it by.
+
+    All weights sum to one; so written, a large negative one does not cancel.
+    """
+    for a in range(len(mean)):
+        total = 0.0
+        for i in range(1, len(images)):
+            total += images[i, a] - images[0, a]
+        mean[a] = images[0, a] + weight * total
+
+
+@kernel
+def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None:
+    """Write the lower half of sum w d d' + noise, where d are rows of ``images``."""
+    for a in range(len(noise)):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(1, len(images)):
+                total += images[i, a] * images[i, b]
+            central = weights.first * images[0, a] * images[0, b]
+            out[a, b] = noise[a, b] + central + weights.each * total
+
+
+@kernel
+def cross_of(root: Array, images: Array, weights: Weights, cross: Array) -> None:
+    """Write sum w (X - x) d', where d are rows of ``images`` and X - x is 0, c L_i or -c L_i."""
+    n = len(root)
+    for a in range(n):
+        for b in range(cross.shape[1]):
+            total = 0.0
+            for i in range(n):
+                total += root[a, i] * (images[1 + i, b] - images[1 + n + i, b])
+            cross[a, b] = weights.each * weights.spread * total
+
+
+@inlined_kernel
+def subtract(rows: Array, mean: Array) -> None:
+    """Subtract a mean from each row."""
+    for i in range(len(rows)):
+        for a in range(len(mean)):
+            rows[i, a] -= mean[a]
+
+
+@kernel
+def predict_unscented(
+    functions: Functions, weights: Weights, Q: Array, u: Array, mean: Array, covariance: Array,
+    next_covariance: Array, work: FilterWork,
+) -> bool:  # fmt: skip
+    """Write x(k+1) to ``work.moved``, its covariance, and cov(x(k), x(k+1)) to ``work.cross``.
+
+    False if P has no root.
+    """
+    n = len(mean)
+    if not place_points(mean, covariance, weights, work):
+        return False
+    images = work.images[:, :n]
+    for i in range(2 * n + 1):
+        move(functions, work.points[i], u, work.moved, work.flow)
+        assign(images[i], work.moved)
+    # x = sum w f(X), P = sum w (f(X) - x) (f(X) - x)' + Q
+    average_points(images, weights.each, work.moved)
+    subtract(images, work.moved)
+    cross_of(work.root, images, weights, work.cross)
+    spread_of(images, weights, Q, next_covariance)
+    for a in range(n):
+        for b in range(a):
+            next_covariance[b, a] = next_covariance[a, b]
+    return True
+
+
+@kernel
+def correct_unscented(
+    outputs: Size, functions: Functions, weights: Weights, R: Array, y: Array, u: Array,
+    mean: Array, covariance: Array, innovation: Array, factor: Array, work: FilterWork,
+) -> float:  # fmt: skip
+    """Measurement update in place; return the log-likelihood, nan if it fails.
+
+    ``innovation`` and ``factor`` are written: e and the lower Cholesky factor of its covariance S.
+    """
+    n, m = len(mean), len(outputs)
+    linear, expected = work.linear, work.flow.values[0, :m]
+    if not place_points(mean, covariance, weights, work):
+        return math.nan
+    points, images = work.points, work.images[:, :m]
+    for i in range(2 * n + 1):
+        call(functions.h, (points[i], u, expected))
+        assign(images[i], expected)
+    # y = sum w h(X)
+    average_points(images, weights.each, expected)
+    if not innovate(y, expected, innovation, work):
+        return math.nan
+    # S = sum w (h(X) - y) (h(X) - y)' + R
+    subtract(images, expected)
+    spread_of(images, weights, R, factor)
+    log_likelihood = factor_innovation(innovation, factor, linear.scaled)
+    # K = sum w (X - x) (h(X) - y)' S^-1
+    cross_of(work.root, images, weights, linear.cross)
+    kalman_gain(outputs, factor, linear)
+    # x = x + K e
+    subtract(points, mean)
+    correct_mean(mean, innovation, linear.gain)
+    spread_after(R, weights, linear.gain, points, images, covariance)
+    return log_likelihood
+
+
+@kernel
+def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
+    """Replace S by its lower Cholesky factor; return the log-likelihood, nan if it has none.
+
+    A missing output, of which the innovation is nan, is left out as in `foretell`.
+    """
+    m = len(innovation)
+    log_root, distance, taken = 0.0, 0.0, m
+    for o in range(m):
+        if math.isnan(innovation[o]):
+            leave_out(o, factor, scaled)
+            taken -= 1
+            continue
+        for q in range(o + 1):
+            if math.isnan(innovation[q]):
+                factor[o, q] = factor[q, o] = 0.0
+                continue
+            total = factor[o, q]
+            for i in range(q):
+                total -= factor[o, i] * factor[q, i]
+            if o == q:
+                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
+            else:
+                factor[o, q] = total / factor[q, q]
+                factor[q, o] = 0.0
+        total = innovation[o]
+        for i in range(o):
+            total -= factor[o, i] * scaled[i]
+        scaled[o] = total / factor[o, o]
+        distance += scaled[o] * scaled[o]
+        log_root += math.log(factor[o, o])
+    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
+
+
+@kernel
+def spread_after(
+    R: Array, weights: Weights, gain: Array, points: Array, images: Array, covariance: Array
+) -> None:
+    """The covariance of sigma points in Joseph's form, with r = (X - x) - K (h(X) - y).
+
+    P = sum w r r' + K R K', which is P - K S K' but for rounding.
+    """
+    n, m = gain.shape
+    for i in range(len(points)):
+        for a in range(n):
+            for o in range(m):
+                points[i, a] -= gain[a, o] * images[i, o]
+    for a in range(n):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(1, len(points)):
+                total += points[i, a] * points[i, b]
+            total = weights.each * total + weights.first * points[0, a] * points[0, b]
+            for o in range(m):
+                for q in range(m):
+                    total += gain[a, o] * R[o, q] * gain[b, q]
+            covariance[a, b] = total
+            covariance[b, a] = total

@@ -1,0 +1,110 @@
+"""Adaptive delay identification with filtered regressors: a RECONSTRUCTION.
+
+Lechappe et al. 2018 compare with the adaptive identification of their reference [26], which they
+do not print and which we did not have. What stands here is a gradient law with a memory on
+filtered signals, and not the one that they ran. With the estimate theta of the delay and F the
+filter 1 / (k s + 1), for the plant x' = -a x + b u(t - tau):
+
+    k x_f' = x - x_f                                        x_f = F x
+    k g_f' = b [u(t - theta) + theta u'(t - theta)] - g_f
+    k phi_f' = -b u'(t - theta) - phi_f
+    y_f = (x - x_f) / k + a x_f - g_f
+    P' = -l P + phi_f^2,    Q' = -l Q + phi_f y_f,          P(0) = Q(0) = 0
+    theta' = -Gamma (P theta - Q)
+
+Derivation. To first order u(t - tau) = u(t - theta) - u'(t - theta) (tau - theta), so that
+
+    x' + a x - b [u(t - theta) + theta u'(t - theta)] = -b u'(t - theta) tau:
+
+linear in tau at each instant, whatever theta does meanwhile. x' is not known; but filtered it is,
+since F x' = (x - x_f) / k. Filtering both sides gives y_f = phi_f tau for a constant tau. The
+integral of exp(-l (t - s)) (y_f - phi_f theta)^2 / 2 ds has the gradient P theta - Q in theta,
+down which theta goes. The filters start so that both sides do: x_f = x(0), g_f = a x(0), phi_f = 0.
+
+To first order Q = P tau, so that the error decays with the rate Gamma P: exactly for a ramp and a
+constant delay, by any history of P. The price of linearising at theta is a disturbance of second
+order, b u'' (tau - theta)^2 / 2, which P and Q remember for 1 / l. A delay that runs away at a
+rate r is followed r (k + 1 / l + 1 / (Gamma P)) behind. Without excitation P goes to zero, and the
+estimate stands still: unlike least squares with forgetting this law does not wind up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.matrices import as_positive
+from reobserve.core.value import converter
+from reobserve.observers.fixed_step import Samples, check_rate
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_loop import law, run_law
+from reobserve.papers.delay.input_history import InputHistory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AdaptiveDelayEstimator(DelayEstimator):
+    """Adaptive identification of a delay; a reconstruction, see the module.
+
+    Lechappe et al. 2018, after (39).
+
+    Its values are theta, x_f, g_f, phi_f, P and Q. It is integrated by the classical Runge-Kutta
+    method.
+
+    Parameters
+    ----------
+    filter_time
+        k [s], greater than zero.
+    forgetting
+        l [1/s], greater than zero.
+    adaptation_gain
+        Gamma [s^2 per squared x], greater than zero.
+
+    Raises
+    ------
+    InputError
+        As `DelayEstimator`; if a parameter is not greater than zero, or 1 / k or l is too fast for
+        the step.
+    """
+
+    filter_time: float = field(metadata=converter(as_positive))
+    forgetting: float = field(metadata=converter(as_positive))
+    adaptation_gain: float = field(metadata=converter(as_positive))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_rate("filter_time", 1.0 / self.filter_time, self.sampling_period)
+        check_rate("forgetting", self.forgetting, self.sampling_period)
+
+    def _values(self, x: float, delay: float) -> Array:
+        return np.array([delay, x, self.decay * x, 0.0, 0.0, 0.0])
+
+    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
+        parameters = [
+            self.decay,
+            self.input_gain,
+            self.filter_time,
+            self.forgetting,
+            self.adaptation_gain,
+        ]
+        return run_law(_law, parameters, self, output, history, rows)
+
+
+def _derivative(
+    values: Array, parameters: Array, x: float, u: float, rate: float, out: Array
+) -> None:
+    a, b, k, forgetting, gain = parameters
+    theta, x_f, g_f, phi_f, P, Q = values
+    y_f = (x - x_f) / k + a * x_f - g_f
+    out[0] = -gain * (P * theta - Q)
+    out[1] = (x - x_f) / k
+    out[2] = (b * (u + theta * rate) - g_f) / k
+    out[3] = (-b * rate - phi_f) / k
+    out[4] = -forgetting * P + phi_f * phi_f
+    out[5] = -forgetting * Q + phi_f * y_f
+
+
+_law = law(_derivative)

@@ -1,0 +1,105 @@
+"""Delay estimation by output-error recursive least squares: a RECONSTRUCTION.
+
+Lechappe et al. 2018 compare with the continuous recursive least squares of their reference [9],
+which they do not print and which we did not have. What stands here is the plainest estimator of
+that kind, and not the one that they ran. With the estimate theta of the delay, for the plant
+x' = -a x + b u(t - tau):
+
+    x_m' = -a x_m + b u(t - theta)                        a model beside the plant, x_m(0) = x(0)
+    phi' = -a phi - b u'(t - theta)                       phi = d x_m / d theta, phi(0) = 0
+    R'   = -f R + phi^2,  R(0) = 1 / P(0)                 information, f the forgetting
+    theta' = phi (x - x_m) / R
+
+Derivation. For a theta that does not move, u(t - tau) = u(t - theta) - u'(t - theta) (tau - theta)
+to first order, so that the error e = x - x_m obeys e' = -a e - b u'(t - theta) (tau - theta). The
+same equation drives phi, hence e = phi (tau - theta): a linear regression on one unknown. Least
+squares with a weight that decays by f,
+
+    min over tau of  (tau - theta(0))^2 exp(-f t) / P(0)
+                     + the integral of exp(-f (t - s)) (e + phi theta - phi tau)^2 ds,
+
+has the recursion above; with P = 1 / R it is the usual P' = f P - P^2 phi^2, theta' = P phi e. R is
+kept in place of P because its equation is linear and not stiff, however large P(0).
+
+What the regression leaves out: a theta that moves adds phi theta' to the right-hand side of
+e - phi (tau - theta). For a ramp, where all else is exact, the error decays with the roots of
+s^2 + a s + a f = 0 once R is steady: with f for f far below a, but never faster than with a / 2,
+which f = a / 4 attains; and a delay that runs away at a rate r is followed r / f behind. Without
+forgetting, R only grows and the estimator falls asleep. With forgetting but an input that stands
+still, R goes to zero and the gain phi / R may grow without bound: the estimator winds up, noise
+moves it from one bound of the delay to the other, and in the end it diverges. The model has no
+correction: a wrong x_m(0) disturbs it until exp(-a t) has faded, and without forgetting for longer,
+which agrees with the paper's remark that [9] needs perfectly known initial conditions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive, as_scalar
+from reobserve.core.value import converter
+from reobserve.observers.fixed_step import Samples, check_rate
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_loop import law, run_law
+from reobserve.papers.delay.input_history import InputHistory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LeastSquaresDelayEstimator(DelayEstimator):
+    """Output-error recursive least squares for a delay; a reconstruction, see the module.
+
+    Lechappe et al. 2018, after (39).
+
+    Its values are theta, x_m, phi and R. It is integrated by the classical Runge-Kutta method.
+
+    Parameters
+    ----------
+    initial_covariance
+        P(0) [s per squared x], greater than zero: how little the first estimate is trusted.
+    forgetting
+        f [1/s], zero or more.
+
+    Raises
+    ------
+    InputError
+        As `DelayEstimator`; if P(0) or the decay is not greater than zero, the forgetting
+        negative, or one of the two rates too fast for the step.
+    """
+
+    initial_covariance: float = field(metadata=converter(as_positive))
+    forgetting: float = field(metadata=converter(as_scalar))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        as_positive("decay", self.decay)
+        if self.forgetting < 0:
+            raise InputError("forgetting", f"{self.forgetting:g} must be zero or more")
+        check_rate("decay", self.decay, self.sampling_period)
+        check_rate("forgetting", self.forgetting, self.sampling_period)
+
+    def _values(self, x: float, delay: float) -> Array:
+        return np.array([delay, x, 0.0, 1.0 / self.initial_covariance])
+
+    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
+        parameters = [self.decay, self.input_gain, self.forgetting]
+        return run_law(_law, parameters, self, output, history, rows)
+
+
+def _derivative(
+    values: Array, parameters: Array, x: float, u: float, rate: float, out: Array
+) -> None:
+    a, b, forgetting = parameters
+    _, model, phi, information = values
+    out[0] = phi * (x - model) / information
+    out[1] = -a * model + b * u
+    out[2] = -a * phi - b * rate
+    out[3] = -forgetting * information + phi * phi
+
+
+_law = law(_derivative)

@@ -1,0 +1,190 @@
+"""A Lyapunov function for the learning observer where that of Chen & Saif 2007, (13), fails."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
+from reobserve.core.matrices import (
+    Matrix,
+    as_floats,
+    as_matrix,
+    as_positive,
+    as_positive_definite,
+    as_rows,
+    as_scalar,
+)
+
+
+@finite("rate_bound")
+def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
+    """The one-sided constant (J_max - J_min) / 2 * max |w| [N m s].
+
+    Chen & Saif 2007, Assumption 2.
+
+    The torque difference of Assumption 2 is quadratic in w~, so no global eta exists for it. The
+    proof only needs its component along w~. With w^ = w - w~, the error equation holds
+    g = -w x J w + w^ x J w^ = -w x J w~ - w~ x J w + w~ x J w~, so w~.g = -w~.(w x J w~). A
+    multiple c I of the identity adds nothing to J there, and c = (J_max + J_min) / 2 gives
+    |w~.g| <= |w| ||J - c I|| |w~|^2, attained between the extreme principal axes.
+
+    Parameters
+    ----------
+    inertia
+        J [kg m2], 3 x 3.
+    rate_bound
+        Supremum of |w(t)| [rad/s].
+
+    Raises
+    ------
+    InputError
+        If ``inertia`` is not symmetric positive definite or ``rate_bound`` is below zero.
+    """
+    moments = np.linalg.eigvalsh(as_positive_definite("inertia", inertia, 3))
+    if as_scalar("rate_bound", rate_bound) < 0:
+        raise InputError("rate_bound", f"{rate_bound:g} must not be below zero")
+    return float((moments[-1] - moments[0]) / 2 * rate_bound)
+
+
+class RepairedLyapunov:
+    r"""A Lyapunov function for K1 up to the identity and any interval, which (13) is not.
+
+    Chen & Saif 2007, (6).
+
+    Let P be symmetric positive definite with P K2 = B_f^T and K1^T P K1 <= P, and
+
+    .. math:: V = \tilde w^T J \tilde w + \int_{t-\tau}^t e^T K_1^T P K_1 e\,ds.
+
+    Write x = K1 e(t - tau) and g for the gyroscopic torque difference. Then (4) and (6) are
+    J w~' = g + B_f e - Lambda w~ and x = e + K2 w~ - d, and
+    dV/dt = 2 w~.(g - Lambda w~) + 2 w~.B_f e + e.K1^T P K1 e - x.P x. For d = 0,
+    x.P x = e.P e + 2 w~.K2^T P e + w~.K2^T P K2 w~, where K2^T P = B_f: the cross terms cancel, and
+
+    .. math:: \dot V = 2\tilde w^T(g-\Lambda\tilde w) - \tilde w^TB_fK_2\tilde w
+              - e^T(P-K_1^TPK_1)e \le -\tilde w^T(2\Lambda-2\eta I+B_fK_2)\tilde w
+              - e^T(P-K_1^TPK_1)e.
+
+    A mismatch d = u_f(t) - K1 u_f(t - tau) adds exactly 2 d.(P e + B_f^T w~) - d.P d. For B_f = I
+    and K1 = k1 I this is P = K2^-1 with K2 symmetric positive definite, and |k1| <= 1. With K1 = I
+    a constant fault gives d = 0: V does not increase, but e itself has no decay rate.
+
+    Parameters
+    ----------
+    inertia, damping, fault_matrix, K1, K2
+        J [kg m2], Lambda [N m s], B_f [-], K1 [-] and K2 [N m s]; see `ErrorSystem`.
+    eta
+        One-sided constant of the gyroscopic torque [N m s], see `gyroscopic_eta`.
+
+    Attributes
+    ----------
+    weight, memory_weight
+        P and K1^T P K1 [1/(N m s)]: V is in joules, where (13) adds unlike units.
+    rate_decay, error_decay
+        The matrices of the bound, 2 Lambda - 2 eta I + B_f K2 (symmetric part) and P - K1^T P K1.
+
+    Raises
+    ------
+    InputError
+        If K2 is singular, B_f^T K2^-1 is not symmetric positive definite, K1^T P K1 <= P fails, or
+        the symmetric part of 2 Lambda - 2 eta I + B_f K2 is not positive definite.
+    """
+
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+    def __init__(
+        self,
+        inertia: ArrayLike,
+        damping: ArrayLike,
+        fault_matrix: ArrayLike,
+        K1: ArrayLike,
+        K2: ArrayLike,
+        eta: float = 0.0,
+    ) -> None:
+        size = (as_floats("inertia", inertia).shape or (1,))[0]
+        self.inertia = as_positive_definite("inertia", inertia, size)
+        self.fault_matrix = as_matrix("fault_matrix", fault_matrix, size)
+        first, second = as_matrix("K1", K1, size), as_matrix("K2", K2, size)
+        if np.linalg.matrix_rank(second) < size:
+            raise InputError("K2", f"{second.tolist()} must be invertible")
+        weight = np.linalg.solve(second.T, self.fault_matrix).T
+        if np.linalg.norm(weight - weight.T) > 1e-9 * np.linalg.norm(weight):
+            raise InputError("K2", "P = B_f^T K2^-1 must be symmetric")
+        self.weight: Matrix = np.asarray((weight + weight.T) / 2)
+        if not np.isfinite(np.linalg.norm(self.weight)):
+            raise InputError("K2", "makes a Lyapunov function beyond floating-point numbers")
+        if (lowest := float(np.linalg.eigvalsh(self.weight)[0])) <= 0:
+            raise InputError(
+                "K2", f"P = B_f^T K2^-1 has the eigenvalue {lowest:g}, must be above 0"
+            )
+        self.memory_weight: Matrix = np.asarray(first.T @ self.weight @ first)
+        if not np.isfinite(np.linalg.norm(self.memory_weight)):
+            raise InputError("K1", "makes a Lyapunov function beyond floating-point numbers")
+        self.error_decay: Matrix = self.weight - self.memory_weight
+        if (lowest := float(np.linalg.eigvalsh(self.error_decay)[0])) < -1e-12 * np.linalg.norm(
+            self.weight
+        ):
+            raise InputError(
+                "K1", f"P - K1^T P K1 has the eigenvalue {lowest:g}, must not be below 0"
+            )
+        decay = 2 * as_matrix("damping", damping, size) + self.fault_matrix @ second
+        decay = (decay + decay.T) / 2 - 2 * as_scalar("eta", eta) * np.eye(size)
+        if not np.isfinite(decay).all():
+            raise InputError("damping", "makes a Lyapunov function beyond floating-point numbers")
+        self.rate_decay: Matrix = np.asarray(decay)
+        if (lowest := float(np.linalg.eigvalsh(decay)[0])) <= 0:
+            raise InputError(
+                "damping",
+                f"2 Lambda - 2 eta I + B_f K2 has the eigenvalue {lowest:g}, must be above 0",
+            )
+
+    def value(
+        self, rate_error: ArrayLike, error: ArrayLike, interval: float, samples: int
+    ) -> NDArray[np.float64]:
+        """V at every sample that has a whole interval before it, shape (len - samples,).
+
+        The integral is the trapezoidal rule over the last ``samples`` steps of a uniform grid, one
+        ``interval`` [s] long: second order where e is smooth, first order in a step where e jumps.
+        ``rate_error`` w~ [rad/s] and ``error`` e [N m] have shape (len, n), len > ``samples``.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        """
+        rates = as_rows("rate_error", rate_error)
+        errors = as_rows("error", error, rates)
+        if not 0 < samples < len(rates):
+            raise InputError("samples", f"{samples} must be above 0 and below {len(rates)}")
+        density = _form(self.memory_weight, errors)
+        panels = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2))
+        learned = (panels[samples:] - panels[:-samples]) * (
+            as_positive("interval", interval) / samples
+        )
+        return np.asarray(_form(self.inertia, rates[samples:]) + learned)
+
+    def derivative_bound(
+        self, rate_error: ArrayLike, error: ArrayLike, mismatch: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """The bound on dV/dt at every sample, shape (len,); exact at rest with eta = 0.
+
+        ``mismatch`` d [N m] has the shape of ``rate_error`` and ``error``, and is zero if absent.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        """
+        rates = as_rows("rate_error", rate_error)
+        errors = as_rows("error", error, rates)
+        bound = -_form(self.rate_decay, rates) - _form(self.error_decay, errors)
+        if mismatch is not None:
+            d = as_rows("mismatch", mismatch, rates)
+            pull = errors @ self.weight + rates @ self.fault_matrix
+            bound += 2 * np.sum(d * pull, axis=1) - _form(self.weight, d)
+        return np.asarray(bound)
+
+
+def _form(matrix: Matrix, series: Matrix) -> NDArray[np.float64]:
+    """x^T M x for every row x, shape (len,)."""
+    return np.asarray(np.einsum("ki,ij,kj->k", series, matrix, series))

@@ -1,0 +1,387 @@
+r"""What the theory certifies (Chen & Saif 2007, Lemma 1 and Theorem 1).
+
+The theorem sees the gains through k1 = ||K1||, ||K2|| and b = ||B_f^T B_f||_inf only, so that -K2
+is certified with K2. Its conditions have a solution gamma_1..4, rho_1 > 0 if and only if k1 < 1 and
+
+.. math:: 2(\lambda_{\min}(\Lambda) - \eta) (1 - k_1^2) > b k_1^2 + 2\sqrt{b}\,\|K_2\| + \|K_2\|^2
+
+(minimise over gamma_1 and gamma_4 with the other three tending to zero). As the right side is at
+least 2 sqrt(b) ||K2|| (1 + k1), a certified design has lambda_min (1 - k1) > sqrt(b) ||K2||. Then
+||D^-1 Q|| < 1 for D = I - K1 exp(-s tau), Q = K2 (J s + Lambda)^-1 B_f at every s = j w if Lambda
+is symmetric, and u_f = (I + D^-1 Q) e: more than half of every steady sinusoid, and of every
+constant, goes unestimated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.arguments import as_kind
+from reobserve.core.errors import InputError
+from reobserve.core.finite import finite
+from reobserve.core.matrices import (
+    Matrix,
+    as_matrix,
+    as_positive,
+    as_rows,
+    as_scalar,
+)
+
+
+def _norm(matrix: ArrayLike) -> float:
+    return float(np.linalg.norm(matrix, 2))
+
+
+def _alphas(gamma1: float, gamma2: float, gamma3: float) -> tuple[float, float, float]:
+    """The constants of (11)."""
+    return 1 + gamma1 + gamma2, 1 + gamma3 + 1 / gamma1, 1 + 1 / gamma2 + 1 / gamma3
+
+
+@finite("delayed_error, rate_error, mismatch")
+def lemma1_sides(
+    delayed_error: ArrayLike,
+    rate_error: ArrayLike,
+    mismatch: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    gamma1: float,
+    gamma2: float,
+    gamma3: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Left and right side of the inequality [N2 m2], shape (cases,).
+
+    Chen & Saif 2007, (5), (6), (11), (12), Lemma 1 and after (11).
+
+    Parameters
+    ----------
+    delayed_error, rate_error, mismatch
+        e(t - tau) [N m], w~(t) [rad/s] and d(t) = u_f(t) - K1 u_f(t - tau) [N m], (cases, n).
+    K1, K2
+        Learning gains: a number, a diagonal or n x n.
+    gamma1, gamma2, gamma3
+        The weights of (8) to (10), above zero.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong or a weight is not above zero.
+    """
+    weights = (("gamma1", gamma1), ("gamma2", gamma2), ("gamma3", gamma3))
+    alpha1, alpha2, alpha3 = _alphas(*(as_positive(name, value) for name, value in weights))
+    past = as_rows("delayed_error", delayed_error)
+    rate, d = as_rows("rate_error", rate_error, past), as_rows("mismatch", mismatch, past)
+    kept = past @ as_matrix("K1", K1, past.shape[1]).T
+    learned = rate @ as_matrix("K2", K2, past.shape[1]).T
+    left = np.sum((kept - learned + d) ** 2, axis=1)
+    squares = alpha1 * kept**2 + alpha2 * learned**2 + alpha3 * d**2
+    return np.asarray(left), np.asarray(np.sum(squares, axis=1))
+
+
+@dataclass(frozen=True)
+class Theorem1:
+    """The constants for one choice of weights, and whether the conditions hold.
+
+    Chen & Saif 2007, (16), (17) and Theorem 1.
+
+    ``epsilon1`` [N m s] must be above zero and ``learning_norm`` = ||epsilon2 K1^T K1|| [-] at most
+    one. Then V of (13) has dV/dt <= -epsilon1 |w~|^2 - rho1 |e|^2 + epsilon3 |d|^2 (17); the last
+    sign is printed as a minus in (16).
+    """
+
+    epsilon1: float
+    epsilon2: float
+    epsilon3: float
+    rho1: float
+    learning_norm: float
+    rate_condition: bool
+    learning_condition: bool
+    reason: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether both conditions hold."""
+        return self.rate_condition and self.learning_condition
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+def theorem1(
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    eta: float,
+    *,
+    gamma1: float,
+    gamma2: float,
+    gamma3: float,
+    gamma4: float,
+    rho1: float,
+    size: int = 3,
+) -> Theorem1:
+    """Evaluate the theorem for given weights gamma_1..4 and rho_1, all above zero.
+
+    Chen & Saif 2007, after (11), Theorem 1 and after (16).
+
+    ``damping`` Lambda [N m s], ``fault_matrix`` B_f [-], ``K1`` [-] and ``K2`` [N m s] are a
+    number, a diagonal or ``size`` x ``size``; ``eta`` [N m s] is the constant of Assumption 2, at
+    least zero. (13) adds quantities of different units, the weights hide
+    that. Lambda enters with the smallest eigenvalue of its symmetric part.
+
+    Raises
+    ------
+    InputError
+        If a weight is not above zero, ``eta`` is below zero or a shape is wrong.
+    """
+    design = _Design.check(damping, fault_matrix, K1, K2, eta, size)
+    return design.evaluate(
+        as_positive("gamma1", gamma1),
+        as_positive("gamma2", gamma2),
+        as_positive("gamma3", gamma3),
+        as_positive("gamma4", gamma4),
+        as_positive("rho1", rho1),
+    )
+
+
+_LARGEST = 1e150  # norm whose square is a float
+
+
+@dataclass(frozen=True)
+class _Design:
+    """All that Theorem 1 sees of a design: k1 and k2 are the norms of K1 and K2."""
+
+    excess: float  # lambda_min(Lambda) - eta
+    spread: float  # ||B_f^T B_f||_inf
+    k1: float
+    k2: float
+
+    @classmethod
+    def check(
+        cls,
+        damping: ArrayLike,
+        fault_matrix: ArrayLike,
+        K1: ArrayLike,
+        K2: ArrayLike,
+        eta: float,
+        size: int,
+    ) -> _Design:
+        if as_scalar("eta", eta) < 0:
+            raise InputError("eta", f"{eta:g} must not be below zero")
+        full = as_matrix("damping", damping, size)
+        fault = as_matrix("fault_matrix", fault_matrix, size)
+        if not fault.any():
+            raise InputError("fault_matrix", "must not be zero")
+        if not as_matrix("K2", K2, size).any():
+            raise InputError("K2", "must not be zero, the estimate would never change")
+        sizes = (
+            float(np.linalg.norm(fault.T @ fault, np.inf)),
+            _norm(as_matrix("K1", K1, size)),
+            _norm(as_matrix("K2", K2, size)),
+        )
+        norms = zip(("fault_matrix", "K1", "K2"), sizes, strict=True)
+        for name, norm in (("damping", np.abs(full).max()), *norms):
+            if not norm < _LARGEST:
+                raise InputError(
+                    name, "is so large that its square is beyond floating-point numbers"
+                )
+        excess = float(np.linalg.eigvalsh((full + full.T) / 2)[0]) - as_scalar("eta", eta)
+        return cls(excess, *sizes)
+
+    def evaluate(self, g1: float, g2: float, g3: float, g4: float, rho1: float) -> Theorem1:
+        alpha1, alpha2, alpha3 = _alphas(g1, g2, g3)
+        factor = 1 + rho1 + self.spread / g4
+        epsilon1 = 2 * self.excess - g4 - alpha2 * factor * self.k2**2
+        epsilon2 = alpha1 * factor
+        kept = epsilon2 * self.k1**2
+        parts = (
+            f"epsilon1 = {epsilon1:.4g} is {'' if epsilon1 > 0 else 'not '}above zero",
+            f"epsilon2 ||K1||^2 = {kept:.6g} is {'at most' if kept <= 1 else 'above'} one",
+        )
+        constants = (epsilon1, epsilon2, alpha3 * factor, rho1, kept)
+        return Theorem1(*constants, epsilon1 > 0, kept <= 1, " and ".join(parts))
+
+    @property
+    def threshold(self) -> float:
+        """What lambda_min(Lambda) - eta must exceed; infinite if ||K1|| >= 1."""
+        if self.k1 >= 1:
+            return float("inf")
+        root = np.sqrt(self.spread)
+        numerator = (root * self.k1) ** 2 + 2 * root * self.k2 + self.k2**2
+        return float(numerator / (2 * (1 - self.k1**2)))
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Whether any weights satisfy Theorem 1, and what that is worth.
+
+    ``required_damping`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
+    ``dc_error`` is the largest share (2-norm) of a constant fault that the design leaves
+    unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if there are none;
+    otherwise (18) then promises an RMS error of at most ``error_gain`` times k_d.
+    """
+
+    certified: bool
+    required_damping: float
+    dc_error: float
+    error_gain: float
+    weights: tuple[float, float, float, float, float] | None
+    theorem: Theorem1 | None
+    reason: str
+
+
+@np.errstate(all="ignore")  # what is not finite is refused, or no weight
+def certify(
+    damping: ArrayLike,
+    fault_matrix: ArrayLike,
+    K1: ArrayLike,
+    K2: ArrayLike,
+    eta: float = 0.0,
+    *,
+    size: int = 3,
+) -> Certificate:
+    """Search the weights for a design; exact about whether there are any.
+
+    Chen & Saif 2007, Theorem 1.
+
+    The existence of weights is the closed form of the module's docstring; the weights returned
+    minimise sqrt(epsilon3 / rho1), the error that (18) promises per unit of k_d, numerically.
+    That is never below 1 / (1 - k1): with rho_1 < 1/(k1^2 alpha_1) - 1, it is above
+    (1 + 1/gamma_2) / (1 - k1^2 (1 + gamma_2)), squared, whose minimum is 1 / (1 - k1)^2. As
+    Assumption 1 already implies |u_f| <= k_d / (1 - k1), no certificate promises more than
+    estimating nothing would achieve.
+
+    Parameters
+    ----------
+    damping, fault_matrix, K1, K2, eta, size
+        See `theorem1`.
+
+    Raises
+    ------
+    InputError
+        As `theorem1`.
+    """
+    design = _Design.check(damping, fault_matrix, K1, K2, eta, size)
+    dc_error = _dc_error(
+        as_matrix("damping", damping, size),
+        as_matrix("fault_matrix", fault_matrix, size),
+        as_matrix("K1", K1, size),
+        as_matrix("K2", K2, size),
+    )
+    needed = design.threshold + eta
+    lost = f"the design leaves up to {100 * dc_error:.3g}% of a constant fault unestimated"
+    if design.k1 >= 1:
+        reason = f"no weights: ||K1|| = {design.k1:.6g} and epsilon2 > 1 always; {lost}"
+        return Certificate(False, needed, dc_error, float("inf"), None, None, reason)
+    weights = _tightest(design)
+    if weights is None:
+        must = f"{design.excess:.6g} must exceed {design.threshold:.6g}"
+        reason = f"no weights: lambda_min(Lambda) - eta = {must}; {lost}"
+        return Certificate(False, needed, dc_error, float("inf"), None, None, reason)
+    theorem = design.evaluate(*weights)
+    gain = float(np.sqrt(theorem.epsilon3 / theorem.rho1))
+    reason = f"{theorem.reason}; (18) promises an RMS error below {gain:.4g} k_d, and {lost}"
+    return Certificate(True, needed, dc_error, gain, weights, theorem, reason)
+
+
+def _dc_error(damping: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
+    """Norm of [I - K1 + K2 Lambda^-1 B_f]^-1 (I - K1), nan if there is no steady state."""
+    memory = np.eye(len(K1)) - K1
+    try:
+        return _norm(np.linalg.solve(memory + K2 @ np.linalg.solve(damping, fault_matrix), memory))
+    except np.linalg.LinAlgError:
+        return float("nan")
+
+
+def _tightest(design: _Design) -> tuple[float, float, float, float, float] | None:
+    """Weights that minimise epsilon3 / rho1, or None if no weights satisfy Theorem 1."""
+    from scipy.optimize import minimize
+
+    if design.excess <= design.threshold:
+        return None
+    square = max(design.k1, 1e-6) ** 2  # K1 = 0 leaves gamma_1 without an upper bound
+
+    def largest_factor(g1: float, g2: float, g3: float, g4: float) -> float:
+        """The largest 1 + rho1 + spread / gamma4 that both conditions allow."""
+        alpha1, alpha2, _ = _alphas(g1, g2, g3)
+        rate = (2 * design.excess - g4) / (alpha2 * design.k2**2)
+        return float(min(1 / (square * alpha1), rate) * (1 - 1e-9))
+
+    def ratio(logarithms: NDArray[np.float64]) -> float:
+        g1, g2, g3, g4 = np.exp(logarithms)
+        factor = largest_factor(g1, g2, g3, g4)
+        rho1 = factor - 1 - design.spread / g4
+        return _alphas(g1, g2, g3)[2] * factor / rho1 if rho1 > 0 else float("inf")
+
+    # The last weights to survive as the damping is lowered; they need no slack for the others.
+    m = design.k2 / float(np.sqrt(design.spread))
+    factor = (1 + m) / (square + m)
+    room = 1 / (square * factor) - 1
+    for slack in 0.5 ** np.arange(1, 50):
+        start = (room * (1 - slack), room * slack / 2, slack, design.spread / (factor - 1))
+        if np.isfinite(ratio(np.log(start))):
+            break
+    else:
+        return None
+    options = {"maxiter": 4000, "maxfev": 4000, "xatol": 1e-8, "fatol": 1e-8}
+    found = minimize(ratio, np.log(start), method="Nelder-Mead", options=options)
+    g1, g2, g3, g4 = (float(weight) for weight in np.exp(found.x))
+    # A percent off rho1 lifts both conditions off their limits.
+    return g1, g2, g3, g4, 0.99 * (largest_factor(g1, g2, g3, g4) - 1 - design.spread / g4)
+
+
+@dataclass(frozen=True)
+class Bound18:
+    """Both sides of the bound of the mean, and ``ratio`` = right / left.
+
+    Chen & Saif 2007, (18).
+    """
+
+    left: float
+    right: float
+    ratio: float
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+def bound18(
+    theorem: Theorem1,
+    rate_error: ArrayLike,
+    error: ArrayLike,
+    k_d: float,
+    *,
+    duration: float = float("inf"),
+    initial_value: float = 0.0,
+) -> Bound18:
+    """Both sides: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
+
+    Chen & Saif 2007, (18).
+
+    The mean is the trapezoidal rule over uniform samples. For a record of finite ``duration`` [s],
+    V(0) / duration belongs on the right, with ``initial_value`` V(0) of (13).
+
+    Parameters
+    ----------
+    rate_error, error
+        w~ [rad/s] and e [N m], shape (samples, n).
+    k_d
+        Supremum of the 2-norm of u_f(t) - K1 u_f(t - tau) [N m]: (17) needs this norm, where
+        Assumption 1 prints the maximum norm, smaller by up to sqrt(n).
+
+    Raises
+    ------
+    InputError
+        If the conditions of the theorem do not hold, a shape is wrong or ``k_d`` is below zero.
+    """
+    if not as_kind("theorem", theorem, Theorem1).holds:
+        raise InputError("theorem", f"its conditions do not hold: {theorem.reason}")
+    if as_scalar("k_d", k_d) < 0:
+        raise InputError("k_d", f"{k_d:g} must not be below zero")
+    rates = as_rows("rate_error", rate_error)
+    errors = as_rows("error", error, rates)
+    density = theorem.epsilon1 * np.sum(rates**2, axis=1) + theorem.rho1 * np.sum(errors**2, axis=1)
+    left = float(np.trapezoid(density)) / (len(density) - 1)
+    right = theorem.epsilon3 * k_d * k_d + initial_value / duration
+    if not np.isfinite([left, right]).all():
+        raise InputError("rate_error, error, k_d", "have squares beyond floating-point numbers")
+    return Bound18(left, right, right / left if left > 0 else float("inf"))

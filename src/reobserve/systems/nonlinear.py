@@ -1,0 +1,293 @@
+"""A nonlinear model in discrete time with Gaussian noise.
+
+    x(k+1) = f(x(k), u(k)) + w(k)             w ~ N(0, Q)
+    y(k)   = h(x(k), u(k)) + v(k)             v ~ N(0, R)
+
+The functions are given in Python or as text. A model in continuous time, x' = f(x, u), is
+integrated over a sampling period with u held (`NonlinearModel.from_ode`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reobserve.core.arguments import as_whole
+from reobserve.core.errors import InputError, shown
+from reobserve.core.matrices import as_floats, as_positive, as_scalar
+from reobserve.systems.linear import as_covariance
+from reobserve.systems.nonlinear_flow import Functions
+from reobserve.systems.nonlinear_text import text_jacobian, text_rows
+from reobserve.systems.signal_names import as_names
+from reobserve.systems.text_functions import compiled_rows
+from reobserve.systems.user_function import UserFunction
+
+Array = NDArray[np.float64]
+Function = Callable[..., Any] | str | Sequence[str]
+JacobianFunction = Callable[..., Any] | Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NonlinearModel:
+    """A nonlinear model in discrete time.
+
+    Parameters
+    ----------
+    f
+        The next state: a function ``f(x, u)`` in Python that returns n numbers, or n texts, such as
+        ``["angle + 0.01*rate", "rate - 0.1*sin(angle)"]``, in the grammar of
+        `reobserve.polynomials.grammar`. Without inputs it may be a function of x alone.
+    h
+        The measurements: a function ``h(x, u)``, or of x alone, that returns m numbers; or m texts.
+    Q
+        Covariance of the process noise over a sampling period: a number, n numbers or (n, n);
+        positive semidefinite.
+    R
+        Covariance of the measurement noise: a number, m numbers or (m, m); positive definite.
+    F, H
+        The Jacobians df/dx, (n, n), and dh/dx, (m, n), as functions of x and u, or as rows of
+        texts. Left out, those of texts are derived symbolically, and those of Python functions by
+        central differences of fourth order, good to about twelve digits (``scale``). The unscented
+        filter uses none.
+    states, inputs, outputs
+        n, p and m. They may be left out where names or texts tell them; inputs are none then.
+    state_names, input_names, output_names
+        Names of the signals, which texts are written in and runs are labelled with. Texts need
+        those of states and of inputs; other names may be left out.
+    parameters
+        Values of further names in texts.
+    scale
+        Typical sizes of the states, one number or n, for the steps of differences.
+    sampling_period
+        [s]; left out, time is counted in samples.
+    substeps
+        Left at 0, f is the next state. `from_ode` sets the number of Runge-Kutta steps.
+
+    Raises
+    ------
+    InputError
+        If a function returns another number of values; a text cannot be read; sizes do not fit; Q
+        or R is not symmetric positive (semi)definite; or the period or a scale is not positive.
+
+    Notes
+    -----
+    Python functions are compiled by numba where it can, so that global variables keep the values
+    they have at the first use. Other functions are called from Python, some microseconds a call,
+    with the same results; the model's text, ``repr(model)``, and `uncompiled` say which.
+    """
+
+    f: Any
+    h: Any
+    Q: Array
+    R: Array
+    F: Any = None
+    H: Any = None
+    _: KW_ONLY
+    states: int = None  # type: ignore[assignment]  # a number, once it is made
+    inputs: int = None  # type: ignore[assignment]
+    outputs: int = None  # type: ignore[assignment]
+    state_names: tuple[str, ...] | None = None
+    input_names: tuple[str, ...] | None = None
+    output_names: tuple[str, ...] | None = None
+    parameters: Mapping[str, float] | None = None
+    scale: Array = 1.0  # type: ignore[assignment]
+    sampling_period: float = 1.0
+    substeps: int = 0
+
+    if TYPE_CHECKING:  # what it takes is wider than what it then holds
+
+        def __init__(
+            self, f: Function, h: Function, Q: ArrayLike, R: ArrayLike,
+            F: JacobianFunction | None = ..., H: JacobianFunction | None = ..., *,
+            states: int | None = ..., inputs: int | None = ..., outputs: int | None = ...,
+            state_names: Sequence[str] | None = ..., input_names: Sequence[str] | None = ...,
+            output_names: Sequence[str] | None = ..., parameters: Mapping[str, float] | None = ...,
+            scale: ArrayLike = ..., sampling_period: float = ..., substeps: int = ...,
+        ) -> None: ...  # fmt: skip
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        for name in ("f", "h"):
+            put(self, name, _as_texts(name, getattr(self, name)))
+        lengths = {
+            "state": len(self.f) if isinstance(self.f, tuple) else None,
+            "input": None,
+            "output": len(self.h) if isinstance(self.h, tuple) else None,
+        }
+        for kind, length in lengths.items():
+            names = as_names(f"{kind}_names", getattr(self, f"{kind}_names"))
+            found = length if names is None else len(names)
+            given = getattr(self, f"{kind}s")
+            if given is None and found is None and kind != "input":
+                raise InputError(f"{kind}s", "is left out, must be the number of them")
+            size = (found or 0) if given is None else as_whole(f"{kind}s", given, kind != "input")
+            if names is not None and len(names) != size:
+                raise InputError(f"{kind}_names", f"are {len(names)}, must be {size}")
+            if length is not None and length != size:
+                raise InputError("fh"[kind == "output"], f"has {length} texts, must have {size}")
+            put(self, f"{kind}_names", names)
+            put(self, f"{kind}s", size)
+        as_names("input_names", self._variables)  # of which none may be a state's
+        put(self, "parameters", _as_parameters(self.parameters, self._variables))
+        put(self, "Q", as_covariance("Q", self.Q, self.states))
+        put(self, "R", as_covariance("R", self.R, self.outputs, definite=True))
+        put(self, "scale", _as_scale(self.scale, self.states))
+        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
+        put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
+        _ = self._definitions  # refuses what is no function now and not at the first step
+
+    @classmethod
+    def from_ode(
+        cls, f: Function, h: Function, Q: ArrayLike, R: ArrayLike,
+        F: JacobianFunction | None = None, H: JacobianFunction | None = None, *,
+        sampling_period: float, substeps: int = 1, **options: Any,
+    ) -> NonlinearModel:  # fmt: skip
+        """The model of x' = f(x, u), y = h(x, u), with u held over each sampling period.
+
+        It is integrated by the classical Runge-Kutta method; the Jacobian of a step is that of the
+        method itself, from ``F``, df/dx of the differential equation.
+
+        Parameters
+        ----------
+        Q
+            Covariance of the noise that a sampling period adds to the state, not its density.
+        sampling_period
+            [s].
+        substeps
+            Steps of the method in a sampling period.
+        options
+            The other parameters of the class.
+
+        Raises
+        ------
+        InputError
+            As the class.
+        """
+        steps = as_whole("substeps", substeps, 1, 10_000)
+        return cls(f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, **options)
+
+    def __repr__(self) -> str:
+        size = f"{self.states} states, {self.inputs} inputs, {self.outputs} outputs"
+        text = all(isinstance(one, tuple) for one in (self.f, self.h))
+        how = "from text, compiled" if text else "compiled"
+        if self.uncompiled:
+            how = f"{' and '.join(self.uncompiled)} called from Python"
+        ode = f", {self.substeps} Runge-Kutta steps" if self.substeps else ""
+        return f"NonlinearModel({size}, sampling_period={self.sampling_period:g}{ode}; {how})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: functions are compiled anew."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @property
+    def uncompiled(self) -> dict[str, str]:
+        """Functions that are called from Python, by name, and why numba cannot compile them."""
+        return {name: why for name, (_, why) in self._pointers.items() if why}
+
+    @property
+    def _variables(self) -> tuple[str, ...]:
+        return (*(self.state_names or ()), *(self.input_names or ()))
+
+    @cached_property
+    def _definitions(self) -> dict[str, UserFunction | list[str]]:
+        """What is to be compiled, by name: functions of Python, or expressions as Python code."""
+        n, p, m = self.states, self.inputs, self.outputs
+        shapes: dict[str, tuple[int, ...]] = {"f": (n,), "h": (m,), "F": (n, n), "H": (m, n)}
+        found: dict[str, UserFunction | list[str]] = {}
+        for name, shape in shapes.items():
+            given = getattr(self, name)
+            if given is None:
+                continue
+            if callable(given):
+                found[name] = UserFunction(name, given, n, p, shape)
+            else:
+                found[name] = text_rows(name, given, shape, *self._text_names)
+        return found
+
+    @property
+    def _text_names(self) -> tuple[Sequence[str], Sequence[str], Mapping[str, float]]:
+        if self.state_names is None:
+            raise InputError("state_names", "are left out, must name what the texts are of")
+        if self.input_names is None and self.inputs:
+            raise InputError("input_names", "are left out, must name what the texts are of")
+        return self.state_names, self.input_names or (), self.parameters or {}
+
+    @cached_property
+    def _pointers(self) -> dict[str, tuple[Any, str]]:
+        """Of what is defined: function pointers for compiled loops, and why one is not compiled."""
+        return {
+            name: one.compiled() if isinstance(one, UserFunction) else (compiled_rows(one), "")
+            for name, one in self._definitions.items()
+        }
+
+    @cached_property
+    def _jacobians(self) -> dict[str, Any]:
+        """Pointers to the Jacobians that are given or can be derived from text."""
+        given = self._pointers
+        found: dict[str, Any] = {name: given[name][0] for name in ("F", "H") if name in given}
+        for name, function in (("f", self.f), ("h", self.h)):
+            if name.upper() not in found and isinstance(function, tuple):
+                rows = text_jacobian(name, function, *self._text_names)
+                found[name.upper()] = compiled_rows(rows)
+        return found
+
+    @cached_property
+    def functions(self) -> Functions:
+        """The model as compiled loops read it."""
+        return self._functions(self._jacobians)
+
+    @cached_property
+    def functions_alone(self) -> Functions:
+        """As `functions`, without Jacobians."""
+        return self._functions({})
+
+    def _functions(self, jacobians: Mapping[str, Any]) -> Functions:
+        f, h = self._pointers["f"][0], self._pointers["h"][0]
+        return Functions(
+            f, jacobians.get("F", f), h, jacobians.get("H", h), "F" in jacobians, "H" in jacobians,
+            self.substeps, self.sampling_period / max(self.substeps, 1), self.scale,
+        )  # fmt: skip
+
+    def raise_problem(self) -> None:
+        """Raise what a function raised when a loop called it, if one did.
+
+        Raises
+        ------
+        InputError
+            If a function in Python raised an error, or returned another number of values.
+        """
+        for one in self._definitions.values():
+            if isinstance(one, UserFunction):
+                one.raise_problem()
+
+
+def _as_texts(name: str, given: Any) -> Any:
+    """A function as it is, texts as a tuple."""
+    if isinstance(given, str):
+        return (given,)
+    if isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
+        return tuple(given)
+    if callable(given) and not isinstance(given, type):
+        return given
+    raise InputError(name, f"{shown(given)} must be a function of x and u, or a list of texts")
+
+
+def _as_parameters(given: Any, taken: Sequence[str]) -> dict[str, float] | None:
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise InputError("parameters", f"{shown(given)} must be numbers by name")
+    as_names("parameters", [*taken, *given])
+    return {name: as_scalar(f"parameters.{name}", value) for name, value in given.items()}
+
+
+def _as_scale(given: ArrayLike, states: int) -> Array:
+    scale = as_floats("scale", given)
+    if scale.shape not in ((), (states,)) or scale.min() <= 0:
+        raise InputError("scale", f"{shown(given)} must be one positive number, or {states}")
+    return np.full(states, float(scale)) if scale.ndim == 0 else scale

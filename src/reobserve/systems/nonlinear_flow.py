@@ -1,0 +1,191 @@
+"""Compiled evaluation of a nonlinear model: one step of its state, and Jacobians."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reobserve.core.direct_call import call
+from reobserve.core.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+class Functions(NamedTuple):
+    """A nonlinear model as compiled loops read it.
+
+    ``f``, ``F``, ``h`` and ``H`` are pointers to functions ``(x, u, out)``; a Jacobian that is not
+    ``given`` is found by differences. ``substeps`` is 0 where f is the step itself, else the number
+    of Runge-Kutta steps of length ``step`` [s]. ``scale``, (n,), are typical sizes of the states.
+    """
+
+    f: Any
+    F: Any
+    h: Any
+    H: Any
+    F_given: bool
+    H_given: bool
+    substeps: int
+    step: float
+    scale: Array
+
+
+class FlowWork(NamedTuple):
+    """Scratch: points and slopes (n,), values (4, n or m), Jacobians (n, n) and (m, n), also flat.
+
+    It is made in Python: to compile the allocation of arrays takes seconds.
+    """
+
+    point: Array
+    stage_point: Array
+    slope: Array
+    total: Array
+    values: Array
+    A: Array
+    A_flat: Array
+    C: Array
+    C_flat: Array
+    sensitivity: Array
+    stage: Array
+    slopes: Array
+    totals: Array
+
+
+def new_flow_work(states: int, outputs: int) -> FlowWork:
+    """Scratch for a model of this size."""
+    n, m = states, outputs
+    A, C = np.empty((n, n)), np.empty((m, n))
+    vectors, squares = np.empty((4, n)), np.empty((4, n, n))
+    return FlowWork(
+        vectors[0], vectors[1], vectors[2], vectors[3], np.empty((4, max(n, m))),
+        A, A.reshape(-1), C, C.reshape(-1), squares[0], squares[1], squares[2], squares[3],
+    )  # fmt: skip
+
+
+@kernel
+def jacobian(
+    function: Any, derivative: Any, given: bool, scale: Array, x: Array, u: Array, flat: Array,
+    work: FlowWork,
+) -> None:  # fmt: skip
+    """Write the Jacobian of a function, row by row: given, or by central differences.
+
+    f'(x) = (8 (f(x+d) - f(x-d)) - (f(x+2d) - f(x-2d))) / (12 d) + O(d^4), with d between 1/1000 and
+    1/500 of the larger of |x| and its scale: about twelve digits where f is smooth on that scale.
+    """
+    if given:
+        call(derivative, (x, u, flat))
+        return
+    n = len(x)
+    rows = len(flat) // n
+    point = work.point
+    for i in range(n):
+        point[i] = x[i]
+    for j in range(n):
+        # A power of two, so that the differences of x are nearly exact.
+        size = max(abs(x[j]), scale[j])
+        d = math.ldexp(1.0, math.frexp(size)[1] - 10)
+        for side in range(4):
+            times = (1.0, -1.0, 2.0, -2.0)[side]
+            point[j] = x[j] + times * d
+            call(function, (point, u, work.values[side, :rows]))
+        point[j] = x[j]
+        for i in range(rows):
+            near = work.values[0, i] - work.values[1, i]
+            far = work.values[2, i] - work.values[3, i]
+            flat[i * n + j] = (8.0 * near - far) / (12.0 * d)
+
+
+@kernel
+def move(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
+    """Write x(k+1): f(x, u), or the solution of x' = f(x, u) by Runge-Kutta steps."""
+    n = len(x)
+    if functions.substeps == 0:
+        call(functions.f, (x, u, out))
+        return
+    h, point, slope, total = functions.step, work.point, work.slope, work.total
+    for i in range(n):
+        out[i] = x[i]
+    for _ in range(functions.substeps):
+        for stage in range(4):
+            ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
+            weight = (1.0, 2.0, 2.0, 1.0)[stage]
+            for i in range(n):
+                point[i] = out[i]
+                if stage > 0:
+                    point[i] += ahead * slope[i]
+            call(functions.f, (point, u, slope))
+            for i in range(n):
+                total[i] = weight * slope[i] + (total[i] if stage > 0 else 0.0)
+        for i in range(n):
+            out[i] += h / 6.0 * total[i]
+
+
+@kernel
+def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
+    """Write x(k+1), and its Jacobian A with respect to x(k) into ``work.A``.
+
+    Along Runge-Kutta steps S = dx/dx(k) goes by S' = F(x, u) S, stage by stage.
+    """
+    n = len(x)
+    if functions.substeps == 0:
+        jacobian(
+            functions.f, functions.F, functions.F_given, functions.scale, x, u, work.A_flat, work
+        )
+        call(functions.f, (x, u, out))
+        return
+    h, slope, total = functions.step, work.slope, work.total
+    for i in range(n):
+        out[i] = x[i]
+        for j in range(n):
+            work.sensitivity[i, j] = 1.0 if i == j else 0.0
+    for _ in range(functions.substeps):
+        clear(slope, total, work.slopes, work.totals)
+        for stage in range(4):
+            ahead = (0.0, 0.5 * h, 0.5 * h, h)[stage]
+            weight = (1.0, 2.0, 2.0, 1.0)[stage]
+            advance(out, work.sensitivity, ahead, slope, work.slopes, work.stage_point, work.stage)
+            jacobian(
+                functions.f, functions.F, functions.F_given, functions.scale, work.stage_point, u,
+                work.A_flat, work,
+            )  # fmt: skip
+            call(functions.f, (work.stage_point, u, slope))
+            multiply(work.A, work.stage, work.slopes)
+            advance(total, work.totals, weight, slope, work.slopes, total, work.totals)
+        advance(out, work.sensitivity, h / 6.0, total, work.totals, out, work.sensitivity)
+    for i in range(n):
+        for j in range(n):
+            work.A[i, j] = work.sensitivity[i, j]
+
+
+@kernel
+def clear(x: Array, y: Array, X: Array, Y: Array) -> None:
+    """Write zeros to two vectors and two matrices."""
+    for i in range(len(x)):
+        x[i] = y[i] = 0.0
+        for j in range(len(x)):
+            X[i, j] = Y[i, j] = 0.0
+
+
+@kernel
+def advance(
+    x: Array, X: Array, h: float, slope: Array, slopes: Array, out: Array, outs: Array
+) -> None:
+    """Write x + h slope of a vector and a matrix."""
+    for i in range(len(x)):
+        out[i] = x[i] + h * slope[i]
+        for j in range(len(x)):
+            outs[i, j] = X[i, j] + h * slopes[i, j]
+
+
+@kernel
+def multiply(A: Array, S: Array, out: Array) -> None:
+    """Write A S."""
+    for i in range(len(A)):
+        for j in range(len(A)):
+            total = 0.0
+            for k in range(len(A)):
+                total += A[i, k] * S[k, j]
+            out[i, j] = total

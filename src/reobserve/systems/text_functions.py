@@ -1,0 +1,75 @@
+"""Compiled functions from text: the right-hand sides of models as one would write them down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from reobserve.core.errors import InputError, shown
+from reobserve.core.vector_field import vector_field
+from reobserve.polynomials.grammar import check_size, parse
+
+
+def read_expression(
+    place: str, text: str, symbols: Mapping[str, Any], allowed: Sequence[str]
+) -> Any:
+    """The expression of sympy that a text writes, of the allowed names alone.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, names something else, or is no finite real number anywhere.
+    """
+    import sympy
+
+    expression = parse(place, text, symbols)
+    check_size(place, expression)
+    for symbol in sorted(map(str, expression.free_symbols)):
+        if symbol not in allowed:
+            listed = ", ".join(allowed) or "numbers"
+            raise InputError(place, f"{shown(text)} names {symbol}, must name nothing but {listed}")
+    numbers = (part for part in sympy.preorder_traversal(expression) if part.is_number)
+    if expression.has(sympy.nan) or any(number.is_real is False for number in numbers):
+        raise InputError(place, f"{shown(text)} is no finite real number anywhere")
+    return expression
+
+
+def python_code(
+    place: str, expression: Any, places: Mapping[Any, str], text: str = ""
+) -> tuple[str, int]:
+    """An expression as Python writes it, and its number of operations.
+
+    ``places`` says how each symbol is written, ``text`` what a message repeats.
+
+    Raises
+    ------
+    InputError
+        If it has no form that can be compiled.
+    """
+    import sympy
+
+    written = {symbol: sympy.Symbol(text) for symbol, text in places.items()}
+    # Integers that 64 bits do not hold would not compile.
+    large = [one for one in expression.atoms(sympy.Rational) if max(abs(one.p), one.q) >= 2**63]
+    written |= {one: sympy.Float(float(one), 17) for one in large}
+    try:
+        code = str(sympy.pycode(expression.xreplace(written), fully_qualified_modules=True))
+    except (ValueError, TypeError, NotImplementedError, RecursionError):
+        code = "Not supported"
+    if "Not supported" in code or "mpmath" in code:
+        raise InputError(
+            place, f"{shown(text or str(expression))} has no form that can be compiled"
+        )
+    return code, int(expression.count_ops())
+
+
+def compiled_rows(rows: Sequence[str]) -> Any:
+    """Compile ``field(x, parameters, out)``, which writes the values of n expressions.
+
+    Rows must come from `python_code`: they hold numbers, variables and functions of math alone.
+    """
+    body = "".join(f"    out[{i}] = {row}\n" for i, row in enumerate(rows))
+    namespace: dict[str, Any] = {"math": math}
+    exec(f"def field(x, parameters, out):\n{body}", namespace)
+    return vector_field(namespace["field"])

@@ -1,0 +1,241 @@
+"""Functions of a user's own, ``f(x, u)`` in Python, as compiled loops call them.
+
+What numba can compile is compiled. Anything else is called back from the compiled loop, some
+microseconds a call; the loop and its results are the same.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import inspect
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from reobserve.core.errors import InputError, one_line, shown
+
+Array = NDArray[np.float64]
+
+_VECTOR = types.Array(types.float64, 1, "C")
+_SIGNATURE = types.void(_VECTOR, _VECTOR, _VECTOR)  # that of vector fields
+_POINTER = ctypes.c_void_p
+
+
+@dataclass(frozen=True, eq=False)
+class UserFunction:
+    """A function ``(x, u)`` or ``(x,)`` that returns numbers of one shape.
+
+    ``shape`` is () for one number, (n,) or (m, n). Where one number is asked for, a list of one
+    will do, and the other way round.
+
+    Raises
+    ------
+    InputError
+        If it is no such function, or returns something else at x = (1, ..., 1), u = (1, ..., 1).
+    """
+
+    name: str
+    function: Callable[..., Any]
+    states: int
+    inputs: int
+    shape: tuple[int, ...]
+    problems: list[BaseException] = field(default_factory=list, repr=False)
+
+    def __post_init__(self) -> None:
+        if not callable(self.function) or isinstance(self.function, type):
+            raise InputError(self.name, f"{shown(self.function)} must be a function of x and u")
+        self._check(np.ones(self.states), np.ones(self.inputs))
+
+    @property
+    def _python(self) -> Callable[..., Any]:
+        given: Any = self.function
+        return given.py_func if isinstance(given, Dispatcher) else given  # type: ignore[no-any-return]
+
+    @cached_property
+    def _takes_input(self) -> bool:
+        """Whether it is called with x and u; `InputError` if with neither one nor two."""
+        for arguments in ((0, 0), (0,)):
+            try:
+                inspect.signature(self._python).bind(*arguments)
+            except TypeError:
+                continue
+            except ValueError:  # a built-in function that does not tell
+                pass
+            return len(arguments) == 2
+        raise InputError(self.name, "must be a function of x and u, or of x alone")
+
+    def _check(self, x: Array, u: Array) -> None:
+        before = x.copy(), u.copy()
+        with suppress(ArithmeticError, _DomainError):  # it may be defined elsewhere
+            self(x, u)
+        if not (np.array_equal(x, before[0]) and np.array_equal(u, before[1])):
+            raise InputError(self.name, "changes the arrays it is given, must leave x and u alone")
+
+    def __call__(self, x: Array, u: Array) -> Array:
+        """The value, an array of the shape.
+
+        Raises
+        ------
+        InputError
+            If it raises anything but an arithmetic error, or returns something else.
+        """
+        arguments = (x, u) if self._takes_input else (x,)
+        try:
+            with np.errstate(all="ignore"):
+                value = self._python(*arguments)
+        except ArithmeticError:
+            raise
+        except Exception as error:
+            if isinstance(error, ValueError) and _outside(error):
+                raise _DomainError from None
+            said = one_line(f"{type(error).__name__}: {error}", 200)
+            raise InputError(self.name, f"raises {said} at x = {shown(x.tolist())}") from None
+        try:
+            array = np.asarray(value)
+            if array.dtype.kind not in "iufb":
+                raise TypeError
+        except Exception:
+            wanted = _wanted(self.shape)
+            problem = f"returns {shown(value)} at x = {shown(x.tolist())}, must return {wanted}"
+            raise InputError(self.name, problem) from None
+        if array.shape != self.shape and not (array.size == 1 and self.shape in ((), (1,), (1, 1))):
+            raise InputError(
+                self.name, f"returns an array of shape {array.shape}, must return "
+                f"{_wanted(self.shape)}",
+            )  # fmt: skip
+        return array.astype(np.float64).reshape(self.shape)
+
+    def compiled(self) -> tuple[Any, str]:
+        """A function pointer ``(x, u, out)`` for compiled loops, and why numba refused, or ""."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                return self._by_numba(), ""
+            except Exception as error:
+                lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+                reason = next((one for one in lines if not one.startswith("Failed in")), "")
+                return self._called_back(), one_line(reason or type(error).__name__, 160)
+
+    def _by_numba(self) -> Any:
+        given: Any = self.function
+        inner: Any = (
+            given if isinstance(given, Dispatcher) else numba.njit(error_model="numpy")(given)
+        )
+        takes_input = self._takes_input
+        signature = (_VECTOR, _VECTOR) if takes_input else (_VECTOR,)
+        inner.compile(signature)
+        kind = inner.overloads[signature].signature.return_type
+        writer = _writer(inner, kind, takes_input, len(self.shape))
+        return numba.cfunc(_SIGNATURE, error_model="numpy")(writer)
+
+    def _called_back(self) -> Any:
+        number, sizes = ctypes.c_double, (self.states, self.inputs, int(np.prod(self.shape)))
+
+        def called(*addresses: int) -> None:
+            x, u, out = (
+                np.ctypeslib.as_array((number * size).from_address(address))
+                if size
+                else np.empty(0)
+                for size, address in zip(sizes, addresses, strict=True)
+            )
+            out[:] = np.nan
+            if self.problems:
+                return
+            try:
+                out[:] = self(x.copy(), u.copy()).ravel()
+            except (ArithmeticError, _DomainError):  # as nan or inf where it is compiled
+                pass
+            except BaseException as error:
+                self.problems.append(error)
+
+        callback = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER)(called)
+
+        def write(x: Any, u: Any, out: Any) -> None:
+            callback(x.ctypes, u.ctypes, out.ctypes)
+
+        pointer: Any = numba.cfunc(_SIGNATURE)(write)
+        pointer.keeps = callback  # alive as long as the pointer
+        return pointer
+
+    def raise_problem(self) -> None:
+        """Raise what the function raised when a loop called it, if it did."""
+        if self.problems:
+            raise self.problems.pop()
+
+
+class _DomainError(Exception):
+    """A function of ``math`` outside its domain."""
+
+
+def _outside(error: ValueError) -> bool:
+    return any(word in str(error) for word in ("domain", "expected a positive", "expected a non"))
+
+
+def _wanted(shape: tuple[int, ...]) -> str:
+    if not shape:
+        return "one number"
+    if len(shape) == 1:
+        return f"{shape[0]} number{'s' if shape[0] != 1 else ''}"
+    return f"{shape[0]} rows of {shape[1]} numbers"
+
+
+def _writer(inner: Any, kind: Any, takes_input: bool, dimensions: int) -> Callable[..., None]:
+    """The function ``(x, u, out)`` that writes what ``inner`` returns, a value of numba's kind.
+
+    It is nan where the number of values is another one.
+    """
+    if takes_input:
+        value = inner
+    else:
+
+        @numba.njit
+        def value(x: Any, u: Any) -> Any:
+            return inner(x)
+
+    if isinstance(kind, types.Number | types.Boolean):
+
+        def write(x: Any, u: Any, out: Any) -> None:
+            out[:] = np.nan
+            if len(out) == 1:
+                out[0] = value(x, u)
+
+    elif dimensions == 2:
+
+        def write(x: Any, u: Any, out: Any) -> None:
+            out[:] = np.nan
+            found = value(x, u)
+            n = len(x)
+            if len(found) * n == len(out):
+                for i in range(len(found)):
+                    if len(found[i]) == n:
+                        for j in range(n):
+                            out[i * n + j] = found[i][j]
+
+    elif isinstance(kind, types.BaseTuple):
+
+        def write(x: Any, u: Any, out: Any) -> None:
+            out[:] = np.nan
+            found = np.array(value(x, u))
+            if len(found) == len(out):
+                for i in range(len(out)):
+                    out[i] = found[i]
+
+    else:
+
+        def write(x: Any, u: Any, out: Any) -> None:
+            out[:] = np.nan
+            found = value(x, u)
+            if len(found) == len(out):
+                for i in range(len(out)):
+                    out[i] = found[i]
+
+    return write

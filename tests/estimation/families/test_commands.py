@@ -1,0 +1,71 @@
+"""`reobserve design` and `reobserve export`, typed in an empty folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from reobserve.cli.main import main
+
+
+@pytest.fixture(autouse=True)
+def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_model_becomes_a_design_and_that_becomes_code(
+    empty: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", "luenberger", "--example", "swing.yaml"]) == 0
+    assert "next: reobserve design luenberger swing.yaml" in capsys.readouterr().out
+    assert (
+        main(
+            ["design", "luenberger", "swing.yaml", "--set", "poles=[-5, -6]", "--out", "swing.json"]
+        )
+        == 0
+    )
+    told = capsys.readouterr().out
+    assert "poles: 0.951229, 0.941765, of the error from sample to sample" in told
+    assert "37 % in 0.2 s" in told  # of the pole at -5
+    assert main(["export", "swing.json", "--to", "c", "--out", "code"]) == 0
+    assert "cc -std=c99" in capsys.readouterr().out
+    written = sorted(path.name for path in (empty / "code").iterdir())
+    assert written == ["swing.c", "swing.h", "swing_test.c"]
+    header, source = ((empty / f"code/swing.{end}").read_text() for end in "hc")
+    assert "y: angle [rad]" in header
+    gain = json.loads((empty / "swing.json").read_text())["gains"]["gain"]
+    assert "L[2][1] = {" + ", ".join(f"{{{row[0]!r}}}" for row in gain) + "};" in source
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["design", "kalman"], "MODEL.yaml and --out: must be given, or --example"),
+        (["design", "kalman", "no.yaml", "--out", "d.json"], "no.yaml: cannot be read"),
+        (["design", "kalman", "--example", "here.yaml"], "here.yaml: is there already"),
+        (
+            ["design", "luenberger", "m.yaml", "--set", "poles=[x]", "--out", "d.json"],
+            "poles.0: 'x'",
+        ),
+        (
+            ["design", "luenberger", "m.yaml", "--set", "poles=[1, 2]", "--out", "d.json"],
+            "poles.0: 1 is not stable: its",
+        ),
+        (["export", "here.yaml", "--to", "c"], "here.yaml: is not JSON"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_leaves_nothing(
+    typed: list[str], said: str, empty: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (empty / "here.yaml").write_text("mine")
+    main(["design", "luenberger", "--example", "m.yaml"])
+    before = sorted(path.name for path in empty.iterdir())
+    capsys.readouterr()
+    assert main(typed) == 1
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert sorted(path.name for path in empty.iterdir()) == before

@@ -1,0 +1,142 @@
+"""Design files give the observer that was designed, to the bit, and are certified again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import place_poles
+
+from reobserve.core.documents import parse_yaml
+from reobserve.core.errors import InputError
+from reobserve.estimation.families import FAMILIES, family
+from reobserve.estimation.families.design import Design
+from reobserve.estimation.families.file import load_design, save_design
+from reobserve.synthesis.extended_state import pd_pi
+
+PENDULUM = expm(0.01 * np.array([[0, 1, 0], [-0.983, -0.1, 1], [0, 0, 0]]))
+
+
+@pytest.fixture(scope="module")
+def designs() -> dict[str, Design]:
+    chosen: dict[str, tuple[str, dict[str, Any]]] = {
+        "steady": ("kalman", {}), "varying": ("kalman", {"gain": "varying"}),
+        **{name: (name, {}) for name in FAMILIES if name != "kalman"},
+    }  # fmt: skip
+    found = {}
+    for name, (kind, options) in chosen.items():
+        made: Any = family(kind)
+        found[name] = made.designed({**parse_yaml(made.example, "model.yaml"), **options})
+    return found
+
+
+@pytest.fixture
+def stored(designs: dict[str, Design], tmp_path: Path) -> dict[str, Path]:
+    for name, design in designs.items():
+        save_design(tmp_path / f"{name}.json", design)
+    return {name: tmp_path / f"{name}.json" for name in designs}
+
+
+def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
+    designs: dict[str, Design], stored: dict[str, Path]
+) -> None:
+    for name, design in designs.items():
+        loaded = load_design(stored[name])
+        sine = 0.1 * np.sin(np.arange(30.0))[:, None]
+        y, u = (sine * np.ones(len(part)) for part in (design.measurements, design.inputs))
+        runs = [each.observer.run(y, u, state=each.start()) for each in (design, loaded)]
+        assert set(loaded.estimates) == set(runs[0].estimates)
+        for estimate, signals in loaded.estimates.items():
+            assert np.array_equal(runs[0][estimate], runs[1][estimate])
+            assert np.prod(runs[0][estimate].shape[1:]) == len(signals)
+
+
+def test_the_kalman_gain_is_that_of_scipys_riccati_equation(stored: dict[str, Path]) -> None:
+    H, R = np.array([[1.0, 0.0]]), 1e-6
+    P = solve_discrete_are(PENDULUM[:2, :2].T, H.T, np.diag([1e-10, 1e-8]), [[R]])
+    expected = P @ H.T / (H @ P @ H.T + R)
+    assert load_design(stored["steady"]).gains.gain == pytest.approx(expected, rel=1e-9)
+
+
+def test_luenbergers_poles_are_those_asked_for(stored: dict[str, Path]) -> None:
+    design = load_design(stored["luenberger"])
+    A, C = PENDULUM[:2, :2], PENDULUM[:1, :2]  # corrected by what the prediction leaves over
+    gain = place_poles(A.T, C.T, np.exp([-0.03, -0.04])).gain_matrix.T
+    assert design.gains.gain == pytest.approx(gain, rel=1e-8)
+    poles = np.array(design.certificate["poles"])
+    assert np.log(poles[:, 0]) / 0.01 == pytest.approx([-3, -4], rel=1e-9)
+
+
+def test_an_eso_is_the_one_of_the_synthesis(stored: dict[str, Path]) -> None:
+    design = load_design(stored["eso"])
+    expected = pd_pi.design(design.system.augmented, 1.05)
+    assert np.array_equal(design.gains.L, expected.gains.L)
+    assert design.certificate["norm_upper"] == expected.certificate.norm_upper
+    assert design.certificate["norm_upper"] < design.gains.gamma
+
+
+def test_an_eso_with_a_bound_of_its_poles_has_the_least_gamma_of_all_that_are_stable() -> None:
+    eso: Any = family("eso")
+    design = eso.designed({**parse_yaml(eso.example, "model.yaml"), "bound": 50.0})
+    expected = pd_pi.design_least_gamma(design.system.augmented, decay=0.0, bound=50.0)
+    assert np.array_equal(design.gains.L, expected.gains.L)
+    assert design.gains.gamma == expected.gamma
+    # A strip away from the imaginary axis costs something: it would be noticed.
+    away = pd_pi.design_least_gamma(design.system.augmented, decay=0.01, bound=50.0)
+    assert away.lower > expected.gamma
+
+
+def tampered(path: Path, *keys: Any, value: Any) -> Path:
+    tree = json.loads(path.read_text(encoding="utf-8"))
+    branch = tree
+    for key in keys[:-1]:
+        branch = branch[key]
+    branch[keys[-1]] = value(branch[keys[-1]]) if callable(value) else value
+    path.write_text(json.dumps(tree), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "value", "said"),
+    [
+        ("steady", ("gains", "gain", 0, 0), lambda g: 1.001 * g, "Riccati equation gives 0.04185"),
+        ("steady", ("gains", "gain", 0, 0), -1.0, "must be below 1, it is 1.9"),
+        ("luenberger", ("gains", "gain", 1, 0), lambda g: 1.01 * g, "but the gains give 0.9"),
+        ("luenberger", ("gains", "gain", 1, 0), -9.0, "must be below 1, it is 1.31095"),
+        ("luenberger", ("system", "sampling_period"), 0.02, "certificate.poles: says 0.97"),
+        ("luenberger", ("certificate", "spectral_radius"), 0.5, "the gains give 0.97"),
+        ("eso", ("gains", "L", 0, 0), lambda g: 1.001 * g, "certificate.poles: says -3.6"),
+        ("eso", ("gains", "L", 0, 0), 100.0, "norm, 1.09413476 to 1.09413476, is not proved"),
+        ("eso", ("gains", "gamma"), 1.0, "below 1.005.*, which no gains get below"),
+        ("eso", ("system", "Fs"), [[0.0], [0.0]], "has rank 0, must have 1"),
+        ("steady", ("schema",), 2, "schema: 2 must be 1, which this version reads"),
+        ("steady", ("kind",), "kallman", "kind: 'kallman' must be one of kalman, luenberger"),
+        ("steady", ("format",), "x", "format: 'x' must be 'reobserve design'"),
+        ("steady", ("versions", "numpy"), 2, "versions: .* must be a mapping of packages to vers"),
+        ("steady", ("versions",), "2.4", "versions: '2.4' must be a mapping of packages"),
+        ("steady", ("system", "states", "angle"), "radd", "'radd' is no unit"),
+        ("steady", ("system", "A"), [[1.0]], r"system.A: has shape \(1, 1\), must be \(2, 2\)"),
+    ],
+)  # fmt: skip
+def test_what_was_changed_is_refused_with_the_number(
+    stored: dict[str, Path], name: str, keys: tuple[Any, ...], value: Any, said: str
+) -> None:
+    path = tampered(stored[name], *keys, value=value)
+    with pytest.raises(InputError, match=said) as refused:
+        load_design(path)
+    assert str(refused.value).startswith(str(path))
+
+
+def test_a_design_that_cannot_be_written_leaves_what_there_was(
+    designs: dict[str, Design], stored: dict[str, Path]
+) -> None:
+    path = stored["steady"]
+    before = path.read_bytes()
+    path.chmod(0o444)
+    with pytest.raises(InputError, match="is read-only"):
+        save_design(path, designs["steady"])
+    assert path.read_bytes() == before

@@ -1,0 +1,187 @@
+"""What designs of each kind say of their observers, against other ways to the same numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from reobserve.core.documents import Tree, parse_yaml
+from reobserve.core.errors import InputError
+from reobserve.estimation.families import family
+from reobserve.estimation.families.design import Design
+from reobserve.estimation.families.poles import as_pole_list
+from reobserve.estimation.families.signals import product
+from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
+
+
+def model(kind: str, **changed: Any) -> Tree:
+    """The example of a kind, with other values."""
+    tree: Tree = parse_yaml(family(kind).example, "model.yaml")
+    return {**tree, **changed}
+
+
+def design(kind: str, **changed: Any) -> Any:
+    made: Any = family(kind)
+    found: Design = made.designed(model(kind, **changed))
+    return found
+
+
+def poles(design: Design) -> Any:
+    return np.sort_complex([complex(*pole) for pole in design.certify()["poles"]])
+
+
+def test_complex_poles_of_continuous_time_are_placed_sampled() -> None:
+    placed = design("luenberger", poles=["-3+1j", "-3-1j"])
+    expected = np.sort_complex(np.exp(0.01 * np.array([-3 + 1j, -3 - 1j])))
+    assert poles(placed) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_discrete_model_is_taken_as_it_stands() -> None:
+    A, B = [[1.0, 0.1], [0.0, 1.0]], [[0.005], [0.1]]
+    placed = design("luenberger", poles=[0.5, 0.6], time="discrete", A=A, B=B)
+    # (z - 0.5)(z - 0.6) = det(z I - A + L C A), with C A = [1, 0.1].
+    L = placed.gains.gain
+    error = np.array(A) - L @ np.array([[1.0, 0.1]])
+    assert np.sort(np.linalg.eigvals(error).real) == pytest.approx([0.5, 0.6])
+    assert np.array_equal(placed.observer.model.A, A)
+
+
+def test_the_poles_of_a_normal_form_are_those_of_its_error() -> None:
+    """The pendulum of the example: S(x) = x, so that errors move by exp(A t) whatever u does."""
+    built = design("normal-form")
+    slowest_first = [[-1.5, 0.0], [-2.2, 0.0]]
+    np.testing.assert_allclose(built.certify()["poles"], slowest_first, rtol=1e-9, atol=1e-12)
+    assert built.certify()["nonlinearity"] < 1e-12
+    A = np.array([[0, 1], [-1, -0.1]]) + built.gains.injection @ np.array([[1, 0]])
+    assert np.sort(np.linalg.eigvals(A)) == pytest.approx([-2.2, -1.5], rel=1e-9)
+
+
+def test_what_is_nonlinear_in_a_normal_form_is_its_largest_coefficient_beyond_x() -> None:
+    """Of x' = -x + x^2 and z' = -1.5 z - l(y), S has s_k = (k - 1) / (k - 1.5) s_(k - 1)."""
+    changed = {"states": {"x": "m"}, "inputs": {}, "measurements": {"y": "m"}, "injection": None}
+    right_hand_sides = {"dynamics": {"x": "-x + x**2"}, "output": {"y": "x"}}
+    started = {"poles": [-1.5], "initial_state": [0.1], "order": 4}
+    built = design("normal-form", **changed, **right_hand_sides, **started)
+    series = np.cumprod([(k - 1) / (k - 1.5) for k in range(2, 12)])
+    degree = built.observer.normal_form.S.coefficients.shape[1] - 1
+    assert degree > 3
+    assert built.certify()["nonlinearity"] == pytest.approx(series[degree - 2], rel=1e-12)
+
+
+def test_what_is_left_of_a_signal_in_a_differentiator_falls_with_powers_of_the_period() -> None:
+    built = design("levant", sampling_period=0.01)
+    bound, order = built.observer.L, built.gains.order
+    expected = {f"scale_{i}": bound * 0.01 ** (order + 1 - i) for i in range(order + 1)}
+    assert built.certify() == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_normal_form_whose_input_is_hidden_is_refused_by_its_term() -> None:
+    with pytest.raises(InputError, match=r"inputs: .* a term in .*torque that is none"):
+        design("normal-form", injection=None)
+    with pytest.raises(InputError, match=r"dynamics.rate: holds speed, which has no value"):
+        design("normal-form", dynamics={"angle": "rate", "rate": "-speed"})
+    with pytest.raises(InputError, match=r"dynamics.rat: is of no signal; did you mean 'rate'"):
+        design("normal-form", dynamics={"angle": "rate", "rat": "-angle"})
+    with pytest.raises(InputError, match=r"injection.rat: is of no state; did you mean 'rate'"):
+        design("normal-form", injection={"rat": "angle**2"})
+
+
+def test_an_adaptive_observers_poles_are_those_of_its_error_in_closed_form() -> None:
+    """On a ball: j s^2 + (damping + Kp) s + Gamma = 0, three times."""
+    gains = {"damping": 30.0, "integral_gain": 200.0, "proportional_gain": 10.0}
+    built = design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains)
+    expected = np.sort_complex(np.repeat(np.roots([5.0, 40.0, 200.0]), 3))
+    assert poles(built) == pytest.approx(expected, rel=1e-9)
+    with pytest.raises(InputError, match=r"poles .* which steps of 10 s do not follow"):
+        design("adaptive", sampling_period=10.0).certify()
+    # With damping + Kp = -10 errors grow, on a ball as the roots of 5 s^2 - 10 s + 200.
+    gains["proportional_gain"] = -40.0
+    with pytest.raises(InputError, match=r"^damping: .* errors with the poles 1[+-]6.2\d*j"):
+        design("adaptive", inertia=np.diag([5.0, 5.0, 5.0]).tolist(), gains=gains).certify()
+
+
+def test_errors_of_a_high_gain_observer_decay_as_fast_as_is_proved() -> None:
+    """For two states the root of the condition number of S is the square of the golden ratio."""
+    built = design("high-gain")
+    rho, ratio = 12.0, (3.0 + np.sqrt(5.0)) / 2.0
+    decay = built.certify()["decay"]
+    assert decay == pytest.approx(rho / 2 - ratio * np.hypot(9.81 / rho, 0.5), rel=1e-9)
+    y = np.zeros((101, 1))  # the plant at rest
+    error = built.observer.run(y, y, state=built.start())["state"]
+    S = lyapunov_matrix(2, rho)
+    size = np.einsum("ki,ij,kj->k", error, S, error)
+    bound = size[0] * np.exp(-2 * decay * 0.01 * np.arange(101)) * (1 + 1e-9)
+    assert np.all(size <= bound)
+    with pytest.raises(InputError, match=r"rho: 6 1/s is too low for the bounds of lipschitz"):
+        design("high-gain", gains={"rho": 6}).certify()
+    with pytest.raises(InputError, match=r"lipschitz.rate.rate: -1 must be finite, 0 or more"):
+        design("high-gain", lipschitz={"rate": {"rate": -1.0}})
+    with pytest.raises(InputError, match=r"rho: makes a rate of 300 1/s, which with steps"):
+        design("high-gain", gains={"rho": 300}).certify()
+    with pytest.raises(InputError, match=r"drift.angle: 'rate' names rate, must name nothing but"):
+        _ = design("high-gain", drift={"angle": "rate", "rate": 0}).observer
+    with pytest.raises(InputError, match=r"measurements.angle: has the unit deg, must have that"):
+        design("high-gain", measurements={"angle": "deg"})
+
+
+def test_an_extended_high_gain_observer_is_judged_by_its_linear_part() -> None:
+    built = design("extended-high-gain")
+    certificate = built.certify()
+    A = np.diag([1.0], 1) - np.outer(high_gain(2, 5.0), [1.0, 0.0])
+    assert np.poly(A) == pytest.approx(np.poly([complex(*p) for p in certificate["poles"]]))
+    assert certificate["step_growth"] == pytest.approx(np.exp(-0.05), rel=1e-8)
+    with pytest.raises(InputError, match=r"inputs: name 2 signals, must name 1, or 3 with the der"):
+        design("extended-high-gain", inputs={"valve": "1", "rate": "1/s"})
+    with pytest.raises(InputError, match=r"lipschitz: has no use here"):
+        design("extended-high-gain", lipschitz={})
+
+
+def test_a_learning_observers_radius_and_error_are_those_of_one_axis() -> None:
+    """K1 = I, held: w~ -> a w~ - b v, v -> v + K2 w~ a sample later, with a = exp(-l tau / j)."""
+    j, damping, K2, tau = 20.0, 500.0, 500.0, 0.01
+    gains = {"K1": 1, "K2": K2, "damping": damping, "update_interval": tau}
+    built = design("ilo", inertia=np.diag([j, j, j]).tolist(), gains=gains)
+    a = np.exp(-damping * tau / j)
+    b = (1 - a) / damping
+    radius = np.abs(np.linalg.eigvals([[a - b * K2, -b], [K2, 1.0]])).max()
+    certificate = built.certify()
+    assert certificate["spectral_radius"] == pytest.approx(radius, rel=1e-12)
+    assert certificate["rms_error_x"] > 0
+    assert certificate["rms_error_y"] == pytest.approx(0, abs=1e-15)
+    with pytest.raises(InputError, match=r"must give stable error dynamics.* the limit is"):
+        design("ilo", gains={**gains, "K2": 1e6}).certify()
+
+
+def test_modes_of_a_bank_are_sampled_each_by_itself() -> None:
+    built = design("imm")
+    for one, friction in zip(built.observer.filters, (0.1, 0.5), strict=True):
+        whole = expm(0.01 * np.array([[0, 1, 0], [-0.983, -friction, 1], [0, 0, 0]]))
+        assert pytest.approx(whole[:2, :2], abs=1e-14) == one.model.A
+        assert pytest.approx(whole[:2, 2:], abs=1e-14) == one.model.B
+    assert built.certify()["samples_in_worn"] == pytest.approx(1000)
+    built = replace(built, certificate=built.certify())
+    assert built.summary()[-1] == "worn: stays for 10 s on average"
+    names = [signal.name for signal in built.estimates["probability"]]
+    assert names == ["probability_sound", "probability_worn"]
+    with pytest.raises(InputError, match=r"modes.worn.A: has shape \(1, 1\), must be \(2, 2\)"):
+        design("imm", modes={"sound": {}, "worn": {"A": [[1]]}}).certify()
+
+
+def test_units_of_products_are_reduced() -> None:
+    assert product("rad/s", "rad/s") == "rad^2/s^2"
+    assert product("rad/s", "s/rad") == "1"
+    assert product("N m", "1/(A s^2)") == "N m/(A s^2)"
+    assert product("rad", "") == ""
+    derivatives = design("levant").states
+    assert [signal.unit for signal in derivatives] == ["rad", "rad/s", "rad/s^2"]
+
+
+@pytest.mark.parametrize("text", ["-1x", "1+2", "j", "nan", "1e400", "--1", "1+2j+3"])
+def test_what_is_no_pole_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"must be a number, or one like -1|must be finite"):
+        as_pole_list("poles", ["-2", text])
+    assert as_pole_list("", [-2, ".5e1-3.25j", "-1+2i"]) == [-2, 5 - 3.25j, -1 + 2j]

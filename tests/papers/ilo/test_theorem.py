@@ -1,0 +1,372 @@
+"""What Theorem 1 certifies, its errata, and the Lyapunov function that replaces (13)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from reobserve.core.errors import InputError
+from reobserve.papers.ilo.lyapunov import RepairedLyapunov, gyroscopic_eta
+from reobserve.papers.ilo.theorem import bound18, certify, lemma1_sides, theorem1
+from reobserve.synthesis.ilo_accuracy import error_transfer
+from reobserve.synthesis.ilo_error_system import LearningLaw as Law
+
+Array = NDArray[np.float64]
+INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
+
+
+def test_lemma1_on_random_cases() -> None:
+    rng = np.random.default_rng(0)
+    tightest = np.inf
+    for _ in range(100):
+        K1, K2 = rng.normal(size=(2, 3, 3)) * 10 ** rng.uniform(-2, 2, (2, 1, 1))
+        weights = 10 ** rng.uniform(-3, 3, 3)
+        past, rate, d = rng.normal(size=(3, 2000, 3)) * 10 ** rng.uniform(-2, 2, (3, 2000, 1))
+        left, right = lemma1_sides(past, rate, d, K1, K2, *weights)
+        assert left.shape == right.shape == (2000,)
+        assert np.all(left <= right * (1 + 1e-12))
+        tightest = min(tightest, float(np.min(right / left)))
+    assert tightest < 1.1  # the bound is attained, so the test could have failed
+
+
+def test_lemma1_by_hand() -> None:
+    # x = 2, y = 3, d = 1: (2 - 3 + 1)^2 = 0; alpha = (3, 2 + 1, 1 + 1 + 1).
+    left, right = lemma1_sides([[2.0]], [[3.0]], [[1.0]], 1.0, 1.0, 1.0, 1.0, 1.0)
+    assert (left[0], right[0]) == (0.0, 3 * 4 + 3 * 9 + 3 * 1)
+
+
+def test_theorem1_by_hand() -> None:
+    found = theorem1(10.0, 2.0, 0.5, 0.1, 1.0, gamma1=1, gamma2=0.5, gamma3=2, gamma4=4, rho1=0.25)
+    factor = 1 + 0.25 + 4 / 4
+    assert found.epsilon1 == pytest.approx(20 - 2 - 4 - 4 * factor * 0.01)
+    assert found.epsilon2 == pytest.approx(2.5 * factor)
+    assert found.epsilon3 == pytest.approx(3.5 * factor)
+    assert found.rate_condition
+    assert not found.learning_condition  # 2.5 * 2.25 / 4 > 1
+    assert "1.40625 is above one" in found.reason
+
+
+def test_identity_learning_is_never_certified() -> None:
+    rng = np.random.default_rng(2)
+    for weights in 10 ** rng.uniform(-6, 6, (2000, 5)):
+        names = ("gamma1", "gamma2", "gamma3", "gamma4", "rho1")
+        found = theorem1(1e9, 1.0, 1.0, 1e-3, 0.0, **dict(zip(names, weights, strict=True)))
+        assert found.epsilon2 > 1
+        assert not found.holds
+    assert not certify(1e9, 1.0, 1.0, 1e-3).certified
+    assert certify(1e9, 1.0, 1.0, 1e-3).required_damping == np.inf
+
+
+def smallest_damping(k1: float, k2: float, spread: float) -> float:
+    """Infimum of lambda in Theorem 1, by a search over gamma_1 and gamma_4 (others at zero)."""
+
+    def needed(x: Array) -> float:
+        gamma1, gamma4 = np.exp(x)
+        factor = 1 + spread / gamma4
+        if (1 + gamma1) * factor * k1**2 > 1:
+            return np.inf
+        return float(gamma4 + (1 + 1 / gamma1) * factor * k2**2) / 2
+
+    grid = [np.array([a, b]) for a in np.linspace(-6, 6, 49) for b in np.linspace(-6, 9, 61)]
+    start = min(grid, key=needed)
+    options = {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 4000, "maxfev": 4000}
+    for _ in range(3):
+        start = minimize(needed, start, method="Nelder-Mead", options=options).x
+    return needed(start)
+
+
+@pytest.mark.parametrize(
+    ("k1", "k2", "fault"), [(0.2, 1.0, 1.0), (0.5, 0.5, 1.0), (0.9, 3.0, 1.0), (0.7, 2.0, 1.5)]
+)
+def test_required_damping_against_a_search(k1: float, k2: float, fault: float) -> None:
+    found = certify(1.0, fault, k1, k2).required_damping
+    assert found == pytest.approx(smallest_damping(k1, k2, fault**2), rel=1e-5)
+    above, below = found * 1.0001, found * 0.9999
+    assert certify(above, fault, k1, k2).certified
+    assert not certify(below, fault, k1, k2).certified
+    assert certify(above + 7, fault, k1, k2, eta=7.0).certified
+    assert not certify(below + 7, fault, k1, k2, eta=7.0).certified
+
+
+def test_infimum_of_the_certified_ratio_is_one() -> None:
+    # lambda (1 - k1) / k2 over all certified scalar designs, as a function of k2: above one,
+    # and one at k2 = k1.
+    for k1 in (0.2, 0.5, 0.9, 0.99):
+        gains = k1 * np.append(np.geomspace(0.01, 100, 41), 1.0)
+        ratios = [certify(1.0, 1.0, k1, k2).required_damping * (1 - k1) / k2 for k2 in gains]
+        assert min(ratios) == pytest.approx(1, abs=1e-12)
+        assert ratios[-1] == pytest.approx(1, abs=1e-12)
+    barely = certify(1.0001, 1.0, 0.5, 0.5)
+    assert barely.certified
+    assert 0.5 < barely.dc_error < 0.5001
+    assert barely.dc_error == pytest.approx(1.0001 * 0.5 / (1.0001 * 0.5 + 0.5))
+
+
+def test_certified_designs_miss_more_than_half_of_any_sinusoid() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        K1 = rng.normal(size=(3, 3))
+        K1 *= rng.uniform(0.1, 0.98) / np.linalg.norm(K1, 2)
+        K2 = rng.normal(size=(3, 3)) * 10 ** rng.uniform(-2, 2)
+        fault = rng.normal(size=(3, 3))
+        damping = certify(1.0, fault, K1, K2).required_damping * 1.001
+        design = certify(damping, fault, K1, K2)
+        assert design.certified
+        assert design.theorem is not None
+        assert design.theorem.holds
+        omega = np.append(0.0, np.geomspace(1e-3, 1e4, 60))
+        transfer = error_transfer(omega, Law(INERTIA, damping, fault, K1, K2, 0.01))
+        assert np.linalg.norm(transfer, -2, axis=(1, 2)).min() > 0.5
+        assert np.linalg.norm(transfer[0], 2) == pytest.approx(design.dc_error, rel=1e-9)
+
+
+def test_certificate_promises_no_less_than_the_fault_itself() -> None:
+    # Assumption 1 alone gives |u_f| <= k_d / (1 - k1): the error of an estimate that stays zero.
+    for k1, k2 in [(0.1, 0.1), (0.5, 0.5), (0.9, 1.0), (0.9, 20.0)]:
+        for factor in (1.01, 2.0, 1e3, 1e6):
+            damping = factor * certify(1.0, 1.0, k1, k2).required_damping
+            design = certify(damping, 1.0, k1, k2)
+            assert design.theorem is not None
+            assert design.theorem.holds
+            assert design.error_gain > 1 / (1 - k1)
+    assert design.error_gain < 1.01 / (1 - k1)  # the search comes close to that with much damping
+
+
+def test_sign_of_the_correction_is_not_seen() -> None:
+    K2 = np.array([[0.5, 0.1, 0], [0, 0.4, 0], [0, -0.1, 0.3]])
+    plus, minus = (certify(40.0, 1.0, 0.5, sign * K2) for sign in (1, -1))
+    assert plus.certified
+    assert (plus.weights, plus.theorem) == (minus.weights, minus.theorem)
+
+
+def test_accurate_designs_need_absurd_damping() -> None:
+    design = certify(100.0, 1.0, 0.9, 2000.0)
+    assert not design.certified
+    assert design.dc_error == pytest.approx(10 / 2010)
+    # 2 lambda (1 - k1^2) = k1^2 + 2 k2 + k2^2
+    assert design.required_damping == pytest.approx((0.81 + 4000 + 4e6) / (2 * 0.19))
+
+
+def test_printed_sign_of_16_is_violated() -> None:
+    # w~ = 0, e(t - tau) = 0 and e = d: the derivative of (13) is e.e = d.d.
+    d = np.array([1.0, 0.0, 0.0])
+    design = certify(100.0, 1.0, 0.5, 1.0)
+    assert design.theorem is not None
+    assert design.weights is not None
+    derivative = d @ d
+    decay = -design.theorem.rho1 * (d @ d)
+    assert derivative > decay - design.theorem.epsilon3 * (d @ d)
+    assert derivative <= decay + design.theorem.epsilon3 * (d @ d)
+
+
+def gyroscopic_difference(rate: Array, estimate: Array) -> Array:
+    return np.cross(estimate, estimate @ INERTIA) - np.cross(rate, rate @ INERTIA)
+
+
+def test_one_sided_gyroscopic_constant() -> None:
+    rng = np.random.default_rng(6)
+    rate, error = rng.normal(size=(2, 200000, 3))
+    rate /= np.linalg.norm(rate, axis=1, keepdims=True)
+    error *= 10 ** rng.uniform(-2, 3, (200000, 1))
+    power = np.sum(error * gyroscopic_difference(rate, rate - error), axis=1)
+    direct = -np.sum(error * np.cross(rate, error @ INERTIA), axis=1)
+    scale = np.sum(error**2, axis=1)
+    assert np.abs(power - direct).max() < 1e-9 * np.max(scale * np.linalg.norm(error, axis=1))
+    eta = gyroscopic_eta(INERTIA, 1.0)
+    assert eta == pytest.approx(np.sqrt(9.5**2 + 1.5**2))  # 9.6177
+    worst = float(np.max(np.abs(direct) / scale))
+    assert 0.98 * eta < worst <= eta
+
+
+def test_assumption_2_fails_globally() -> None:
+    rate, ratios = np.array([0.05, -0.03, 0.04]), []
+    for size in (1.0, 1e2, 1e4):
+        estimate = rate - size * np.array([1.0, 1.0, 0.0])
+        difference = gyroscopic_difference(rate, estimate)
+        ratios.append(np.linalg.norm(difference) / np.linalg.norm(rate - estimate))
+    assert ratios[2] > 90 * ratios[1] > 8000 * ratios[0] > 0
+
+
+def simulate(
+    damping: Array,
+    fault_matrix: Array,
+    K1: Array,
+    K2: Array,
+    interval: float,
+    *,
+    samples: int,
+    intervals: int,
+    gyroscopic: bool,
+    fault_rate: float = 0.0,
+) -> tuple[Array, Array, Array, float]:
+    """w~, e and d on a uniform grid from t = -tau, by Heun's method; and max |w|.
+
+    The history of e is a straight line that ends where the learning law starts, so that e is
+    continuous at t = 0 and therefore everywhere. The fault is u_f = U sin(fault_rate t) + U.
+    """
+    h, n = interval / samples, len(K1)
+    steps = samples * intervals
+    time = h * np.arange(-2 * samples, steps + 1)
+    fault = np.outer(1 + np.sin(fault_rate * time), np.array([0.5, -0.2, 0.3])[:n])
+    d = np.zeros_like(fault)
+    d[samples:] = fault[samples:] - fault[:-samples] @ K1.T
+    inverse = np.linalg.inv(INERTIA[:n, :n])
+    w_error = np.zeros((len(time), n))
+    error = np.zeros((len(time), n))
+    origin = 2 * samples
+    w_error[origin] = np.array([0.02, -0.01, 0.03])[:n]
+    first, jump = np.array([0.4, 0.1, -0.3])[:n], d[origin] - K2 @ w_error[origin]
+    last = K1 @ first + jump
+    fraction = np.linspace(0, 1, samples + 1)[:, None]
+    error[samples : origin + 1] = first + fraction * (last - first)
+    rate, peak = np.array([0.3, -0.5, 0.4]), 0.0
+
+    def slopes(rate: Array, w: Array, e: Array) -> tuple[Array, Array]:
+        turn = gyroscopic_difference(rate, rate - w) if gyroscopic else np.zeros(n)
+        acceleration = -np.cross(rate, INERTIA @ rate) if gyroscopic else np.zeros(3)
+        return np.linalg.solve(INERTIA, acceleration), inverse @ (
+            turn + fault_matrix @ e - damping @ w
+        )
+
+    for k in range(origin, len(time) - 1):
+        peak = max(peak, float(np.linalg.norm(rate)))
+        known = K1 @ error[k + 1 - samples] + d[k + 1]
+        a1, b1 = slopes(rate, w_error[k], error[k])
+        guess = w_error[k] + h * b1
+        a2, b2 = slopes(rate + h * a1, guess, known - K2 @ guess)
+        rate = rate + h / 2 * (a1 + a2)
+        w_error[k + 1] = w_error[k] + h / 2 * (b1 + b2)
+        error[k + 1] = known - K2 @ w_error[k + 1]
+    return w_error[samples:], error[samples:], d[samples:], peak
+
+
+COUPLED = (
+    np.diag([12.0, 9.0, 15.0]),
+    np.array([[1, 0.2, 0], [0, 1.1, 0], [0.1, 0, 0.9]]),
+)
+
+
+def coupled_gains() -> tuple[Array, Array]:
+    """Full gains that satisfy P K2 = B_f^T and K1^T P K1 <= P for a full P."""
+    P = np.array([[2.0, 0.3, 0], [0.3, 3.0, 0.1], [0, 0.1, 2.5]]) * 1e-3
+    root = np.linalg.cholesky(P).T
+    K1 = np.linalg.solve(root, np.array([[0.7, 0.4, 0], [-0.3, 0.8, 0], [0, 0, 0.9]]) @ root)
+    return K1, np.linalg.solve(P, COUPLED[1].T)
+
+
+@pytest.mark.parametrize("fault_rate", [0.0, 3.0])
+@pytest.mark.parametrize("identity", [True, False])
+def test_repaired_derivative_is_exact_at_rest(identity: bool, fault_rate: float) -> None:
+    damping, fault_matrix = COUPLED
+    K1, K2 = coupled_gains()
+    K1 = np.eye(3) if identity else K1
+    function = RepairedLyapunov(INERTIA, damping, fault_matrix, K1, K2)
+    w, e, d, _ = simulate(
+        damping,
+        fault_matrix,
+        K1,
+        K2,
+        0.05,
+        samples=100,
+        intervals=30,
+        gyroscopic=False,
+        fault_rate=fault_rate,
+    )
+    value = function.value(w, e, 0.05, 100)
+    slope = function.derivative_bound(w, e, d)[100:]
+    integral = np.append(0, np.cumsum((slope[1:] + slope[:-1]) / 2)) * 0.05 / 100
+    assert value == pytest.approx(value[0] + integral, abs=2e-3 * np.ptp(value))
+
+
+def test_repaired_function_decreases_where_the_printed_one_rises() -> None:
+    damping, K1, K2 = 10 * np.eye(3), np.eye(3), 500 * np.eye(3)
+    w, e, _, peak = simulate(
+        damping, np.eye(3), K1, K2, 0.05, samples=200, intervals=40, gyroscopic=True
+    )
+    eta = gyroscopic_eta(INERTIA, peak)
+    function = RepairedLyapunov(INERTIA, damping, np.eye(3), K1, K2, eta)
+    value = function.value(w, e, 0.05, 200)
+    assert np.all(value[200::200] < value[:-200:200])
+    change = value[1:] - value[:-1]
+    assert np.all(change < 0)
+    bound = function.derivative_bound(w, e)[200:]
+    step = 0.05 / 200
+    assert np.all(change <= step * (bound[1:] + bound[:-1]) / 2 + 1e-6 * value[:-1])
+    energy = np.einsum("ki,ij,kj->k", w, INERTIA, w)
+    squares = np.sum(e**2, axis=1)
+    panels = np.append(0, np.cumsum((squares[1:] + squares[:-1]) / 2)) * step
+    printed = energy[200:] + panels[200:] - panels[:-200]
+    rising = np.mean(np.diff(printed) > 1e-6 * printed[:-1])
+    assert 0.2 < rising < 0.8
+
+
+def test_a_fault_without_effect_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^fault_matrix: must not be zero$"):
+        certify(10.0, 0.0, 0.5, 0.1)
+
+
+def test_repaired_function_needs_its_conditions() -> None:
+    with pytest.raises(InputError, match="K1"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.01, 500.0)
+    RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0 + 1e-14, 500.0)  # a rounding above
+    with pytest.raises(InputError, match=r"K1: .* must not be below 0"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0 + 1e-9, 500.0)
+    with pytest.raises(InputError, match="eigenvalue"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0, -500.0)
+    with pytest.raises(InputError, match="symmetric"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0, [[500, 100, 0], [0, 500, 0], [0, 0, 500]])
+    with pytest.raises(InputError, match="invertible"):
+        RepairedLyapunov(INERTIA, 10.0, 1.0, 1.0, [500, 500, 0])
+    with pytest.raises(InputError, match="damping"):
+        RepairedLyapunov(INERTIA, 1.0, 1.0, 1.0, 1.0, eta=10.0)
+
+
+def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
+    k1, k2, damping = 0.5, 0.5, 3.0
+    design = certify(damping, 1.0, k1, k2)
+    assert design.theorem is not None
+    gains = (damping * np.eye(3), np.eye(3), k1 * np.eye(3), k2 * np.eye(3))
+    w, e, d, _ = simulate(*gains, 0.1, samples=20, intervals=400, gyroscopic=False, fault_rate=2.0)
+    k_d = float(np.linalg.norm(d, axis=1).max())
+    energy = float(w[20] @ INERTIA @ w[20] + np.sum(e[:20] ** 2) * 0.1 / 20)
+    bound = bound18(design.theorem, w[20:], e[20:], k_d, duration=40.0, initial_value=energy)
+    assert bound.left < bound.right
+    assert bound.ratio == pytest.approx(bound.right / bound.left)
+    assert bound.ratio > 5
+    # The promised RMS error is above the largest fault, 2 |U|.
+    assert design.error_gain * k_d > 2 * np.linalg.norm([0.5, -0.2, 0.3])
+    with pytest.raises(InputError, match="conditions"):
+        bound18(
+            theorem1(1.0, 1.0, 1.0, 1.0, 0.0, gamma1=1, gamma2=1, gamma3=1, gamma4=1, rho1=1),
+            w,
+            e,
+            k_d,
+        )
+
+
+def test_damping_enters_with_its_symmetric_part() -> None:
+    """x^T Lambda x does not see the antisymmetric part: lambda_min is 10 for any of its sizes."""
+    weights = {"gamma1": 1, "gamma2": 0.5, "gamma3": 2, "gamma4": 4, "rho1": 0.25}
+    turned = 10 * np.eye(3) + 7 * np.array([[0, 1, -2], [-1, 0, 3], [2, -3, 0.0]])
+    found = theorem1(turned, 2.0, 0.5, 0.1, 1.0, **weights)
+    assert found == theorem1(10.0, 2.0, 0.5, 0.1, 1.0, **weights)
+    # With [[2, 4], [0, 2]] in a corner the symmetric part has the eigenvalue 2 - 2.
+    sheared = 10 * np.eye(3)
+    sheared[:2, :2] = [[2, 4], [0, 2]]
+    none = theorem1(sheared, 2.0, 0.5, 0.1, 0.0, **weights)
+    assert none.epsilon1 == pytest.approx(0 - 4 - 4 * (1 + 0.25 + 4 / 4) * 0.01)
+
+
+def test_the_repaired_function_by_hand_and_the_samples_that_it_takes() -> None:
+    """J = 2, Lambda = 3, B_f = 1, K1 = 1/2, K2 = 4: P = 1/4, and V = 2 w^2 + int e^2 / 16."""
+    function = RepairedLyapunov([[2.0]], 3.0, 1.0, 0.5, 4.0)
+    rate, error = np.array([[1.0], [2.0], [3.0], [4.0]]), np.array([[4.0], [0.0], [8.0], [4.0]])
+    # Trapezoids over two steps of 0.5 s: (16 + 2 * 0 + 64) / 4 and (0 + 2 * 64 + 16) / 4.
+    expected = [2 * 9 + 20 / 16, 2 * 16 + 36 / 16]
+    np.testing.assert_allclose(function.value(rate, error, 1.0, 2), expected, rtol=1e-14)
+    assert function.value(rate, error, 1.0, 3).shape == (1,)
+    for samples in (0, -1, 4, 5):
+        with pytest.raises(InputError, match=f"samples: {samples} must be above 0 and below 4"):
+            function.value(rate, error, 1.0, samples)
