@@ -76,7 +76,7 @@ def leak(random):
         return (inflow[k] - 4.0 * np.sqrt(h / 2.0) - lost) / 800.0  # [l] a metre
 
     level = rk4(field, [2.0], time)[:, 0] + random.normal(0, 0.002, len(time))
-    begin = datetime(2026, 3, 2, 14, 5, 0)  # noqa: DTZ001
+    begin = datetime(2026, 3, 2, 14, 5, 0)
     yield "sep=;"
     yield "Zeit;Füllhöhe;Zufluss"
     for k, t in enumerate(time):
