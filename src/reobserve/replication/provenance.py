@@ -40,7 +40,7 @@ def stage_modules(stage: str, paper: str) -> list[str]:
         parts = (*parts, "study_rows")
     return [
         f"{_PACKAGE}.__main__",
-        f"{_PACKAGE}.stages.{stage}",
+        f"{_PACKAGE}.cli.stages.{stage}",
         *(paper_part(paper, part) for part in parts),
     ]
 
