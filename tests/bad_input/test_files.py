@@ -98,7 +98,7 @@ def paper_design(paper: str) -> Reader:
 
 
 def user_design(kind: str) -> Reader:
-    line = words("export", "in.json", "--out", "code")
+    line = words("export", "in.json", "--to", "c", "--out", "code")
     return Reader("in.json", line, json.loads(valid.saved_design(kind)))
 
 

@@ -129,6 +129,9 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "augmented-kalman": motor(
         lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
     ),
+    "augmented-kalman-bias": motor(
+        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.0], [0.0]], 1e-4, [[1.0], [0.0]])
+    ),
     "svsf": motor(svsf),
     "imm-kalman": motor(
         lambda: ro.IMM([ro.KalmanFilter(motor_model(f)) for f in (10.0, 20.0)], STAYS)

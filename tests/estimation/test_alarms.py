@@ -97,7 +97,6 @@ def luenberger(alarm: dict[str, Any]) -> Specification:
             "time": {"column": "t"}, "measurements": [{"column": "level", "unit": "m"}],
         },
         "sampling": {"period": PERIOD, "missing": "interpolate", "at_gap": "restart"},
-        "estimates": {"state": {"level": "m"}},
         "alarms": [{"name": "off", "of": "residual level", "above": 0.2, **alarm}],
     }  # fmt: skip
     return parse(Specification, tree)
