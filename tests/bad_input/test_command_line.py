@@ -70,8 +70,8 @@ def lines() -> list[list[str]]:
         ["stage", "robustness", lie, "--draws", "8", "--no-flips", *out, *root],
         ["stage", "sensitivity", lie, "file", "--outputs", "out.pdf", "out.png", *root],
         ["stage", "archive", "results/lie/fig1.pdf", *out, *root],
-        ["design", "luenberger", "file", "--poles", "-3, -4", "--out", "out.json"],
-        ["design", "normal-form", "file", "--poles", "-1.5 -2.2", "--order", "2", *out],
+        ["design", "luenberger", "file", "--set", "poles=[-3, -4]", "--out", "out.json"],
+        ["design", "normal-form", "file", "--set", "poles=[-1.5]", "order=2", *out],
         ["estimate", "--example", "kalman", "--out", "out.yaml", "--data", "out.csv"],
     ]
 
