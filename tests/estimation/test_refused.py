@@ -83,7 +83,7 @@ OPTIONS: list[tuple[list[str], str]] = [
     ([S, D, "--stream"], "--stream: reads standard input, and no file"),
     ([S, "--follow"], "--follow: needs a file to follow"),
     ([S, D, OUT, "e.csv", "--state", "k.json"], "--state: is for --stream and --follow"),
-    ([S, D, OUT, D], "is named twice; each file needs a name of its own"),
+    ([S, D, OUT, D], "is read here, and would be overwritten; name another file"),
     ([S, D, OUT, "e.csv", "--report", "e.csv"], "is named twice; each file needs a name of its"),
     ([S, "none.csv", OUT, "e.txt"], "e.txt: must end with .csv"),
     ([S, D, OUT, "e.csv", "--plot", "e.doc"], "e.doc: must end with .png"),

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import Law
-from reobserve.core.matrices import as_numbers, as_row, as_samples, as_vector
-from reobserve.core.value import Value
+from reobserve.core.matrices import all_finite, as_numbers, as_row, as_samples, as_vector
+from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.linear_filter_loop import (
     correct,
@@ -209,8 +209,9 @@ class LinearFilter(Observer[State]):
         belief = check_belief("belief", belief, len(states), len(outputs))
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         predict(
-            states, self.model.arrays, as_vector("u", u, self.model.inputs), belief.mean,
-            belief.covariance, mean, covariance, new_work(len(states), len(outputs)),
+            states, self.model.arrays, as_vector("u", u, self.model.inputs),
+            for_loop(belief.mean), for_loop(belief.covariance), mean, covariance,
+            new_work(len(states), len(outputs)),
         )  # fmt: skip
         return self._finite(Belief(mean, covariance, belief.error))
 
@@ -233,16 +234,15 @@ class LinearFilter(Observer[State]):
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
-        after = _copy(belief)
+        after = copies(belief)
         log_likelihood = correct(
             states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken,
-            control, after.mean, after.covariance, after.error, innovation, factor,
-            new_work(len(states), m),
+            control, *after, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
-        after = self._finite(after, log_likelihood)
+        corrected = self._finite(Belief(*after), log_likelihood)
         innovation_covariance, lost = factor @ factor.T, np.isnan(innovation)
         innovation_covariance[lost] = innovation_covariance[:, lost] = np.nan
-        return Correction(after, innovation, innovation_covariance, log_likelihood)
+        return Correction(corrected, innovation, innovation_covariance, log_likelihood)
 
     def _finite(self, belief: Belief, log_likelihood: float = 0.0) -> Belief:
         if not np.isfinite(log_likelihood + belief.mean.sum() + np.trace(belief.covariance)):
@@ -261,12 +261,12 @@ class LinearFilter(Observer[State]):
     def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = _copy(state.belief), state.sample is None
+        after, fresh = copies(state.belief), state.sample is None
         means, variances = np.empty((k, n)), np.empty((k, n))
         innovations, log_likelihoods = np.empty((k, m)), np.empty(k)
         good = run_filter(
             states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, record.y,
-            inputs_of_rows(state.sample, record), fresh, after.mean, after.covariance, after.error,
+            inputs_of_rows(state.sample, record), fresh, *after,
             means, variances, innovations, log_likelihoods,
         )  # fmt: skip
         estimates = {
@@ -276,11 +276,12 @@ class LinearFilter(Observer[State]):
             "log_likelihood": log_likelihoods,
         }
         last = np.concatenate([record.y[-1], record.u[-1]])
-        return Rows(estimates, good, State(after, last, state.count + k - fresh))
+        return Rows(estimates, good, State(Belief(*after), last, state.count + k - fresh))
 
 
-def _copy(belief: Belief) -> Belief:
-    return Belief(belief.mean.copy(), belief.covariance.copy(), belief.error.copy())
+def copies(belief: Belief) -> tuple[Array, Array, Array]:
+    """The arrays of a belief, for a loop to work in."""
+    return belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
 
 
 def inputs_of_rows(sample: Array | None, record: Record) -> Array:
@@ -335,8 +336,8 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
     """
     if value is None:
         return None
-    sample = as_numbers("state.sample", value)
-    if sample.shape != (outputs + inputs,) or not np.isfinite(sample[outputs:]).all():
+    sample = as_numbers("state.sample", value, writable=False)
+    if sample.shape != (outputs + inputs,) or not all_finite(sample[outputs:]):
         problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
         raise InputError("state.sample", problem)
     return sample

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_row, as_samples, as_vector
-from reobserve.core.value import Value
+from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, OnDivergence, Record, Rows, check_state
 from reobserve.observers.fixed_step import Pair
 from reobserve.observers.linear_filter import (
@@ -30,6 +30,7 @@ from reobserve.observers.linear_filter import (
     Correction,
     check_belief,
     check_sample,
+    copies,
     inputs_of_rows,
     sample_before,
 )
@@ -265,8 +266,8 @@ class NonlinearFilter(Observer[State]):
         work = new_filter_work(len(states), len(outputs))
         good = predict(
             states, self.functions, self.weights, self.model.Q,
-            as_vector("u", u, self.model.inputs), belief.mean, belief.covariance, mean, covariance,
-            work,
+            as_vector("u", u, self.model.inputs), for_loop(belief.mean),
+            for_loop(belief.covariance), mean, covariance, work,
         )  # fmt: skip
         self.model.raise_problem()
         if not good:
@@ -293,17 +294,17 @@ class NonlinearFilter(Observer[State]):
         innovation, spread = np.full(m, np.nan), np.full((m, m), np.nan)
         if np.isnan(taken).all():
             return Correction(belief, innovation, spread, 0.0)
-        after = _copy(belief)
+        after = copies(belief)
         factor, work = np.empty((m, m)), new_filter_work(n, m)
         log_likelihood = correct(
             states, outputs, self.functions, self.weights, self.model.R, taken, control,
-            after.mean, after.covariance, innovation, factor, work,
+            after[0], after[1], innovation, factor, work,
         )  # fmt: skip
         self.model.raise_problem()
         if np.isnan(log_likelihood):
             raise DivergenceError(type(self).__name__, 0.0, CAUSES[int(work.cause[0])])
         write_innovation_covariance(innovation, factor, spread)
-        return Correction(after, innovation, spread, log_likelihood)
+        return Correction(Belief(*after), innovation, spread, log_likelihood)
 
     @property
     def _noise(self) -> _Noise:
@@ -344,15 +345,15 @@ class NonlinearFilter(Observer[State]):
         """The rows, and why the loop stopped, a key of `CAUSES`, or 0."""
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh, noise = _copy(state.belief), state.sample is None, self._noise
+        after, fresh, noise = copies(state.belief), state.sample is None, self._noise
         held = self.model.Q if state.process_noise is None else state.process_noise
         means, covariances = np.empty((k, n)), np.empty((k, n, n))
         innovations, spreads = np.empty((k, m)), np.empty((k, m, m))
         log_likelihoods = np.empty(k)
         good, cause = run_filter(
             states, outputs, self.functions, self.weights, np.concatenate([held[None], noise.Q]),
-            noise.R, record.y, inputs_of_rows(state.sample, record), fresh, after.mean,
-            after.covariance, means, covariances, innovations, spreads, log_likelihoods,
+            noise.R, record.y, inputs_of_rows(state.sample, record), fresh, after[0],
+            after[1], means, covariances, innovations, spreads, log_likelihoods,
             np.empty((m, m)), new_filter_work(n, m),
         )  # fmt: skip
         self.model.raise_problem()
@@ -366,11 +367,9 @@ class NonlinearFilter(Observer[State]):
         }
         sample = np.concatenate([record.y[-1], record.u[-1]])
         kept = None if "_given_noise" not in vars(self) else noise.Q[-1]
-        return Rows(estimates, good, State(after, sample, state.count + k - fresh, kept)), cause
-
-
-def _copy(belief: Belief) -> Belief:
-    return Belief(belief.mean.copy(), belief.covariance.copy(), belief.error.copy())
+        return Rows(
+            estimates, good, State(Belief(*after), sample, state.count + k - fresh, kept)
+        ), cause
 
 
 def as_covariances(

@@ -46,7 +46,7 @@ from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive
-from reobserve.core.value import converter
+from reobserve.core.value import converter, for_loop
 from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator, State
 from reobserve.papers.delay.input_history import InputHistory, past_input
@@ -116,8 +116,8 @@ class VariableStructureDelayEstimator(DelayEstimator):
             self.delay_bounds,
             self.sampling_period,
             output.right,
-            history.right,
-            history.left,
+            for_loop(history.right),
+            for_loop(history.left),
             2 * self.history_steps,
             rows,
         )
