@@ -277,18 +277,15 @@ class Observer(Value, ABC, Generic[StateKind]):
         rows = self._fill(start, record)
         good = self._good(rows)
         missing = int(np.isnan(record.y[:good]).any(axis=1).sum()) if self.reads_missing else 0
-        if good == len(stamps):
-            return Run(
-                stamps, rows.estimates, self.units, rows.state, None, rows.before, missing,
-                self.component_names,
-            )  # fmt: skip
-        if loud:
-            raise self._divergence(start, record, stamps, good)
-        estimates = {name: array[:good] for name, array in rows.estimates.items()}
-        left = {name: array[:good] for name, array in rows.before.items()}
-        diverged_at = self._last_finite(start, stamps, good)
+        estimates, left, after, diverged_at = rows.estimates, rows.before, rows.state, None
+        if good < len(stamps):
+            if loud:
+                raise self._divergence(start, record, stamps, good)
+            estimates = {name: array[:good] for name, array in estimates.items()}
+            left = {name: array[:good] for name, array in left.items()}
+            after, diverged_at = start, self._last_finite(start, stamps, good)
         return Run(
-            stamps[:good], estimates, self.units, start, diverged_at, left, missing,
+            stamps[:good], estimates, self.units, after, diverged_at, left, missing,
             self.component_names,
         )  # fmt: skip
 
@@ -315,15 +312,14 @@ class Observer(Value, ABC, Generic[StateKind]):
         measured = self._read_measurements("y", y)
         rows = len(measured)
         known = self._read_inputs("u", u, rows)
+        between = (("before", before), ("middle", middle))
         if not self.reads_between:
-            for name, pair in (("before", before), ("middle", middle)):
+            for name, pair in between:
                 if pair is not None:
                     problem = f"must be left out: {type(self).__name__} reads nothing in between"
                     raise InputError(name, problem)
-        return Record(
-            measured, known, self._read_pair("before", before, rows),
-            self._read_pair("middle", middle, rows),
-        )  # fmt: skip
+        early, half = (self._read_pair(name, pair, rows) for name, pair in between)
+        return Record(measured, known, early, half)
 
     def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
         return as_sample_rows(name, y, self.measurements, rows=rows, missing=self.reads_missing)
@@ -354,9 +350,8 @@ class Observer(Value, ABC, Generic[StateKind]):
     def _stamps(self, time: ArrayLike | None, state: StateKind, rows: int) -> Array:
         """The times of the rows."""
         if time is None:
-            return (
-                self._next_row(state) + np.arange(rows, dtype=np.float64)
-            ) * self.sampling_period
+            counted = self._next_row(state) + np.arange(rows, dtype=np.float64)
+            return counted * self.sampling_period
         stamps = as_samples("time", time, None, rows=rows, like="y")
         with np.errstate(over="ignore"):
             off = np.abs(np.diff(stamps) - self.sampling_period)
