@@ -101,3 +101,13 @@ def test_no_module_imports_what_numba_does_not_publish() -> None:
     root = Path(reobserve.__file__).parent
     internal = [path for path in root.rglob("*.py") if "numba.core" in path.read_text()]
     assert internal == []
+
+
+INLINED = HALF.replace("import kernel", "import inlined_kernel as kernel")
+CALLED = "from reobserve.core.halves import half; print(half(3.0), half(5.0)); " + RUN
+
+
+def test_python_may_call_what_is_inlined_into_kernels(package: Path) -> None:
+    (package / "reobserve/core/halves.py").write_text(INLINED.format(divisor=2))
+    assert run(package, CALLED) == "1.5 2.5\n2.0 0\n"
+    assert run(package, CALLED) == "1.5 2.5\n2.0 1\n", "both from the cache"

@@ -6,8 +6,9 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache, cached_property
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -26,12 +27,44 @@ def kernel(function: Function) -> Function:
     return cast(Function, _cached(function, numba.njit, **_OPTIONS))
 
 
+class InlinedKernel:
+    """A function that is inlined into the kernels that call it; Python may call it as well.
+
+    The code to be inlined is compiled without the wrapper through which Python calls kernels, which
+    takes as long to compile as the code itself. For Python it is compiled a second time.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        options = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self._inlined = _cached(function, numba.njit, **options, **_OPTIONS)
+        self._function = function
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type by which numba knows it in kernels."""
+        return self._inlined._numba_type_
+
+    @cached_property
+    def _called(self) -> Any:
+        """The function that Python calls; numba finds it in its cache by the qualified name."""
+        it = self._function
+        code, closure = it.__code__, it.__closure__
+        copy = FunctionType(code, it.__globals__, it.__name__, it.__defaults__, closure)
+        copy.__module__, copy.__qualname__ = it.__module__, f"{it.__qualname__}.called"
+        return _cached(copy, numba.njit, **_OPTIONS)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        return self._called(*arguments)
+
+
 def inlined_kernel(function: Function) -> Function:
     """Compile as `kernel` does, and inline the code into the kernels that call it.
 
     For short functions of many arrays: passing an array costs as much as a few products.
     """
-    return cast(Function, _cached(function, numba.njit, forceinline=True, **_OPTIONS))
+    return cast(Function, InlinedKernel(function))
 
 
 def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any:

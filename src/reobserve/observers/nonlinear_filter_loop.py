@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
 from reobserve.observers.linear_filter_loop import Size, assign, fill, is_missing
 from reobserve.observers.nonlinear_filter_work import (
@@ -32,7 +32,7 @@ from reobserve.systems.nonlinear_flow import Functions
 Array = NDArray[np.float64]
 
 
-@kernel
+@inlined_kernel
 def predict(
     states: Size, functions: Functions, weights: Weights | None, Q: Array, u: Array, mean: Array,
     covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
@@ -55,7 +55,7 @@ def predict(
     return True
 
 
-@kernel
+@inlined_kernel
 def correct(
     states: Size, outputs: Size, functions: Functions, weights: Weights | None, R: Array, y: Array,
     u: Array, mean: Array, covariance: Array, innovation: Array, factor: Array, work: FilterWork,
@@ -83,7 +83,7 @@ def correct(
     return math.nan
 
 
-@kernel
+@inlined_kernel
 def write_innovation_covariance(innovation: Array, factor: Array, out: Array) -> None:
     """S = L L', nan where an output is missing."""
     m = len(innovation)

@@ -62,7 +62,7 @@ class VariableStructureDelayEstimator(DelayEstimator):
 
     Lechappe et al. 2018, after (39).
 
-    It measures x and x' [1/s], or x alone. Its only value is theta. The relay reads measurement
+    It measures x and x' [1/s]. Its only value is theta. The relay reads measurement
     and input at the start of each period and holds over it.
 
     Parameters
