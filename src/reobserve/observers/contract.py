@@ -270,7 +270,7 @@ class Observer(Value, ABC, Generic[StateKind]):
             If an estimate leaves the range of floating-point numbers; it says, where that can be
             told, whether a shorter step would have helped.
         """
-        loud = raises(on_divergence)
+        loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
         record = self._read(y, u, before, middle)
         start = self._start(record.y[0]) if state is None else self._checked(state)
         stamps = self._stamps(time, start, len(record.y))
@@ -363,11 +363,6 @@ class Observer(Value, ABC, Generic[StateKind]):
                 f"on by the sampling period of {self.sampling_period:g} s",
             )
         return stamps.copy()
-
-
-def raises(on_divergence: Any) -> bool:
-    """Whether a run that diverges is to raise; `InputError` if the word is neither."""
-    return as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
 
 
 def check_state(
