@@ -21,7 +21,7 @@ from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import design as designs
 from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.start import SOLVERS
+from reobserve.synthesis.extended_state.feasible_point import SOLVERS
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Road = Callable[[AugmentedSystem], Design]

@@ -107,18 +107,17 @@ def _lines(count: int) -> Iterator[str]:
 
 
 def _specification() -> dict[str, Any]:
-    def model(friction: float) -> dict[str, Any]:
-        A = [[0, 1, 0, 0], [-40, -friction, 40, 0], [0, 0, 0, 1], [20, 0, -20, -1]]
-        return {
-            "continuous": {"A": A, "B": [[0], [10], [0], [0]]},
-            "H": [[1, 0, 0, 0], [0, 1, 0, 0]], "Q": 1e-4, "R": [1e-2, 1e-2],
-        }  # fmt: skip
+    def transition(friction: float) -> list[list[float]]:
+        return [[0, 1, 0, 0], [-40, -friction, 40, 0], [0, 0, 0, 1], [20, 0, -20, -1]]
 
     stays = (0.98 * np.eye(3) + 0.01 * (1 - np.eye(3))).tolist()
     return {
         "observer": {
-            "kind": "imm", "modes": {name: model(f) for name, f in (("a", 1), ("b", 2), ("c", 4))},
-            "transition": stays, "start": {"mean": [0.0] * 4, "covariance": 1.0},
+            "kind": "imm", "time": "continuous", "A": transition(1), "B": [[0], [10], [0], [0]],
+            "C": [[1, 0, 0, 0], [0, 1, 0, 0]], "Q": 1e-4, "R": [1e-2, 1e-2],
+            "modes": {"a": {}, "b": {"A": transition(2)}, "c": {"A": transition(4)}},
+            "gains": {"transition": stays},
+            "initial_state": [0.0] * 4, "initial_covariance": 1.0,
         },
         "columns": {
             "time": {"column": "t", "unit": "s"},

@@ -97,8 +97,8 @@ def paper_design(paper: str) -> Reader:
     return Reader("in.json", read, json.loads(valid.design(paper, design).read_bytes()))
 
 
-def user_design(kind: str, to: str) -> Reader:
-    line = words("export", "in.json", "--to", to, "--out", "code")
+def user_design(kind: str) -> Reader:
+    line = words("export", "in.json", "--to", "c", "--out", "code")
     return Reader("in.json", line, json.loads(valid.saved_design(kind)))
 
 
@@ -180,7 +180,7 @@ READERS: dict[Callable[..., Reader], list[Any]] = {
     equations: [],
     stored_parameters: [*valid.PAPERS],
     paper_design: ["lie", "eso"],
-    user_design: [(kind, to) for kind in QUICK for to in ("c", "python", "latex", "json")],
+    user_design: QUICK,
     user_model: QUICK,
     specification: [*EXAMPLES],
     estimated_record: [*EXAMPLES],

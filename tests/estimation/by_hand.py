@@ -129,6 +129,9 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "augmented-kalman": motor(
         lambda: ro.AugmentedKalmanFilter(motor_model(), motor_model().B, 1e-3)
     ),
+    "augmented-kalman-bias": motor(
+        lambda: ro.AugmentedKalmanFilter(motor_model(), [[0.0], [0.0]], 1e-4, [[1.0], [0.0]])
+    ),
     "svsf": motor(svsf),
     "imm-kalman": motor(
         lambda: ro.IMM([ro.KalmanFilter(motor_model(f)) for f in (10.0, 20.0)], STAYS)
@@ -138,6 +141,8 @@ BY_HAND: dict[str, Callable[[Columns], Run[Any]]] = {
     "luenberger-gain": motor(
         lambda: ro.FixedGainObserver(motor_model(), [[0.3, 0.2], [0.0, 0.4]])
     ),
-    "luenberger": motor(lambda: ro.luenberger(motor_model(), np.exp([-0.7, -0.5]))),
+    "luenberger": motor(
+        lambda: ro.luenberger(motor_model(), np.exp(PERIOD * np.array([-70.0, -50.0])))
+    ),
     "kalman-steady": motor(lambda: ro.steady_kalman(motor_model())),
 }  # fmt: skip

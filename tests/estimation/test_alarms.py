@@ -90,15 +90,13 @@ def test_the_start_up_is_that_of_the_closed_form(pole: float) -> None:
 def luenberger(alarm: dict[str, Any]) -> Specification:
     tree = {
         "observer": {
-            "kind": "luenberger", "poles": [0.9],
-            "model": {"A": [[1.0]], "H": [[1.0]], "Q": [1.0], "R": [1.0]},
-            "start": {"mean": [0.0], "covariance": 1.0},
+            "kind": "luenberger", "poles": [0.9], "time": "discrete", "A": [[1.0]],
+            "C": [[1.0]], "Q": [1.0], "R": [1.0], "initial_state": [0.0],
         },
         "columns": {
             "time": {"column": "t"}, "measurements": [{"column": "level", "unit": "m"}],
         },
         "sampling": {"period": PERIOD, "missing": "interpolate", "at_gap": "restart"},
-        "estimates": {"state": {"level": "m"}},
         "alarms": [{"name": "off", "of": "residual level", "above": 0.2, **alarm}],
     }  # fmt: skip
     return parse(Specification, tree)

@@ -19,7 +19,7 @@ from reobserve.estimation.specification import Specification
 from tests.estimation.records import read_results
 
 SPECIFICATION = """\
-observer: {kind: levant, order: 1, L: 1.0}
+observer: {kind: levant, gains: {order: 1, L: 1.0}}
 columns:
   time: {column: Zeit, format: "%d.%m.%Y %H:%M:%S,%f"}
   measurements: [{column: Füllhöhe, unit: m}]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import json
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reobserve.cli.main import main
-from reobserve.core.errors import InputError
+from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.validation import parse
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.estimate import Estimation
@@ -215,7 +216,7 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
         ("kalman", "speed", 6.0, "times what the filter predicts in the second half of the first"),
         ("kalman", "speed", 0.0, "times what the filter predicts in the second half of the first"),
         ("augmented-kalman", "speed", 0.0, "times what the filter predicts"),
-        ("fixed-gain", "speed", -1.0, "% of what is measured in the second half of the first 1001"),
+        ("luenberger-gain", "speed", -1.0, "% of what is measured in the second half of the first"),
         ("luenberger", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
         ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
     ],
@@ -364,3 +365,16 @@ def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:
     for sampling in ({"missing": "skip"}, {"at_gap": "coast"}):
         with pytest.raises(InputError, match="is for observers that predict without measurements"):
             estimate_file(specification("levant", sampling=sampling), record, tmp_path / "e.csv")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("reading", [1e308, -1e308, 1e200])
+@pytest.mark.parametrize("name", ["kalman", "luenberger", "imm-kalman", "levant"])
+def test_a_reading_near_the_largest_number_leaks_no_warning(
+    name: str, reading: float, tmp_path: Path
+) -> None:
+    columns = {title: values[:200].copy() for title, values in simulated(name).record().items()}
+    columns[list(columns)[1]][150] = reading
+    record = write_record(tmp_path / "r.csv", columns)
+    with contextlib.suppress(DivergenceError):
+        estimate_file(specification(name), record, tmp_path / "e.csv")

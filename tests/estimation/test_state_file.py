@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.estimation.data_report import as_json, as_table
 from reobserve.estimation.estimate import Estimation
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.row_by_row import RowByRow
 from reobserve.estimation.state_file import _content, _plain, load_state, save_state
 from tests.estimation.records import specification
 
-NAMES = ("kalman", "imm-kalman", "ilo-sampled", "delay-least-squares")
+NAMES = ("kalman", "imm-kalman", "ilo-sampled", "extended-high-gain")
 
 
 def fresh(name: str) -> Estimation:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.estimation.commands import estimate_file
 from reobserve.estimation.data_report import DataReport
-from reobserve.estimation.examples import simulated
+from reobserve.estimation.families.examples import simulated
 from reobserve.estimation.timestamps import Timestamps, UnevenError, least_jitter
 from tests.estimation.records import specification, write_record
 

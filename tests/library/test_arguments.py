@@ -111,7 +111,7 @@ REFUSED: list[tuple[Any, str]] = [
     (lambda: as_samples("x", [[np.inf, np.nan]], 2, missing=True), "sample 0 is [inf, nan], must"),
     (lambda: as_rows("x", [1.0, 2.0]), "has shape (2,), must be (samples, n)"),
     (lambda: as_rows("x", ROWS, ROWS[:2]), "has shape (3, 2), must be (2, 2)"),
-    (lambda: as_row("x", "text"), "is no array of numbers"),
+    (lambda: as_row("x", "text"), "'text' is no array of numbers"),
     (lambda: as_matrix("x", ROWS, 2), "has shape (3, 2), must be one number"),
     (lambda: as_positive_definite("x", EMPTY, 0), "is empty, must have one row or more"),
     (lambda: as_positive_definite("x", [[1.0, 2.0], [0.0, 1.0]], 2), "[[1.0, 2.0], [0.0, 1.0]] mu"),

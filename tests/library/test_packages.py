@@ -23,6 +23,7 @@ from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from reobserve.synthesis.normal_form.homological_exact import RationalSolver
+from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 
 MOTOR = AugmentedSystem(
@@ -59,7 +60,7 @@ NEEDS: dict[str, list[Callable[[], object]]] = {
         lambda: prove_negative_definite([[-1.0]]),
         lambda: ball_matrix([[-1.0]]),
     ],
-    "sympy": [expand, solve],
+    "sympy": [expand, solve, lambda: NonlinearModel("x/2", "x", 1.0, 1.0, state_names=["x"])],
     "mpmath": [expand],
 }
 

@@ -11,7 +11,7 @@ import pytest
 
 from reobserve import ILO, IMM, KalmanFilter, LinearModel
 from reobserve.core.errors import InputError
-from reobserve.estimation.families.poles import parse_poles
+from reobserve.estimation.families.poles import as_pole_list
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.ilo.lyapunov import gyroscopic_eta
 from reobserve.papers.ilo.theorem import certify
@@ -42,7 +42,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
         lambda: run_on_halves(LEARNING, TWO[:1], state=LEARNING.init(ZERO), y_before=TWO),
         "y_before: has shape (2, 3), must be (1, 3)",
     ),
-    (lambda: parse_poles(-3.0), "poles: -3.0 must be a text, as '-2, -1+3j, -1-3j'"),
+    (lambda: as_pole_list("poles", -3.0), "poles: -3.0 must be a list of poles, as [-2, -3]"),  # type: ignore[arg-type]
     (lambda: bounds("kept", [1.0, 1.0]), "kept: [1, 1] must be above 0 and rise"),
     (lambda: bounds("kept", [0.0, 1.0]), "kept: [0, 1] must be above 0 and rise"),
     (lambda: lyapunov_matrix(501, 1.0), "size: 501 makes gains beyond floating-point numbers"),

@@ -35,10 +35,3 @@ def stepped(
 def rows_of(found: list[Estimate], name: str) -> Array:
     """One estimate at all samples."""
     return np.array([estimate[name] for estimate in found])
-
-
-def past_of(halves: Array, before: Array | None = None) -> dict[str, Any]:
-    """The past of an input for `DelayEstimator.init`, from samples at half a period."""
-    left = halves if before is None else before
-    middle = np.concatenate([halves[:1], halves[1::2]])
-    return {"past_u": halves[::2], "before": left[::2], "middle": middle}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import pickle
 import subprocess
@@ -17,10 +18,8 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError
-from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
+from reobserve.core.value import Value
 from reobserve.observers.contract import Observer
-from reobserve.observers.imm import IMM
-from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from tests.observers.case import Case, observe
 from tests.observers.cases import CASES
@@ -296,11 +295,39 @@ def test_the_plant_comes_first_and_the_sampling_period_by_its_name() -> None:
         observer = make().observer
         parameters = inspect.signature(type(observer)).parameters
         assert next(iter(parameters)) in plant
-        if isinstance(observer, LinearFilter | IMM | AugmentedKalmanFilter):
+        one = getattr(observer, "filters", (observer,))[0]
+        if hasattr(getattr(one, "model", None), "sampling_period"):
             assert "sampling_period" not in parameters
         else:
             period = parameters["sampling_period"]
             assert (period.kind, period.default) == (period.KEYWORD_ONLY, period.empty)
+
+
+def test_arrays_are_read_only(case: Case) -> None:
+    """Those of an observer and of states, from a run, a step, a copy or a pickle."""
+    run = part(case, 0, 3, case.state)
+    state, _ = case.observer.step(run.state, *row_of(case, 3))
+    pickled = pickle.loads(pickle.dumps((case.observer, state)))
+    values = [case.observer, run.state, state, copy.deepcopy(state), *pickled]
+    count = 0
+    for value in values:
+        for array in arrays_in(value):
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 0.0
+            count += 1
+    assert count >= 4
+
+
+def arrays_in(value: Any) -> Iterator[Array]:
+    """The arrays of an object's fields, and of what is in these."""
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from arrays_in(one)
+    elif isinstance(value, Value):
+        for field in fields(value):
+            yield from arrays_in(getattr(value, field.name))
 
 
 def test_what_is_pickled_goes_on_with_the_same_bits(case: Case) -> None:
@@ -327,6 +354,17 @@ def specialisations() -> int:
         if isinstance(thing, Dispatcher)
     }
     return sum(kernels.values())
+
+
+def test_steps_compile_nothing(case: Case) -> None:
+    """Kernels are compiled for writable arrays; those of states are read-only."""
+    state = part(case, 0, 3, case.state).state
+    before = specialisations()
+    for row in range(3, 6):
+        state, _ = case.observer.step(state, *row_of(case, row))
+    observer, state = pickle.loads(pickle.dumps((case.observer, state)))
+    part(replace(case, observer=observer), 6, 9, copy.deepcopy(state))
+    assert specialisations() == before
 
 
 def frozen(values: Array) -> Array:

@@ -151,7 +151,7 @@ def test_there_are_commands_of_all_kinds() -> None:
     lines = [as_run(command) for command in commands]
     assert {line.split()[0] for line in lines if line} == {"cp", "make", "snakemake", "reobserve"}
     assert any(command.refused for command in commands)
-    assert {page for page in TOLD if "how-to" in page} > {"docs/pages/how-to/own-data.md"}
+    assert {page for page in TOLD if "how-to" in page} > {"docs/pages/how-to/recorded-data.md"}
 
 
 @pytest.mark.nightly

@@ -22,10 +22,10 @@ from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.central_path import Problem, Side, Term, minimiser
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.factored import above, pd_pi_sides, pi_sides
+from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables, _solved
+from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_sides, pi_sides
 from reobserve.synthesis.extended_state.polishing import polished
-from reobserve.synthesis.extended_state.start import strictly_feasible
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 from tests.papers.eso.plants import dc_motor, random_plant
 

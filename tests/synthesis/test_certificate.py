@@ -17,7 +17,7 @@ from reobserve.core.errors import InputError
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import Certificate, certify, error_system
 from reobserve.synthesis.extended_state.design import accepted
-from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables, mapped
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from tests.papers.eso.plants import dc_motor, random_plant
@@ -48,7 +48,7 @@ def minimised(
 @cache
 def good() -> tuple[float, PdPiVariables]:
     """A strict solution of (19) at 1.2 times the floor."""
-    v, gamma = unknowns(), 1.2 * gamma_floor(MOTOR)
+    v, gamma = unknowns(), 1.2 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))
     bounds = [v.P1 >> 0.02 * np.eye(N), v.P3 + v.P3.T >> 0.04 * np.eye(N)]
     status, found = minimised(squares, v, 0.99 * gamma, *bounds, solver="CLARABEL")
@@ -102,7 +102,7 @@ def test_the_poles_are_those_of_the_error_system_slowest_first() -> None:
 
 def test_trap_the_least_norm_with_a_positive_p1_is_an_unstable_observer() -> None:
     """Nothing keeps P1 off singular, and the solver says "optimal"."""
-    v, gamma = unknowns(), 1.05 * gamma_floor(MOTOR)
+    v, gamma = unknowns(), 1.05 * gamma_lower_bound(MOTOR)
     squares = sum(cvxpy.sum_squares(m) for m in (v.P1, v.P2, v.P3, v.Y1, v.Y2))
     status, found = minimised(squares, v, gamma, v.P1 >> 0, solver="CLARABEL")
     assert status == "optimal"
@@ -120,7 +120,7 @@ def test_trap_a_gamma_that_no_observer_has() -> None:
     status, found = minimised(gamma, v, gamma, positive, solver="SCS", eps=1e-6, max_iters=20000)
     assert status == "optimal"
     value = float(gamma.value)
-    assert value < gamma_floor(MOTOR)
+    assert value < gamma_lower_bound(MOTOR)
     with pytest.raises(InputError, match=r"said optimal, but gamma 1\.0.* is below 1\.00503781"):
         accepted("trap", MOTOR, found, value, "SCS", status, value)
 
@@ -136,8 +136,8 @@ def test_what_is_promised_must_hold() -> None:
     gains = found.gains()
     assert wrong() == ""
     assert wrong(gamma=1.0).startswith("gamma 1 is below 1.00503781, which no gains")
-    assert "H-infinity norm" in wrong(gamma=1.02 * gamma_floor(MOTOR), variables=None)
-    assert "inequality is refuted" in wrong(gamma=1.02 * gamma_floor(MOTOR))
+    assert "H-infinity norm" in wrong(gamma=1.02 * gamma_lower_bound(MOTOR), variables=None)
+    assert "inequality is refuted" in wrong(gamma=1.02 * gamma_lower_bound(MOTOR))
     assert "inequality is refuted" in wrong(variables=replace(found, P2=found.P2 + 10.0))
     assert "P1 is not proved" in wrong(variables=replace(found, P1=found.P1 - 0.05 * np.eye(N)))
     assert "is not left of -5" in wrong(decay=5.0)
@@ -230,7 +230,7 @@ def test_of_19_too_a_bound_that_its_matrices_do_not_show_is_not_proved() -> None
 
 def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
     """The floor is met by designs that are as large as they please, and computed with rounding."""
-    floor = gamma_floor(MOTOR)
+    floor = gamma_lower_bound(MOTOR)
     for gamma in (floor, np.nextafter(floor, 0.0)):
         assert "which no gains" not in wrong(gamma=float(gamma))
     assert "which no gains" in wrong(gamma=floor * (1 - 1e-10))

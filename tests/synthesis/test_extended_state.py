@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables, PiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from tests.papers.eso.plants import dc_motor, random_plant
@@ -113,9 +113,9 @@ def test_the_pi_observers_lemma_loses_nothing_against_19(seed: int) -> None:
 def test_the_floor_of_the_example() -> None:
     """The errors that constant d1, d2, w leave: .1 d1 in speed, .001 d1 - d2 in fa, -.1 d1 - w."""
     errors = [[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -1]]
-    assert gamma_floor(dc_motor()) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-14)
-    assert gamma_floor(dc_motor()) == pytest.approx(FLOOR, rel=1e-14)
-    assert gamma_floor(dc_motor(Az=50.0)) == pytest.approx(FLOOR, rel=1e-13)
+    assert gamma_lower_bound(dc_motor()) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-14)
+    assert gamma_lower_bound(dc_motor()) == pytest.approx(FLOOR, rel=1e-14)
+    assert gamma_lower_bound(dc_motor(Az=50.0)) == pytest.approx(FLOOR, rel=1e-13)
 
 
 FLOORS = {
@@ -130,7 +130,7 @@ FLOORS = {
 @pytest.mark.parametrize("case", FLOORS)
 def test_no_gains_get_below_the_floor_at_zero_and_some_come_close(case: str) -> None:
     system = FLOORS[case]
-    floor = gamma_floor(system)
+    floor = gamma_lower_bound(system)
 
     def gain(entries: Array) -> float:
         Ao = system.A_tilde - entries.reshape(system.size, -1) @ system.C_tilde
@@ -145,7 +145,7 @@ def test_no_gains_get_below_the_floor_at_zero_and_some_come_close(case: str) -> 
 
 
 def test_enough_outputs_leave_no_floor() -> None:
-    assert gamma_floor(random_plant(0, 4, 4)) == 0
+    assert gamma_lower_bound(random_plant(0, 4, 4)) == 0
     found = pd_pi.design(random_plant(0, 4, 4), gamma=5.0).certificate
     assert found.holds
     assert found.floor == 0

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.synthesis.extended_state import pd_pi, pi, start
+from reobserve.synthesis.extended_state import feasible_point, pd_pi, pi
 from tests.papers.eso.plants import dc_motor, random_plant
 
 
@@ -16,14 +16,14 @@ from tests.papers.eso.plants import dc_motor, random_plant
 def test_a_gamma_below_the_floor_is_refused_with_the_floor(design: Any) -> None:
     with pytest.raises(InputError, match=r"gamma: 1 must be above 1\.00503781018428, which no"):
         design(dc_motor(), gamma=1.0)
-    with pytest.raises(InputError, match=r"factor: 0.99 of the floor .* must be above one"):
+    with pytest.raises(InputError, match=r"factor: 0.99 of the lower bound .* must be above one"):
         design(dc_motor(), 0.99)
     with pytest.raises(InputError, match="gamma: -1 must be greater than zero"):
         design(dc_motor(), gamma=-1.0)
 
 
 def test_a_floor_of_zero_has_no_multiple() -> None:
-    with pytest.raises(InputError, match=r"factor: has no floor .* it is zero: give gamma"):
+    with pytest.raises(InputError, match=r"factor: has no lower bound .* only zero: give gamma"):
         pd_pi.design(random_plant(0, 4, 4))
 
 
@@ -69,12 +69,12 @@ def test_an_infeasible_decay_is_refused_with_solver_and_status() -> None:
 
 
 def test_a_solution_that_is_not_accurate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(start.SOLVERS, "SCS", {"max_iters": 30})
+    monkeypatch.setitem(feasible_point.SOLVERS, "SCS", {"max_iters": 30})
     with pytest.raises(InputError, match="SCS ended with status 'optimal_inaccurate', not"):
         pd_pi.design(dc_motor(), solver="SCS")
 
 
 def test_a_solver_that_fails_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(start.SOLVERS, "CLARABEL", {"max_iter": 2})
+    monkeypatch.setitem(feasible_point.SOLVERS, "CLARABEL", {"max_iter": 2})
     with pytest.raises(InputError, match=r"solver: CLARABEL (failed|ended with status)"):
         pd_pi.design(dc_motor())

@@ -14,9 +14,9 @@ from reobserve.synthesis.ilo_sampled_stability import (
     sampled_limit_gain,
     sampled_map,
     sampled_stability,
-    scalar_sampled_limit,
 )
-from reobserve.synthesis.ilo_stability import continuous_stability, ripple_roots
+from reobserve.synthesis.ilo_stability import continuous_stability
+from tests.papers.ilo.limits import scalar_sampled_limit
 
 Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
@@ -162,31 +162,6 @@ def test_defective_learning_gain_is_unstable(coupling: float) -> None:
     assert "defective" in verdict.reason
 
 
-def test_ripple_roots() -> None:
-    ripple = ripple_roots(36.0, 1.0, 1.0, 1000.0, 0.01, count=5)
-    n = np.arange(1, 6)
-    for s in ripple.exact:
-        assert abs((36 * s + 1) * (1 - np.exp(-0.01 * s)) + 1000) < 1e-6
-    # Independent search from the asymptotic frequency.
-    # Independent search from the asymptotic frequency.
-
-    def equation(x: Array) -> list[float]:
-        s = complex(*x)
-        value = 1 - np.exp(-0.01 * s) + 1000 / (36 * s + 1)
-        return [value.real, value.imag]
-
-    for s, order in zip(ripple.exact, n, strict=True):
-        found = root(equation, np.array([0.0, 2 * np.pi * order / 0.01]), tol=1e-11)
-        assert complex(*found.x) == pytest.approx(s, abs=1e-7)
-    assert ripple.exact.real[[0, 4]] == pytest.approx([-0.0958103, -0.00391336], rel=1e-5)
-    # (k2 lambda + k2^2/2) / (j^2 w_n^2 tau) with w_n = 2 pi n / tau, and with the exact frequency.
-    assert ripple.asymptotic.real[[0, 4]] == pytest.approx([-0.0979204, -0.00391681], rel=1e-5)
-    closer = -(1000 + 5e5) / (36**2 * ripple.exact.imag**2 * 0.01)
-    assert closer[[0, 4]] == pytest.approx([-0.0966, -0.003915], rel=1e-3)
-    below_one = ripple_roots(36.0, 1.0, 0.9, 1000.0, 0.01)
-    assert below_one.exact.real == pytest.approx(np.log(0.9) / 0.01 + ripple.exact.real, abs=0.1)
-
-
 LIMITS = [
     (0.1, 1.0, 675.29),
     (0.01, 1.0, 6752.92),
@@ -292,16 +267,3 @@ def test_bad_parameters_are_named() -> None:
         continuous_stability(Law(INERTIA, 0.0, 1.0, 1.0, 1.0, 0.1))
     with pytest.raises(InputError, match="interval"):
         sampled_stability(Law(INERTIA, 1.0, 1.0, 1.0, 1.0, 0.0))
-    with pytest.raises(InputError, match="K1"):
-        scalar_sampled_limit(36.0, 1.0, 1.5, 0.1)
-
-
-def test_ripple_roots_that_cannot_be_followed_are_refused() -> None:
-    """k2^2 is beyond the range of floats; the largest gain that is not has roots."""
-    with (
-        np.errstate(all="ignore"),
-        pytest.raises(InputError, match=r"K2: 1e\+200 is too large for"),
-    ):
-        ripple_roots(36.0, 1.0, 1.0, 1e200, 0.01)
-    root = ripple_roots(36.0, 1.0, 1.0, 1e6, 0.01, count=1).exact[0]
-    assert abs((36 * root + 1) * (1 - np.exp(-0.01 * root)) + 1e6) < 1e-6

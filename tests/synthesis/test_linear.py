@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.synthesis.linear import ackermann, hidden_modes, place, steady_kalman_gain
+from reobserve.synthesis.linear import ackermann, place, steady_kalman_gain, unobservable_modes
 from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
 
@@ -95,10 +95,10 @@ def test_what_cannot_be_placed_is_told(A: Any, C: Any, poles: Any, said: str) ->
 def test_hidden_modes_whatever_the_units_of_the_measurement() -> None:
     A = np.diag([0.5, 0.9, -0.3])
     for size in (1e-12, 1.0, 1e12):
-        found = hidden_modes(A, size * np.array([[1.0, 0.0, 1.0]]))
+        found = unobservable_modes(A, size * np.array([[1.0, 0.0, 1.0]]))
         assert found == pytest.approx(np.array([0.9]), rel=1e-14)
-    assert len(hidden_modes(A, np.zeros((1, 3)))) == 3
-    assert not len(hidden_modes(A, np.ones((1, 3))))
+    assert len(unobservable_modes(A, np.zeros((1, 3)))) == 3
+    assert not len(unobservable_modes(A, np.ones((1, 3))))
 
 
 # --- The steady gain ----------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from reobserve.papers.lie.floquet import limit_cycle
 from reobserve.synthesis.extended_state import central_path
 from reobserve.synthesis.extended_state import pd_pi as extended
 from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.floor import as_gamma
+from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import Gains
 from reobserve.synthesis.ilo_accuracy import error_transfer, predicted_rms_error
@@ -106,7 +106,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "a large K2 of Theorem 1": (learned(K2=1e150), f"K2: {SQUARE}"),
     "an output that hardly shows a state": (
         lambda: normal_form_observer(
-            ["-x1", "-2*x2", "-3*x3"], ["x1 + 1e-7*x2 + 1e-14*x3"], ["x1", "x2", "x3"], order=1,
+            ["-x1", "-2*x2", "-3*x3"], ["x1 + 1e-9*x2 + 1e-9*x3"], ["x1", "x2", "x3"], order=1,
             sampling_period=0.1, poles=[-4, -5, -6],
         ),
         "poles: -6+0j, -5+0j, -4+0j cannot be placed, only",

@@ -1,4 +1,4 @@
-"""Data of one's own: `estimate`."""
+"""Observers on recorded data: `estimate`."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ examples, each a specification and a record to run it on:
   ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, adaptive-pi,
   normal-form-constant, normal-form-identity, normal-form-transformed,
   high-gain, extended-high-gain, levant,
-  kalman, kalman-steady, augmented-kalman, svsf, imm-kalman, imm-svsf,
-  luenberger, luenberger-gain, eso
+  kalman, kalman-steady, augmented-kalman, augmented-kalman-bias,
+  svsf, imm-kalman, imm-svsf, luenberger, luenberger-gain, eso
 
   reobserve estimate --example kalman --out kalman.yaml --data kalman.csv
   reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png
   reobserve estimate kalman.yaml --stream < kalman.csv
 
-Time stamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
-(unit: iso8601); the times of results are then seconds after an origin that is printed and
-written into the report.
+Timestamps may be numbers (unit: s, ms, min, ...) or dates such as 2026-03-29T01:59:58.250Z
+(unit: iso8601, or a format); the times of results are then seconds after an origin that is
+printed and written into the report.
 """
 
 
-def add_own_data(commands: Any) -> None:
+def add_estimate(commands: Any) -> None:
     """`estimate`."""
     estimate = add_command(
         commands, "estimate", "estimation.commands:run",
-        "run an observer on a record of your own, or on lines as they arrive",
+        "run an observer on a record, or on lines as they arrive",
     )  # fmt: skip
     estimate.formatter_class = argparse.RawDescriptionHelpFormatter
     estimate.epilog = _MORE
@@ -50,7 +50,10 @@ def add_own_data(commands: Any) -> None:
     )  # fmt: skip
     estimate.add_argument("--plot", type=Path, metavar="FILE", help="a plot: .png, .pdf or .svg")
     estimate.add_argument(
-        "--report", type=Path, metavar="FILE", help="what was done to the record, as JSON"
+        "--report",
+        type=Path,
+        metavar="FILE",
+        help="what was done to the record, and what the alarms found, as JSON",
     )
     estimate.add_argument(
         "--stream", action="store_true",

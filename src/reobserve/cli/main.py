@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from reobserve.cli.designs import add_designs
-from reobserve.cli.estimation import add_own_data
+from reobserve.cli.estimation import add_estimate
 from reobserve.cli.evidence import add_evidence
+from reobserve.cli.outputs import check_outputs
 from reobserve.cli.overview import add_overview
 from reobserve.cli.stage_commands import add_stages
 from reobserve.core.code_paths import pin_code_paths
@@ -43,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if "project" in options:
             _check_project(options["project"])
+        check_outputs(options)
         getattr(importlib.import_module(f"reobserve.{module}"), function)(**options)
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -110,7 +112,7 @@ def command_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_designs(commands)
     add_overview(commands)
-    add_own_data(commands)
+    add_estimate(commands)
     add_evidence(commands)
     add_stages(commands)
     return parser

@@ -138,6 +138,28 @@ def check_replaceable(path: Path) -> None:
         raise InputError(str(path), "is read-only, and so it is not replaced")
 
 
+def check_not_read(written: Iterable[Path], read: Iterable[Path]) -> None:
+    """Refuse to write a file that is read, by any of its names.
+
+    Raises
+    ------
+    InputError
+        If there is such a file.
+    """
+    names = list(read)
+    for path in written:
+        if any(_same(path, name) for name in names):
+            problem = "is read here, and would be overwritten; name another file"
+            raise InputError(str(path), problem)
+
+
+def _same(path: Path, name: Path) -> bool:
+    try:
+        return path.samefile(name)
+    except (OSError, ValueError):  # one is missing, or no path at all
+        return False
+
+
 def _of_the_kernel(path: Path) -> bool:
     """Whether the folder, or the nearest one that there is, belongs to one of the kernel's."""
     kernel = {os.stat(top).st_dev for top in ("/proc", "/sys") if os.path.ismount(top)}

@@ -35,15 +35,18 @@ _SHOWN = 9
 # R J R^T asymmetric by about n 2e-16, which is less up to n = 1000; a wrong digit is more.
 _SYMMETRIC = 1e-12
 
+_DOUBLE = np.dtype(np.float64)  # the one object of this type in native order
+
 _FEW = 24  # entries that Python looks at sooner than numpy is called, as each step of an observer
 
 
-def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
-    """``value`` as compiled loops take arrays: of 64-bit floats, C-contiguous and writeable.
+def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> NDArray[np.float64]:
+    """``value`` as compiled loops take arrays: of 64-bit floats, C-contiguous and writable.
 
     Whatever holds real numbers will do: lists, arrays of other types and orders, read-only ones,
     frames and series of pandas. An array that is as it should be is handed back, not copied; for
-    another kind each kernel would be compiled anew. Entries need not be finite.
+    another kind each kernel would be compiled anew. Entries need not be finite. With ``writable``
+    false a read-only array will do, which is for no loop.
 
     Raises
     ------
@@ -51,8 +54,10 @@ def as_numbers(name: str, value: ArrayLike | Any) -> NDArray[np.float64]:
         If it is no number and no array of numbers: text, booleans, complex numbers, objects, rows
         of different lengths, masked entries.
     """
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.carray:
-        return value
+    if type(value) is np.ndarray and value.dtype is _DOUBLE:
+        flags = value.flags
+        if flags.carray or (not writable and flags.c_contiguous and flags.aligned):
+            return value
     if _has_other(value):
         raise InputError(name, f"{shown(value)} is not a number or an array of numbers")
     try:

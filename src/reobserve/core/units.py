@@ -9,7 +9,7 @@ import re
 SYMBOLS = (
     "1", "%", "s", "min", "h", "m", "mm", "cm", "km", "kg", "g", "rad", "deg", "rpm", "Hz",
     "N", "kN", "Pa", "kPa", "MPa", "bar", "l", "J", "kJ", "W", "kW", "V", "mV", "kV", "A", "mA",
-    "Ω", "H", "mH", "F", "C", "T", "Wb", "K", "°C", "mol", "cd", "dB", "y",
+    "Ω", "H", "mH", "F", "C", "T", "mT", "uT", "Wb", "K", "°C", "mol", "cd", "dB", "y",
 )  # fmt: skip
 
 _POWER = rf"(?:{'|'.join(map(re.escape, SYMBOLS))})(?:\^[+-]?\d{{1,2}})?"

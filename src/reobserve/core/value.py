@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,56 @@ class Value:
         kind: Any = type(self)
         for name, convert, arguments in _conversions(kind):
             self._set(name, convert(name, getattr(self, name), *arguments))
+        values = self.__dict__
+        for name, value in values.items():
+            if type(value) is np.ndarray:  # as `read_only`; each step of an observer comes here
+                values[name] = view = value[...]
+                view.setflags(write=False)
 
     def _set(self, name: str, value: Any) -> None:
         """Replace the value of a field while the object is made."""
-        object.__setattr__(self, name, value)
+        self.__dict__[name] = read_only(value) if type(value) is np.ndarray else value
+
+    def _with(self, **changed: Any) -> Self:
+        """A copy with other values of fields, which are not converted: faster than `replace`."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        for name, value in changed.items():
+            other._set(name, value)
+        return other
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Copies and pickles, whose arrays are writable; what was cached is computed again."""
+        for one in fields(self):  # type: ignore[arg-type]
+            self._set(one.name, state[one.name])
 
     def __repr__(self) -> str:
         return _with_fields(self)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """A view that cannot be written to; whose array it is may go on writing to that."""
+    view = array[...]
+    view.setflags(write=False)
+    return view
+
+
+def for_loop(array: Array) -> Array:
+    """A read-only array as compiled loops take it, which they must not write to.
+
+    Loops are compiled anew for read-only arrays. It is the array that `read_only` made a view of,
+    or a copy.
+    """
+    base = array.base
+    if array.flags.writeable:
+        return array
+    if type(base) is np.ndarray and base.flags.carray and _layout(base) == _layout(array):
+        return base
+    return array.copy()
+
+
+def _layout(array: Array) -> tuple[Any, ...]:
+    return array.dtype, array.shape, array.strides
 
 
 @cache

@@ -235,7 +235,7 @@ def _told(alarm: AlarmReport) -> str:
     if alarm.learns:
         said += f" off {alarm.mean:.4g}, from {alarm.learned} values"
     if alarm.start_up:
-        said += f"; not raised in the first {_time(alarm.start_up)} s after a start"
+        said += f"; start-up {_time(alarm.start_up)} s"
     if alarm.first is None:
         return f"none; {said}"
     found = alarm.summary()["interval_count"]

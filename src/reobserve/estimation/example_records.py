@@ -232,6 +232,12 @@ def weak_motor() -> Simulated:
 
 
 @cache
+def biased_motor() -> Simulated:
+    """The same, in good health, with a speed that is read 1 rad/s too high from 10 s on."""
+    return _motor(_grid(0.01, 20.0), 0.0, 0.0, 1.0)
+
+
+@cache
 def faulty_motor() -> Simulated:
     """The same, and a speed that is read 1 rad/s too high."""
     return _motor(_grid(0.01, 20.0), 0.0, -2.0, 1.0)

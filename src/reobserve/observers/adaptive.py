@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive_definite
-from reobserve.core.value import converter
+from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import Array, Record, RigidBodyObserver, Rows
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import (
@@ -88,13 +88,13 @@ class AdaptiveObserver(RigidBodyObserver):
     def _constants(self) -> Constants:
         model = self.model
         return Constants(
-            model.inertia,
+            for_loop(model.inertia),
             model.inverse,
             self.damping + model.fault_matrix @ self.proportional_gain,
-            model.input_matrix,
-            model.fault_matrix,
-            self.integral_gain,
-            self.proportional_gain,
+            for_loop(model.input_matrix),
+            for_loop(model.fault_matrix),
+            for_loop(self.integral_gain),
+            for_loop(self.proportional_gain),
             self.sampling_period,
         )
 

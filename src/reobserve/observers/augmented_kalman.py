@@ -88,7 +88,7 @@ class AugmentedKalmanFilter(Observer[State]):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        model, put = as_kind("model", self.model, LinearModel), object.__setattr__
+        model, put = as_kind("model", self.model, LinearModel), self._set
         E = as_floats("input_matrix", self.input_matrix)
         if E.ndim != 2 or len(E) != model.states or not E.size:
             problem = f"has shape {E.shape}, must have {model.states} rows like A"
@@ -98,10 +98,10 @@ class AugmentedKalmanFilter(Observer[State]):
         F = np.zeros(wanted) if given is None else as_floats("output_matrix", given)
         if F.shape != wanted:
             raise InputError("output_matrix", f"has shape {F.shape}, must be {wanted}")
-        put(self, "input_matrix", E)
-        put(self, "output_matrix", F)
-        put(self, "walk", as_covariance("walk", self.walk, E.shape[1]))
-        put(self, "sampling_period", model.sampling_period)
+        put("input_matrix", E)
+        put("output_matrix", F)
+        put("walk", as_covariance("walk", self.walk, E.shape[1]))
+        put("sampling_period", model.sampling_period)
         hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
         if len(hidden):
             raise InputError(

@@ -172,7 +172,7 @@ class Observer(Value, ABC, Generic[StateKind]):
         return Rows(
             {name: values[begun:] for name, values in rows.estimates.items()},
             rows.finite - begun,
-            replace(rows.state, sample=last),
+            rows.state._with(sample=last),
             {name: values[begun:] for name, values in rows.before.items()},
         )
 
@@ -392,7 +392,7 @@ def check_state(
         given = getattr(state, part)
         if part == "sample" and given is None:
             continue
-        array = as_numbers(f"{name}.{part}", given)
+        array = as_numbers(f"{name}.{part}", given, writable=False)
         if array.shape != shape:
             raise InputError(name, problem)
         if not all_finite(array):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind, as_word
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_positive, as_positive_definite, as_scalar, as_vector
-from reobserve.core.value import Value, converter
+from reobserve.core.value import Value, converter, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.extended_high_gain_loop import run
 from reobserve.observers.fixed_step import Steps
@@ -193,7 +193,7 @@ class ExtendedHighGainObserver(Observer[State]):
             last=None if state.sample is None else state.sample[1:], period=self.sampling_period,
         )  # fmt: skip
         if state.sample is not None and last is not None:
-            state = replace(state, sample=np.concatenate([state.sample[:1], last]))
+            state = state._with(sample=np.concatenate([state.sample[:1], last]))
         y_before, y_middle = record.before[0], record.middle[0]
         return state, Record(record.y, u, (y_before, before), (y_middle, middle))
 
@@ -208,7 +208,7 @@ class ExtendedHighGainObserver(Observer[State]):
                 SwitchedOffWarning,
                 stacklevel=3,
             )
-        after = replace(rows.state, recent=latest(state.recent, record.u[:, 0]))
+        after = rows.state._with(recent=latest(state.recent, record.u[:, 0]))
         return rows._replace(state=after)
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
@@ -223,7 +223,7 @@ class ExtendedHighGainObserver(Observer[State]):
         finite = run(
             self.model.drift,
             self.model.input_gain,
-            self.model.parameters,
+            for_loop(self.model.parameters),
             self.order,
             1 + SWITCHED.index(self.switched),
             np.array([*self.delay_bounds, self.threshold], dtype=np.float64),
@@ -233,7 +233,7 @@ class ExtendedHighGainObserver(Observer[State]):
             rows,
             off[1:],
         )
-        after = replace(state, values=rows[-1].copy(), count=state.count + y.steps)
+        after = state._with(values=rows[-1].copy(), count=state.count + y.steps)
         estimates = {
             "state": np.ascontiguousarray(rows[:, :-1]), "delay": rows[:, -1].copy(),
             "switched_off": off,

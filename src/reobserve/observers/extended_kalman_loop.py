@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel
 from reobserve.observers.linear_filter_loop import (
     Size,
     correct_covariance,
@@ -22,7 +22,7 @@ from reobserve.systems.nonlinear_flow import Functions, jacobian, move_and_deriv
 Array = NDArray[np.float64]
 
 
-@kernel
+@inlined_kernel
 def predict_extended(
     states: Size, functions: Functions, Q: Array, u: Array, mean: Array, covariance: Array,
     next_covariance: Array, work: FilterWork,
@@ -48,7 +48,7 @@ def predict_extended(
             next_covariance[b, a] = total
 
 
-@kernel
+@inlined_kernel
 def correct_extended(
     states: Size, outputs: Size, functions: Functions, R: Array, y: Array, u: Array, mean: Array,
     covariance: Array, innovation: Array, factor: Array, work: FilterWork,

@@ -10,6 +10,7 @@ where Q and R are not known, its estimates do not depend on them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,7 +57,7 @@ class FixedGainObserver(LinearFilter):
         gain, wanted = as_floats("gain", self.gain), (self.model.states, self.model.outputs)
         if gain.shape != wanted:
             raise InputError("gain", f"has shape {gain.shape}, must be {wanted}")
-        object.__setattr__(self, "gain", gain)
+        self._set("gain", gain)
         radius = spectral_radius(self._error_transition)
         if radius >= 1.0:
             raise InputError(
@@ -84,7 +85,11 @@ class FixedGainObserver(LinearFilter):
     @property
     def law_parameters(self) -> Array:
         """The gain row by row."""
-        return self.gain.ravel()
+        return self._parameters
+
+    @cached_property
+    def _parameters(self) -> Array:
+        return self.gain.flatten()
 
     def init(
         self, mean: ArrayLike, covariance: ArrayLike = 0.0, *, u: ArrayLike | None = None

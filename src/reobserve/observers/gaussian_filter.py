@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_numbers, as_row, as_samples, as_vector
+from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_row, as_samples, as_vector
 from reobserve.core.value import Value
 from reobserve.observers.contract import Observer, OnDivergence, Record, check_state
 from reobserve.observers.fixed_step import Pair
@@ -290,9 +290,9 @@ def named(rows: tuple[Array, Array, Array, Array, Array]) -> dict[str, Array]:
     }
 
 
-def copied(belief: Gaussian) -> Gaussian:
-    """A copy that loops may write to."""
-    return Gaussian(belief.mean.copy(), belief.covariance.copy(), belief.error.copy())
+def copies(belief: Gaussian) -> tuple[Array, Array, Array]:
+    """The arrays of an estimate, for a loop to work in."""
+    return belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
 
 
 def inputs_of_rows(sample: Array | None, record: Record) -> Array:
@@ -347,8 +347,8 @@ def check_sample(value: Any, outputs: int, inputs: int) -> Array | None:
     """
     if value is None:
         return None
-    sample = as_numbers("state.sample", value)
-    if sample.shape != (outputs + inputs,) or not np.isfinite(sample[outputs:]).all():
+    sample = as_numbers("state.sample", value, writable=False)
+    if sample.shape != (outputs + inputs,) or not all_finite(sample[outputs:]):
         problem = f"{shown(value)} must be {outputs} measurements and {inputs} finite inputs"
         raise InputError("state.sample", problem)
     return sample

@@ -21,7 +21,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive, as_vector
-from reobserve.core.value import Value, converter
+from reobserve.core.value import Value, converter, for_loop, read_only
 from reobserve.observers.contract import Observer, Rows, check_state
 from reobserve.observers.fixed_step import Steps
 from reobserve.synthesis.high_gain import high_gain
@@ -90,7 +90,7 @@ class HighGainObserver(Observer[State]):
     @cached_property
     def gain(self) -> Array:
         """S^-1 C^T, shape (n,)."""
-        return high_gain(self.model.states, self.rho)
+        return read_only(high_gain(self.model.states, self.rho))
 
     def init(self, state: ArrayLike) -> State:
         """The state at the first sample, from an estimate of x, shape (n,).
@@ -114,8 +114,8 @@ class HighGainObserver(Observer[State]):
         finite = _run(
             self.model.drift,
             self.model.input_gain,
-            self.model.parameters,
-            self.gain,
+            for_loop(self.model.parameters),
+            for_loop(self.gain),
             self.sampling_period,
             Record(y.right[:, 0], y.left[:, 0], u.right[:, 0], u.left[:, 0]),
             rows,

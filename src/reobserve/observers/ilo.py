@@ -20,7 +20,7 @@ from reobserve.core.arguments import as_flag
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_matrix, as_positive, as_positive_definite
-from reobserve.core.value import converter
+from reobserve.core.value import converter, for_loop
 from reobserve.observers.rigid_body_observer import (
     Array,
     Record,
@@ -167,13 +167,13 @@ def constants(observer: ILO | SampledILO, injection: Matrix) -> Constants:
     """What the loop of either observer reads."""
     model = observer.model
     return Constants(
-        model.inertia,
+        for_loop(model.inertia),
         model.inverse,
-        injection,
-        model.input_matrix,
-        model.fault_matrix,
-        observer.K1,
-        observer.K2,
+        for_loop(injection),
+        for_loop(model.input_matrix),
+        for_loop(model.fault_matrix),
+        for_loop(observer.K1),
+        for_loop(observer.K2),
         observer.sampling_period,
     )
 

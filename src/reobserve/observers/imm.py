@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_vector
-from reobserve.core.value import Value
+from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.gaussian_filter import (
     Gaussian,
@@ -150,7 +150,7 @@ class IMM(Observer[State]):
                     f"filter {period:g} s",
                 )
         object.__setattr__(self, "filters", filters)
-        object.__setattr__(self, "transition", _as_transition(self.transition, len(filters)))
+        self._set("transition", _as_transition(self.transition, len(filters)))
         object.__setattr__(self, "sampling_period", period)
 
     @property
@@ -233,7 +233,7 @@ class IMM(Observer[State]):
             f"states and {m} outputs",
             means=(r, n), covariances=(r, n, n), errors=(r, m),
         )  # fmt: skip
-        logarithms = as_numbers("state.log_probabilities", given.log_probabilities)
+        logarithms = as_numbers("state.log_probabilities", given.log_probabilities, writable=False)
         if logarithms.shape != (r,) or np.isnan(logarithms).any() or logarithms.max() == -np.inf:
             raise InputError("state.log_probabilities", f"must be {r} logarithms of probabilities")
         sample = check_sample(given.sample, m, inputs)
@@ -273,7 +273,7 @@ class IMM(Observer[State]):
     ) -> int:
         """What the compiled loop does, with filters that are called: they may be anyone's."""
         r, n = beliefs.means.shape
-        states = (0,) * n
+        states, transition = (0,) * n, for_loop(self.transition)
         weights, predicted, told = np.empty((r, r)), np.empty(r), np.empty(r)
         mixed, spread = np.empty((r, n)), np.empty((r, n, n))
         for k, y in enumerate(measurements):
@@ -281,7 +281,7 @@ class IMM(Observer[State]):
             mixed[:], spread[:] = beliefs.means, beliefs.covariances
             predicted[:] = beliefs.log_probabilities
             if moves:
-                mixing_probabilities(self.transition, beliefs.log_probabilities, weights, predicted)
+                mixing_probabilities(transition, beliefs.log_probabilities, weights, predicted)
             if moves and self.mixing:
                 interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
             for j, one in enumerate(self.filters):
@@ -324,7 +324,7 @@ class IMM(Observer[State]):
         return Bank(
             ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
             np.array([one.law_parameters for one in linear]),
-            self.transition,
+            for_loop(self.transition),
             self.mixing,
         )
 

@@ -23,6 +23,7 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError
 from reobserve.core.kernel import Law
 from reobserve.core.matrices import as_row, as_samples, as_vector
+from reobserve.core.value import for_loop
 from reobserve.observers.contract import Record, Rows
 from reobserve.observers.gaussian_filter import (
     Correction,
@@ -30,7 +31,7 @@ from reobserve.observers.gaussian_filter import (
     GaussianFilter,
     State,
     check_belief,
-    copied,
+    copies,
     inputs_of_rows,
     named,
     new_rows,
@@ -120,8 +121,9 @@ class LinearFilter(GaussianFilter):
         belief = check_belief("belief", belief, len(states), len(outputs))
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         predict(
-            states, self.model.arrays, as_vector("u", u, self.model.inputs), belief.mean,
-            belief.covariance, mean, covariance, new_work(len(states), len(outputs)),
+            states, self.model.arrays, as_vector("u", u, self.model.inputs),
+            for_loop(belief.mean), for_loop(belief.covariance), mean, covariance,
+            new_work(len(states), len(outputs)),
         )  # fmt: skip
         return self._finite(Gaussian(mean, covariance, belief.error))
 
@@ -144,16 +146,15 @@ class LinearFilter(GaussianFilter):
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
             return Correction(belief, innovation, factor, 0.0)
-        after = copied(belief)
+        after = copies(belief)
         log_likelihood = correct(
             states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken,
-            control, after.mean, after.covariance, after.error, innovation, factor,
-            new_work(len(states), m),
+            control, *after, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
-        after = self._finite(after, log_likelihood)
+        corrected = self._finite(Gaussian(*after), log_likelihood)
         spread = np.empty((m, m))
         write_innovation_covariance(innovation, factor, spread)
-        return Correction(after, innovation, spread, log_likelihood)
+        return Correction(corrected, innovation, spread, log_likelihood)
 
     def _finite(self, belief: Gaussian, log_likelihood: float = 0.0) -> Gaussian:
         if not np.isfinite(log_likelihood + belief.mean.sum() + np.trace(belief.covariance)):
@@ -163,11 +164,11 @@ class LinearFilter(GaussianFilter):
     def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = copied(state.belief), state.sample is None
+        after, fresh = copies(state.belief), state.sample is None
         rows = new_rows(k, n, m)
         good = run_filter(
             states, outputs, self.model.arrays, *self._noise_of_rows(state), self.compiled_law,
-            self.law_parameters, record.y, inputs_of_rows(state.sample, record), fresh, after.mean,
-            after.covariance, after.error, *rows,
+            self.law_parameters, record.y, inputs_of_rows(state.sample, record), fresh, *after,
+            *rows,
         )  # fmt: skip
-        return Rows(named(rows), good, self._after(state, record, after))
+        return Rows(named(rows), good, self._after(state, record, Gaussian(*after)))

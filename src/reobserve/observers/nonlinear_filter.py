@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError
 from reobserve.core.matrices import as_row, as_samples, as_vector
+from reobserve.core.value import for_loop
 from reobserve.observers.contract import Record, Rows
 from reobserve.observers.gaussian_filter import (
     Correction,
@@ -26,7 +27,7 @@ from reobserve.observers.gaussian_filter import (
     GaussianFilter,
     State,
     check_belief,
-    copied,
+    copies,
     inputs_of_rows,
     named,
     new_rows,
@@ -117,8 +118,8 @@ class NonlinearFilter(GaussianFilter):
         work = new_filter_work(len(states), len(outputs))
         good = predict(
             states, self.functions, self.weights, self.model.Q,
-            as_vector("u", u, self.model.inputs), belief.mean, belief.covariance, mean, covariance,
-            work,
+            as_vector("u", u, self.model.inputs), for_loop(belief.mean),
+            for_loop(belief.covariance), mean, covariance, work,
         )  # fmt: skip
         self.model.raise_problem()
         if not good:
@@ -145,17 +146,17 @@ class NonlinearFilter(GaussianFilter):
         innovation, spread = np.full(m, np.nan), np.full((m, m), np.nan)
         if np.isnan(taken).all():
             return Correction(belief, innovation, spread, 0.0)
-        after = copied(belief)
+        after = copies(belief)
         factor, work = np.empty((m, m)), new_filter_work(n, m)
         log_likelihood = correct(
             states, outputs, self.functions, self.weights, self.model.R, taken, control,
-            after.mean, after.covariance, innovation, factor, work,
+            after[0], after[1], innovation, factor, work,
         )  # fmt: skip
         self.model.raise_problem()
         if np.isnan(log_likelihood):
             raise DivergenceError(type(self).__name__, 0.0, CAUSES[int(work.cause[0])])
         write_innovation_covariance(innovation, factor, spread)
-        return Correction(after, innovation, spread, log_likelihood)
+        return Correction(Gaussian(*after), innovation, spread, log_likelihood)
 
     def _fill(self, state: State, record: Record) -> Rows:
         return self._filtered(state, record)[0]
@@ -167,12 +168,12 @@ class NonlinearFilter(GaussianFilter):
         """The rows, and why the loop stopped, a key of `CAUSES`, or 0."""
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = copied(state.belief), state.sample is None
+        after, fresh = copies(state.belief), state.sample is None
         rows = new_rows(k, n, m)
         good, cause = run_filter(
             states, outputs, self.functions, self.weights, *self._noise_of_rows(state), record.y,
-            inputs_of_rows(state.sample, record), fresh, after.mean, after.covariance, *rows,
+            inputs_of_rows(state.sample, record), fresh, after[0], after[1], *rows,
             np.empty((m, m)), new_filter_work(n, m),
         )  # fmt: skip
         self.model.raise_problem()
-        return Rows(named(rows), good, self._after(state, record, after)), cause
+        return Rows(named(rows), good, self._after(state, record, Gaussian(*after))), cause

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
 from reobserve.observers.linear_filter_loop import (
     Size,
@@ -38,7 +38,7 @@ from reobserve.systems.nonlinear_flow import Functions
 Array = NDArray[np.float64]
 
 
-@kernel
+@inlined_kernel
 def predict(
     states: Size, functions: Functions, weights: Weights | None, Q: Array, u: Array, mean: Array,
     covariance: Array, next_mean: Array, next_covariance: Array, work: FilterWork,
@@ -61,7 +61,7 @@ def predict(
     return True
 
 
-@kernel
+@inlined_kernel
 def correct(
     states: Size, outputs: Size, functions: Functions, weights: Weights | None, R: Array, y: Array,
     u: Array, mean: Array, covariance: Array, innovation: Array, factor: Array, work: FilterWork,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel
 from reobserve.observers.linear_filter_loop import Work
 from reobserve.systems.nonlinear_flow import FlowWork, new_flow_work
 
@@ -43,7 +43,7 @@ def new_filter_work(states: int, outputs: int) -> FilterWork:
     )  # fmt: skip
 
 
-@kernel
+@inlined_kernel
 def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> bool:
     """Write y - h(x, u), nan where y is; false if h is not finite."""
     for o in range(len(y)):
@@ -54,7 +54,7 @@ def innovate(y: Array, expected: Array, innovation: Array, work: FilterWork) -> 
     return True
 
 
-@kernel
+@inlined_kernel
 def correct_mean(mean: Array, innovation: Array, gain: Array) -> None:
     """x = x + K e; columns of K that belong to missing outputs become zero."""
     for a in range(len(mean)):

@@ -98,7 +98,7 @@ class SmoothVariableStructureFilter(LinearFilter):
             raise InputError(
                 "model", f"C has {m} rows but rank {rank}: no gain corrects all outputs at once"
             )
-        object.__setattr__(self, "boundary_layer", psi)
+        self._set("boundary_layer", psi)
         object.__setattr__(self, "memory", gamma)
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, shown
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_sample_rows
 from reobserve.observers.gaussian_filter import as_covariances
 from reobserve.observers.kalman import KalmanFilter
@@ -164,7 +164,7 @@ def _smooth(
     return -1
 
 
-@kernel
+@inlined_kernel
 def _write_gain(root: Array, cross: Array, gain: Array) -> None:
     """Solve G L L' = cov(x(k), x(k+1)): G L first, then G.
 

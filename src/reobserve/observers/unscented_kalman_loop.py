@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import inlined_kernel, kernel
+from reobserve.core.kernel import inlined_kernel
 from reobserve.observers.linear_filter_loop import (
     HALF_LOG_TWO_PI,
     Size,
@@ -37,7 +37,7 @@ class Weights(NamedTuple):
     first: float
 
 
-@kernel
+@inlined_kernel
 def take_root(covariance: Array, root: Array) -> bool:
     """Write the lower Cholesky factor L of P = L L'; false if P has a negative eigenvalue.
 
@@ -63,7 +63,7 @@ def take_root(covariance: Array, root: Array) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterWork) -> bool:
     """Write the sigma points: x, x + c L_i, x - c L_i; false if P has no root."""
     n = len(mean)
@@ -79,7 +79,7 @@ def place_points(mean: Array, covariance: Array, weights: Weights, work: FilterW
     return True
 
 
-@kernel
+@inlined_kernel
 def average_points(images: Array, weight: float, mean: Array) -> None:
     """Write the mean, as the first point plus what the others differ from it by.
 
@@ -92,7 +92,7 @@ def average_points(images: Array, weight: float, mean: Array) -> None:
         mean[a] = images[0, a] + weight * total
 
 
-@kernel
+@inlined_kernel
 def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None:
     """Write the lower half of sum w d d' + noise, where d are rows of ``images``."""
     for a in range(len(noise)):
@@ -104,7 +104,7 @@ def spread_of(images: Array, weights: Weights, noise: Array, out: Array) -> None
             out[a, b] = noise[a, b] + central + weights.each * total
 
 
-@kernel
+@inlined_kernel
 def cross_of(root: Array, images: Array, weights: Weights, cross: Array) -> None:
     """Write sum w (X - x) d', where d are rows of ``images`` and X - x is 0, c L_i or -c L_i."""
     n = len(root)
@@ -124,7 +124,7 @@ def subtract(rows: Array, mean: Array) -> None:
             rows[i, a] -= mean[a]
 
 
-@kernel
+@inlined_kernel
 def predict_unscented(
     functions: Functions, weights: Weights, Q: Array, u: Array, mean: Array, covariance: Array,
     next_covariance: Array, work: FilterWork,
@@ -151,7 +151,7 @@ def predict_unscented(
     return True
 
 
-@kernel
+@inlined_kernel
 def correct_unscented(
     outputs: Size, functions: Functions, weights: Weights, R: Array, y: Array, u: Array,
     mean: Array, covariance: Array, innovation: Array, factor: Array, work: FilterWork,
@@ -186,7 +186,7 @@ def correct_unscented(
     return log_likelihood
 
 
-@kernel
+@inlined_kernel
 def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
     """Replace S by its lower Cholesky factor; return the log-likelihood, nan if it has none.
 
@@ -220,7 +220,7 @@ def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
     return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
 
 
-@kernel
+@inlined_kernel
 def spread_after(
     R: Array, weights: Weights, gain: Array, points: Array, images: Array, covariance: Array
 ) -> None:

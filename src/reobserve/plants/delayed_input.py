@@ -17,6 +17,7 @@ from reobserve.core.direct_call import call
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_scalar, as_vector
+from reobserve.core.value import for_loop
 from reobserve.signals.inputs import SAME_INSTANT, Array, Signal
 from reobserve.systems.triangular import TriangularModel
 
@@ -78,7 +79,13 @@ class DelayedInputPlant:
         model = self.model
         size = (0,) * model.states
         finite = _simulate(
-            model.drift, model.input_gain, model.parameters, size, inputs, step, states
+            model.drift,
+            model.input_gain,
+            for_loop(model.parameters),
+            size,
+            inputs,
+            step,
+            states,
         )
         if finite < steps:
             raise DivergenceError("plant", finite * step)

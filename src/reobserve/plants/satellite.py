@@ -11,6 +11,7 @@ from reobserve.core.arguments import as_kind, as_whole
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import Matrix, as_positive, as_vector
+from reobserve.core.value import for_loop
 from reobserve.signals.inputs import Array, Signal
 from reobserve.systems.rigid_body import RigidBody
 from reobserve.systems.rigid_body_arithmetic import acceleration, ahead, rk4_sum, row
@@ -56,7 +57,7 @@ class Satellite(RigidBody):
         rate = np.empty((steps + 1, 3))
         rate[0] = start
         finite = _simulate(
-            self.inertia,
+            for_loop(self.inertia),
             self.inverse,
             torque(index * step),
             torque((index + 0.5) * step),

@@ -12,7 +12,7 @@ import numpy as np
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import Matrix, as_positive, as_scalar, spectral_radius
+from reobserve.core.matrices import Matrix, spectral_radius
 from reobserve.synthesis.ilo_error_system import LearningLaw, Verdict
 
 
@@ -136,25 +136,3 @@ def sampled_limit_gain(
         if excess(outside) >= 0:
             return float(brentq(excess, inside, outside, xtol=1e-13, rtol=1e-13)) / strength
     return float("inf")
-
-
-def scalar_sampled_limit(inertia: float, damping: float, K1: float, interval: float) -> float:
-    """The largest stable scalar K2 [N m s] of the sampled-and-held observer with B_f = I.
-
-    k2 < (1 + a)(1 + k1) lambda / (1 - a), a = exp(-lambda tau / j), where an eigenvalue passes -1.
-    For scalar gains and a full inertia matrix, its smallest eigenvalue decides. ``inertia``
-    [kg m2], ``damping`` [N m s], ``interval`` [s], all above zero, and -1 < K1 <= 1.
-
-    Raises
-    ------
-    InputError
-        If a parameter is outside its range.
-    """
-    j, lam = as_positive("inertia", inertia), as_positive("damping", damping)
-    tau, k1 = as_positive("interval", interval), as_scalar("K1", K1)
-    if not -1 < k1 <= 1:
-        raise InputError("K1", f"{k1:g} must be above -1 and at most 1")
-    share = float(np.tanh(lam * tau / (2 * j)))
-    if share == 0.0:
-        raise InputError("inertia", f"{j:g} is so large that the limit is no floating-point number")
-    return (1 + k1) * lam / share

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reobserve.core.arguments import as_kind, as_whole
+from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.finite import finite
-from reobserve.core.matrices import Matrix, as_positive, spectral_radius
+from reobserve.core.matrices import Matrix, spectral_radius
 from reobserve.synthesis.ilo_error_system import Complex, LearningLaw, Verdict
 
 _UNIT = 1e-9  # a spectral radius this close to one is taken to be one
@@ -229,53 +228,3 @@ def _count_roots(law: LearningLaw, right_of: float, bound: float) -> int | None:
     # |eigenvalues| < 1 on the closing arc, so the principal angle is the continuous one.
     closing = float(np.sum(np.angle(1 + np.linalg.eigvals(loop))))
     return round((closing - along) / np.pi)
-
-
-@dataclass(frozen=True)
-class RippleRoots:
-    """Roots n = 1, 2, ... near 2 pi n / tau: ``asymptotic`` and ``exact``, both [1/s], shape (n,).
-
-    A root is the complex rate of one ripple harmonic; its real part is the growth of that ripple.
-    """
-
-    order: NDArray[np.int64]
-    asymptotic: Complex
-    exact: Complex
-
-
-@finite("K2")
-def ripple_roots(
-    inertia: float, damping: float, K1: float, K2: float, interval: float, count: int = 5
-) -> RippleRoots:
-    r"""The first ``count`` ripple roots of (j s + lambda)(1 - k1 exp(-s tau)) + k2 = 0, scalars.
-
-    For k1 = 1, :math:`\Re s_n\approx-(k_2\lambda+k_2^2/2)/(j^2\omega_n^2\tau)` with
-    :math:`\omega_n=2\pi n/\tau`, an expansion in k2 / (j w_n): a constant learned with K1 = I
-    keeps a ripple that hardly decays. Another k1 adds ln(k1) / tau. The exact roots come from
-    Newton's method on ln(1 + k2 / (j s + lambda)) - ln k1 + s tau = 2 pi i n, which keeps n.
-
-    Raises
-    ------
-    InputError
-        If a parameter is not above zero, or Newton's method does not reach a root.
-    """
-    j, lam, k1 = (
-        as_positive("inertia", inertia),
-        as_positive("damping", damping),
-        as_positive("K1", K1),
-    )
-    k2, tau = as_positive("K2", K2), as_positive("interval", interval)
-    order = np.arange(1, as_whole("count", count, 1, 100_000) + 1)
-    frequency = 2 * np.pi * order / tau
-    # Products, as the power of a float raises beyond its range; inf is refused below.
-    real = np.log(k1) / tau - (k2 * lam + k2 * k2 / 2) / (j * j * frequency**2 * tau)
-    asymptotic = real + 1j * frequency
-    root = asymptotic.copy()
-    for _ in range(50):
-        gain = k2 / (j * root + lam)
-        value = np.log(1 + gain) - np.log(k1) + root * tau - 2j * np.pi * order
-        slope = tau - j * gain / ((j * root + lam) * (1 + gain))
-        root = root - value / slope
-    if not np.all(np.abs(value) < 1e-9 * (1 + np.abs(order))):
-        raise InputError("K2", f"{k2:g} is too large for its ripple roots to be followed")
-    return RippleRoots(order, asymptotic, root)

@@ -49,7 +49,7 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     if chosen.shape != (n,) or not np.isfinite(chosen).all() or np.any(np.poly(chosen).imag):
         problem = f"{shown(chosen.tolist())} must be {n} finite numbers, complex ones in pairs"
         raise InputError("poles", problem)
-    hidden = hidden_modes(A, C)
+    hidden = unobservable_modes(A, C)
     if len(hidden):
         said = f"do not show the mode of the eigenvalue {_told(hidden[0])}, which no gain moves"
         raise InputError("A, C", said)
@@ -110,7 +110,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     if len(hidden):
         said = f"has a mode of the eigenvalue {_told(hidden[0])} that C does not show"
         raise InputError("model", f"{said} and that does not decay: there is no steady gain")
-    still = hidden_modes(A.T, Q)
+    still = unobservable_modes(A.T, Q)
     still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
     if len(still):
         said = f"has a mode of the eigenvalue {_told(still[0])} on the unit circle"
@@ -125,19 +125,19 @@ def steady_kalman_gain(model: LinearModel) -> Array:
 
 
 def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
-    """Those of `hidden_modes` that do not decay in discrete time: from the unit circle on.
+    """Those of `unobservable_modes` that do not decay in discrete time: from the unit circle on.
 
     Raises
     ------
     InputError
         If the shapes do not fit.
     """
-    hidden = hidden_modes(A, C)
+    hidden = unobservable_modes(A, C)
     return hidden[np.abs(hidden) >= 1.0 - _CIRCLE]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
-def hidden_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
+def unobservable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     """The eigenvalues of A whose modes C does not show, shape (k,).
 
     Raises

@@ -15,15 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
-from reobserve.core.errors import InputError, shown
-from reobserve.core.matrices import as_floats, as_matrix, as_positive
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_floats, as_matrix, as_positive, as_symmetric
+from reobserve.core.value import Value, for_loop
 from reobserve.systems.signal_names import as_names
 
 Array = NDArray[np.float64]
-
-# How far a covariance may be from symmetric, over its largest entry. A product G S G' that BLAS
-# computes is symmetric to n times 1e-16; an entry that is typed wrongly is off by far more.
-_SYMMETRIC = 1e-12
 
 
 class ModelArrays(NamedTuple):
@@ -37,8 +34,8 @@ class ModelArrays(NamedTuple):
     R: Array
 
 
-@dataclass(frozen=True, eq=False)
-class LinearModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(Value):
     """A linear model in discrete time; its arrays are read-only copies.
 
     Parameters
@@ -126,18 +123,18 @@ class LinearModel:
         if not unusual:
             _check_discrete(A)
         Q, R = as_covariance("Q", self.Q, n), as_covariance("R", self.R, m, definite=True)
-        put = object.__setattr__
+        put = self._set
         for name, matrix in zip("ABCDQR", (A, B, C, D, Q, R), strict=True):
-            put(self, name, read_only(matrix))
-        put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
-        put(self, "unusual", unusual)
+            put(name, matrix)
+        put("sampling_period", as_positive("sampling_period", self.sampling_period))
+        put("unusual", unusual)
         for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
-            put(self, name, as_names(name, getattr(self, name), size))
+            put(name, as_names(name, getattr(self, name), size))
 
     @cached_property
     def arrays(self) -> ModelArrays:
-        """The matrices, C-contiguous and read-only."""
-        return ModelArrays(self.A, self.B, self.C, self.D, self.Q, self.R)
+        """The matrices as compiled loops take them, which must not write to them."""
+        return ModelArrays(*map(for_loop, (self.A, self.B, self.C, self.D, self.Q, self.R)))
 
     @property
     def states(self) -> int:
@@ -155,13 +152,6 @@ class LinearModel:
         return len(self.C)
 
 
-def read_only(array: Array) -> Array:
-    """A C-contiguous copy that cannot be written to."""
-    copy = np.array(array, dtype=np.float64, order="C")
-    copy.flags.writeable = False
-    return copy
-
-
 def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
     """A covariance from a number (times identity), a diagonal or the matrix itself.
 
@@ -173,13 +163,7 @@ def as_covariance(name: str, value: ArrayLike, size: int, *, definite: bool = Fa
         If it has another size, is not symmetric, or has an eigenvalue below zero by more than
         rounding, or with ``definite`` one that is not above zero.
     """
-    matrix = as_matrix(name, value, size)
-    if not np.array_equal(matrix, matrix.T):
-        with np.errstate(over="ignore"):
-            apart = np.abs(matrix - matrix.T).max()
-        if not apart <= _SYMMETRIC * np.abs(matrix).max():
-            raise InputError(name, f"{shown(matrix.tolist())} must be symmetric")
-        matrix = 0.5 * matrix + 0.5 * matrix.T
+    matrix = as_symmetric(name, as_matrix(name, value, size))
     eigenvalues = np.linalg.eigvalsh(matrix)
     least = 0.0 if definite else -1e-12 * max(float(eigenvalues[-1]), 0.0)
     if eigenvalues[0] < least or (definite and eigenvalues[0] <= 0):

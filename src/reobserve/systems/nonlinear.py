@@ -122,17 +122,17 @@ class NonlinearModel:
         for kind, length in lengths.items():
             names = as_names(f"{kind}_names", getattr(self, f"{kind}_names"))
             found = length if names is None else len(names)
-            given = getattr(self, f"{kind}s")
+            given, least = getattr(self, f"{kind}s"), 0 if kind == "input" else 1
             if given is None and found is None and kind != "input":
                 raise InputError(f"{kind}s", "is left out, must be the number of them")
-            size = (found or 0) if given is None else as_whole(f"{kind}s", given, kind != "input")
+            size = (found or 0) if given is None else as_whole(f"{kind}s", given, least)
             if names is not None and len(names) != size:
                 raise InputError(f"{kind}_names", f"are {len(names)}, must be {size}")
             if length is not None and length != size:
                 raise InputError("fh"[kind == "output"], f"has {length} texts, must have {size}")
             put(self, f"{kind}_names", names)
             put(self, f"{kind}s", size)
-        as_names("input_names", self._variables)  # of which none may be a state's
+        as_names("input_names", list(self._variables))  # of which none may be a state's
         put(self, "parameters", _as_parameters(self.parameters, self._variables))
         put(self, "Q", as_covariance("Q", self.Q, self.states))
         put(self, "R", as_covariance("R", self.R, self.outputs, definite=True))
@@ -172,7 +172,10 @@ class NonlinearModel:
         return cls(f, h, Q, R, F, H, sampling_period=sampling_period, substeps=steps, **options)
 
     def __repr__(self) -> str:
-        size = f"{self.states} states, {self.inputs} inputs, {self.outputs} outputs"
+        numbers = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        size = ", ".join(
+            f"{number} {kind}{'s' * (number != 1)}" for kind, number in numbers.items()
+        )
         text = all(isinstance(one, tuple) for one in (self.f, self.h))
         how = "from text, compiled" if text else "compiled"
         if self.uncompiled:

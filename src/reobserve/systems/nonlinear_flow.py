@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import kernel
+from reobserve.core.kernel import inlined_kernel
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def new_flow_work(states: int, outputs: int) -> FlowWork:
     )  # fmt: skip
 
 
-@kernel
+@inlined_kernel
 def jacobian(
     function: Any, derivative: Any, given: bool, scale: Array, x: Array, u: Array, flat: Array,
     work: FlowWork,
@@ -98,7 +98,7 @@ def jacobian(
             flat[i * n + j] = (8.0 * near - far) / (12.0 * d)
 
 
-@kernel
+@inlined_kernel
 def move(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
     """Write x(k+1): f(x, u), or the solution of x' = f(x, u) by Runge-Kutta steps."""
     n = len(x)
@@ -123,7 +123,7 @@ def move(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -
             out[i] += h / 6.0 * total[i]
 
 
-@kernel
+@inlined_kernel
 def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: FlowWork) -> None:
     """Write x(k+1), and its Jacobian A with respect to x(k) into ``work.A``.
 
@@ -160,7 +160,7 @@ def move_and_derive(functions: Functions, x: Array, u: Array, out: Array, work: 
             work.A[i, j] = work.sensitivity[i, j]
 
 
-@kernel
+@inlined_kernel
 def clear(x: Array, y: Array, X: Array, Y: Array) -> None:
     """Write zeros to two vectors and two matrices."""
     for i in range(len(x)):
@@ -169,7 +169,7 @@ def clear(x: Array, y: Array, X: Array, Y: Array) -> None:
             X[i, j] = Y[i, j] = 0.0
 
 
-@kernel
+@inlined_kernel
 def advance(
     x: Array, X: Array, h: float, slope: Array, slopes: Array, out: Array, outs: Array
 ) -> None:
@@ -180,7 +180,7 @@ def advance(
             outs[i, j] = X[i, j] + h * slopes[i, j]
 
 
-@kernel
+@inlined_kernel
 def multiply(A: Array, S: Array, out: Array) -> None:
     """Write A S."""
     for i in range(len(A)):

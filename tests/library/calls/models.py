@@ -10,6 +10,7 @@ from reobserve.plants.hydraulic_actuator import ActuatorModel
 from reobserve.signals.inputs import Signal
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.systems.linear import LinearModel
+from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 
 INERTIA = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
@@ -38,6 +39,14 @@ def signal(axes: int = 1) -> Signal:
 def linear_model() -> LinearModel:
     """Two states, one input, one output."""
     return LinearModel(TRANSITION, [[0.0], [0.01]], [[1.0, 0.0]], Q=1e-4, R=1e-2)
+
+
+def swing() -> NonlinearModel:
+    """A pendulum as text: two states, one input, one output."""
+    return NonlinearModel.from_ode(
+        ["rate", "torque - 9.81*sin(angle)"], "angle", 1e-4, 1e-2, state_names=["angle", "rate"],
+        input_names=["torque"], sampling_period=0.01,
+    )  # fmt: skip
 
 
 def van_der_pol(dynamics: list[str] = VAN_DER_POL) -> PolynomialSystem:

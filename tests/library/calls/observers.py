@@ -10,20 +10,22 @@ import numpy as np
 from reobserve.observers.gaussian_filter import Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.normal_form import normal_form_observer
+from reobserve.observers.smoother import rts_smoother
 from reobserve.plants.first_order_lag import first_order_lag
 from reobserve.plants.pendulum import pendulum
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.synthesis.normal_form.design import normal_form
+from reobserve.systems.nonlinear import NonlinearModel
 from reobserve.systems.polynomial import PolynomialSystem
 from reobserve.systems.rigid_body import RigidBody
 
 from .call import COMPLEX, MISSING, Call, called, method
-from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, van_der_pol
+from .models import HALF, INERTIA, VAN_DER_POL, augmented, gains, linear_model, swing, van_der_pol
 
 
 def calls() -> Iterator[Call]:
     """All of them."""
-    for part in (_observers, _filters, _normal_forms):
+    for part in (_observers, _filters, _nonlinear_filters, _normal_forms):
         yield from part()
 
 
@@ -137,7 +139,7 @@ def _filters() -> Iterator[Call]:
         "observers.imm.IMM": ([kalman, kalman], stay, True),
         "observers.fixed_gain.steady_kalman": (model,),
         "synthesis.linear.steady_kalman_gain": (model,),
-        "synthesis.linear.hidden_modes": (model.A, model.C),
+        "synthesis.linear.unobservable_modes": (model.A, model.C),
         "synthesis.linear.undetectable_modes": (model.A, model.C),
     })  # fmt: skip
     yield from called({
@@ -148,6 +150,66 @@ def _filters() -> Iterator[Call]:
         "observers.fixed_gain.luenberger": (model, [0.5, 0.6]),
         "synthesis.linear.place": (model.A, model.C, [0.5, 0.6]),
     }, COMPLEX)  # fmt: skip
+
+
+def _nonlinear_filters() -> Iterator[Call]:
+    def made_of(
+        f: Any, h: Any, Q: Any, R: Any, F: Any, H: Any, state_names: Any, input_names: Any,
+        output_names: Any, parameters: Any, scale: Any, sampling_period: Any, substeps: Any,
+    ) -> object:  # fmt: skip
+        return NonlinearModel(
+            f, h, Q, R, F, H, state_names=state_names, input_names=input_names,
+            output_names=output_names, parameters=parameters, scale=scale,
+            sampling_period=sampling_period, substeps=substeps,
+        )  # fmt: skip
+
+    texts = ["w", "u - g*a"], ["a"], [1e-4, 1e-4], 1e-2, [["0", "1"], ["-g", "0"]], [["1", "0"]]
+    names = ["a", "w"], ["u"], ["angle"], {"g": 9.81}
+    yield Call("systems.nonlinear.NonlinearModel", made_of, (*texts, *names, [1.0, 2.0], 0.01, 2))
+
+    def sized(f: Any, h: Any, states: Any, inputs: Any, outputs: Any) -> object:
+        return NonlinearModel(f, h, 1e-4, 1e-2, states=states, inputs=inputs, outputs=outputs)
+
+    name = "systems.nonlinear.NonlinearModel, functions"
+    yield Call(name, sized, (lambda x, u: x, lambda x: x[:1], 2, 1, 1))
+
+    def integrated(f: Any, h: Any, Q: Any, R: Any, sampling_period: Any, substeps: Any) -> object:
+        return NonlinearModel.from_ode(
+            f, h, Q, R, sampling_period=sampling_period, substeps=substeps, state_names=["a", "w"]
+        )
+
+    name = "systems.nonlinear.NonlinearModel.from_ode"
+    yield Call(name, integrated, (["w", "-a"], "a", 1e-4, 1e-2, 0.01, 2))
+    model = swing()
+    y, u = np.sin(HALF)[:20, None], np.ones((20, 1))
+    made: dict[str, tuple[Any, ...]] = {
+        "observers.extended_kalman.ExtendedKalmanFilter": (model,),
+        "observers.unscented_kalman.UnscentedKalmanFilter": (model, 0.5, 2.0, 1.0),
+    }
+    for call in called(made):
+        yield call
+        observer: Any = call.function(*call.arguments)
+        start = observer.init([0.0, 0.0], 1e-2)
+        yield method(observer, "init", [0.0, 0.0], np.eye(2))
+
+        def run(y: Any, u: Any, state: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.run(y, u, state=state, Q=Q, R=R)
+
+        def step(state: Any, y: Any, u: Any, Q: Any, R: Any, observer: Any = observer) -> object:
+            return observer.step(state, y, u, Q=Q, R=R)
+
+        noise = np.tile(1e-3 * np.eye(2), (20, 1, 1)), np.full((20, 1, 1), 0.1)
+        yield Call(method(observer, "run").name, run, (y, u, start, *noise), MISSING)
+        row = start, y[0], u[0], noise[0][0], noise[1][0]
+        yield Call(method(observer, "step").name, step, row, MISSING)
+        yield method(observer, "predict", start.belief, [1.0])
+        yield method(observer, "correct", start.belief, [0.1], [1.0], takes=MISSING)
+
+        def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
+            return rts_smoother(observer, observer.run(y, np.ones((20, 1)), state=start), u, Q=Q)
+
+        kind = type(observer).__name__
+        yield Call(f"observers.smoother.rts_smoother, {kind}", smooth, (u, noise[0]))
 
 
 def _normal_forms() -> Iterator[Call]:

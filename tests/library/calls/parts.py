@@ -133,9 +133,7 @@ def _synthesis() -> Iterator[Call]:
         "synthesis.ilo_sampled_stability.sampled_map": (law,),
         "synthesis.ilo_sampled_stability.sampled_stability": (law,),
         "synthesis.ilo_sampled_stability.sampled_limit_gain": (law,),
-        "synthesis.ilo_sampled_stability.scalar_sampled_limit": (36.0, 500.0, 1.0, 0.01),
         "synthesis.ilo_stability.continuous_stability": (law,),
-        "synthesis.ilo_stability.ripple_roots": (36.0, 500.0, 0.9, 50.0, 0.01, 3),
         "papers.ilo.theorem.lemma1_sides": (zeros, zeros, zeros, 0.9, 50.0, 1.0, 1.0, 1.0),
         "papers.ilo.theorem.certify": (500.0, np.eye(3), 0.5, 50.0, 0.01),
         "papers.ilo.theorem.bound18": (
@@ -171,8 +169,8 @@ def _designs() -> Iterator[Call]:
     matrices = tuple(getattr(system, key) for key in ("A", "B", "C", "Dd", "Dw", "Fa", "Fs", "Az"))
     yield from called({
         "synthesis.extended_state.system.AugmentedSystem": matrices,
-        "synthesis.extended_state.floor.gamma_floor": (system,),
-        "synthesis.extended_state.floor.as_gamma": (system, 1.05),
+        "synthesis.extended_state.gamma_bound.gamma_lower_bound": (system,),
+        "synthesis.extended_state.gamma_bound.as_gamma": (system, 1.05),
         "synthesis.extended_state.certificate.error_system": (system, found),
         "synthesis.extended_state.certificate.certify": (system, found, 100.0),
         "papers.eso.deviation.held_deviation": (system, found, np.ones(3), 0.1),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from reobserve.papers.delay.estimator import DelayEstimator, State
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
 from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
-from tests.observers.halves import past_of
 
 Array = NDArray[np.float64]
 Delay = Callable[[Array], Array]
@@ -67,6 +67,13 @@ def plant(u: Input, delay: Delay, time: Array, a: float, b: float, x0: float = 0
     for i, (fade, more) in enumerate(zip(np.exp(-a * step[:, 0]), gained, strict=True)):
         x[i + 1] = fade * x[i] + more
     return x
+
+
+def past_of(halves: Array, before: Array | None = None) -> dict[str, Any]:
+    """The past of an input for `DelayEstimator.init`, from samples at half a period."""
+    left = halves if before is None else before
+    middle = np.concatenate([halves[:1], halves[1::2]])
+    return {"past_u": halves[::2], "before": left[::2], "middle": middle}
 
 
 def record(

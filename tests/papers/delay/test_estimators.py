@@ -16,7 +16,6 @@ from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
 from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
-from tests.observers.halves import past_of
 from tests.papers.delay.scalar_plant import (
     BOUNDS,
     FAST,
@@ -32,6 +31,7 @@ from tests.papers.delay.scalar_plant import (
     least_squares,
     observed,
     paper_delay,
+    past_of,
     plant,
     record,
     relay,

@@ -20,7 +20,7 @@ from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
@@ -111,7 +111,7 @@ def test_an_observer_with_the_printed_back_emf_takes_the_speed_for_a_fault() -> 
     assert at_rest(SYSTEM, gains, x, 10.0) == pytest.approx([*x, 0.2, 0.0], abs=1e-9)
     found = at_rest(printed, gains, x, 10.0)
     assert found == pytest.approx([*x, 0.2 - 0.02 * x[0], 0.0], abs=1e-9)
-    assert gamma_floor(printed) == pytest.approx(FLOOR, rel=1e-13)
+    assert gamma_lower_bound(printed) == pytest.approx(FLOOR, rel=1e-13)
 
 
 # --- (22) and (24): the input of the dual is no dD ----------------------------------------------
@@ -285,8 +285,8 @@ def test_without_az_in_dw_a_gamma_is_promised_that_no_observer_has() -> None:
     assert unscaled.Da[2, 2] == 1.0
     # Errors of constants d1, d2, w: w as if it were a tenth.
     errors = [[0.1, 0, 0], [0.001, -1, 0], [-0.1, 0, -0.1]]
-    assert gamma_floor(unscaled) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-12)
-    assert gamma_floor(unscaled) < 1.000001 < FLOOR
+    assert gamma_lower_bound(unscaled) == pytest.approx(np.linalg.norm(errors, 2), rel=1e-12)
+    assert gamma_lower_bound(unscaled) < 1.000001 < FLOOR
     found = pd_pi.design(unscaled, gamma=1.004)
     assert found.certificate.holds
     Ao, Eo = error_system(dc_motor(Az=10.0), found.gains)

@@ -676,7 +676,11 @@ def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
 
 
 BAD_DESIGNS = {
-    "factor": ("pd_pi", 0.9, "0.9 of the floor of gamma, 1.00503781018428, must be above one"),
+    "factor": (
+        "pd_pi",
+        0.9,
+        "0.9 of the lower bound of gamma, 1.00503781018428, must be",
+    ),
     "decay": ("pi_feasible", -1, "-1 must not be negative"),
     "solver": ("pd_pi", "MOSEK", "'MOSEK' must be one of CLARABEL, SCS"),
     "filter_rate": ("pi_optimal", -2, "-2 must be greater than zero"),

@@ -24,8 +24,8 @@ from reobserve.replication.parameters.job import read_job
 from reobserve.replication.parameters.ledger import Ledger
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
-from reobserve.synthesis.ilo_sampled_stability import scalar_sampled_limit
 from tests.papers import ROOT
+from tests.papers.ilo.limits import scalar_sampled_limit
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest

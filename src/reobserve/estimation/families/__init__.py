@@ -10,7 +10,7 @@ from __future__ import annotations
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
-from reobserve.core.errors import InputError, shown
+from reobserve.core.errors import InputError, one_line, shown
 
 if TYPE_CHECKING:
     from reobserve.estimation.families.design import Design
@@ -62,7 +62,11 @@ def family(name: Any, place: str = "kind") -> type[Design]:
     added = metadata.entry_points(group=GROUP)
     for entry in added:
         if entry.name == name:
-            found = entry.load()
+            try:
+                found = entry.load()
+            except Exception as error:
+                problem = f"{name} ({entry.value}) cannot be imported: {one_line(error)}"
+                raise InputError(place, problem) from error
             return found
     names = (*FAMILIES, *(entry.name for entry in added))
     problem = f"{shown(name)} must be one of {', '.join(names)}"

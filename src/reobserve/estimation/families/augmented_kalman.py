@@ -93,6 +93,16 @@ class AugmentedKalmanDesign(FilterDesign):
             "  random_walk: 1.0e-3        # variance of what it gains a sample [V^2]\n",
             "  - {name: weak, of: voltage_lost, above: 1.0}\n",
         ),
+        "augmented-kalman-bias": Example(
+            "biased_motor",
+            "# Kalman filter of the state and of the bias of a sensor.\n"
+            "observer:\n  kind: augmented-kalman\n" + MOTOR + NOISE
+            + "  unknown_inputs: {speed_offset: rad/s}\n"
+            "  fault_matrix: [[0.0], [0.0]]    # it does nothing to the states,\n"
+            "  output_fault_matrix: [[1.0], [0.0]] # and adds to the first measurement\n"
+            "  random_walk: 1.0e-4        # variance of what it gains a sample [(rad/s)^2]\n",
+            "  - {name: biased, of: speed_offset, above: 0.5}\n",
+        ),
     }  # fmt: skip
 
     @classmethod

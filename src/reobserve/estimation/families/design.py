@@ -40,7 +40,6 @@ _RENAMED = {
     "variables": "states, a mapping of names to units",
     "walk": "random_walk",
     "output_matrix": "output_fault_matrix",
-    "filter": "gains.filter",
 }
 
 
@@ -99,8 +98,7 @@ class Design(ABC):
         except InputError as error:
             name = re.match(r"\w*", error.parameter)[0]  # type: ignore[index]
             rest = error.parameter[len(name) :]
-            gains = get_type_hints(cls)["gains"]
-            if name in {each.name for kind in _kinds(gains) for each in fields(kind)}:
+            if name in _names(get_type_hints(cls)["gains"]):
                 raise InputError(f"gains.{name}{rest}", error.problem) from None
             key = {**_KEYS, **cls.keys}.get(name, name)
             raise InputError(f"{key}{rest}", error.problem) from None
@@ -116,6 +114,9 @@ class Design(ABC):
         """
         hints = get_type_hints(cls)
         check_renamed(tree, hints["system"])
+        for name in _names(hints["gains"]) - _names(hints["system"]):
+            if name in tree:
+                raise InputError(name, "must stand under gains")
         rest = {name: part for name, part in tree.items() if name != "gains"}
         gains = tree.get("gains")
         if gains is not None and hints["gains"] is NoneType:
@@ -230,9 +231,10 @@ class Design(ABC):
         return self
 
 
-def _kinds(hint: Any) -> list[Any]:
-    """The dataclasses that a type may be."""
-    return [kind for kind in get_args(hint) or [hint] if is_dataclass(kind)]
+def _names(hint: Any) -> set[str]:
+    """The keys of a dataclass, or of the one among several types."""
+    kinds = [kind for kind in get_args(hint) or [hint] if is_dataclass(kind)]
+    return {each.name for kind in kinds for each in fields(kind)}
 
 
 def check_renamed(tree: Tree, system: Any, place: str = "") -> None:

@@ -53,6 +53,7 @@ _RECORDS = {
     f"{_EVEN.format(0.01, 0.1)}",
     "motor": _MOTOR,
     "weak_motor": _MOTOR,
+    "biased_motor": _MOTOR,
     "worn_motor": _MOTOR,
     "faulty_motor": f"{_MOTOR_COLUMNS}{_EVEN.format(0.01, 0.1)}",
 }

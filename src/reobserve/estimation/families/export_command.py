@@ -9,7 +9,7 @@ from pathlib import Path
 import reobserve.codegen.record as records
 from reobserve.codegen import c_code, c_test
 from reobserve.core.errors import InputError, shown
-from reobserve.core.files import write_text
+from reobserve.core.files import check_not_read, write_text
 from reobserve.estimation.families.design import Design
 from reobserve.estimation.families.file import load_design
 from reobserve.estimation.families.program import program_of
@@ -29,12 +29,15 @@ def run(design: Path, to: str, out: Path) -> None:
     Raises
     ------
     InputError
-        If the file is no design, its observer has no fixed steps, or a file cannot be written.
+        If the file is no design, its observer has no fixed steps, or a file is the design itself or
+        cannot be written.
     """
     if to != "c":
         raise InputError("to", f"{shown(to)} must be c")
     loaded = load_design(design)
-    for name, text in exported(loaded, identifier(design)).items():
+    texts = exported(loaded, identifier(design))
+    check_not_read([out / name for name in texts], [design])
+    for name, text in texts.items():
         write_text(out / name, text)
         print(out / name)
     print(f"to test it: cd {out}; {c_test.COMPILE.format(name=identifier(design))} && ./a.out")

@@ -24,6 +24,8 @@ def as_pole_list(place: str, value: list[Any]) -> list[complex]:
     InputError
         If one is neither a number nor written like ``-1+2j``.
     """
+    if not isinstance(value, list | tuple):
+        raise InputError(place, f"{shown(value)} must be a list of poles, as [-2, -3]")
     return [_pole(f"{place}.{index}", one) for index, one in enumerate(value)]
 
 

@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_scalar, as_vector
+from reobserve.core.matrices import as_sample_rows, as_scalar, as_vector
 from reobserve.core.value import Value, converter
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.fixed_step import Samples, Steps, steps_between
-from reobserve.observers.row_derivatives import as_signal_rows, completed, latest, rows_before
+from reobserve.observers.row_derivatives import rows_before
 from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
@@ -35,14 +35,12 @@ class State(Value):
     """All an estimator remembers: a value that may be stored, copied and stepped again.
 
     ``values`` belong to the algorithm, the estimate of the delay [s] first; ``history`` is the
-    input as far back as the greatest delay; ``recent`` is x at the latest two samples, the last
-    one last; ``sample`` has derivatives, too, also those that were found; the rest is as in
+    input as far back as the greatest delay; the rest is as in
     `reobserve.observers.contract.ObserverState`.
     """
 
     values: Array
     history: InputHistory
-    recent: Array
     sample: Array | None = None
     count: int = 0
 
@@ -51,11 +49,9 @@ class State(Value):
 class DelayEstimator(Observer[State]):
     """An estimator of the delay of x' = -a x + b u(t - tau).
 
-    It measures x and knows u and u' [1/s]: rows of two numbers, or of u alone, to which it finds
-    u' from the samples so far, as `reobserve.observers.row_derivatives` says. An estimator that
-    needs x' [1/s] too says so, and takes rows of x and x' or of x alone likewise. In between x
-    goes in straight lines and u along the cubic through u and u' at both ends: a u that is held
-    says nothing of a delay.
+    It measures x and knows u and u' [1/s], rows of two numbers. An estimator that needs x' [1/s]
+    too says so, and takes rows of x and x'. In between x goes in straight lines and u along the
+    cubic through u and u' at both ends: a u that is held says nothing of a delay.
 
     Its estimates are ``delay`` [s], shape (k,), and ``values``, shape (k, n), all numbers of the
     algorithm in the order that each estimator gives.
@@ -110,11 +106,8 @@ class DelayEstimator(Observer[State]):
 
     @property
     def history_steps(self) -> int:
-        """How many periods of the past input a state keeps: those of the greatest delay.
-
-        Two at least, from which u' may be found.
-        """
-        return max(int(np.ceil(self.delay_bounds[1] / self.sampling_period * (1 - 1e-12))), 2)
+        """How many periods of the past input a state keeps: those of the greatest delay."""
+        return int(np.ceil(self.delay_bounds[1] / self.sampling_period * (1 - 1e-12)))
 
     def init(
         self,
@@ -134,9 +127,8 @@ class DelayEstimator(Observer[State]):
         delay
             Estimate of the delay [s], inside the bounds.
         past_u
-            The input up to the first sample, rows like those of u, shape (k, 2) or (k, 1) or (k,):
-            the first tau_max before it or earlier, and no less than two periods, the last at it,
-            as it is seen from before. Of u alone, u' comes from parabolas through three rows.
+            The input up to the first sample, rows like those of u, shape (k, 2): the first tau_max
+            before it or earlier, the last at it, as it is seen from before.
         before
             If the past jumps at samples: its limits from the left, in the shape of ``past_u``.
         middle
@@ -152,99 +144,60 @@ class DelayEstimator(Observer[State]):
         if not least <= tau <= greatest:
             raise InputError("delay", f"{tau:g} s must be from {least:g} to {greatest:g} s")
         values = self._values(as_scalar("state", state), tau)
-        return State(values, self._history(past_u, before, middle), np.zeros(2))
+        return State(values, self._history(past_u, before, middle))
 
     def _history(
         self, past_u: ArrayLike, before: ArrayLike | None, middle: ArrayLike | None
     ) -> InputHistory:
-        past = as_signal_rows("past_u", past_u, 1)
+        past = as_sample_rows("past_u", past_u, self.inputs)
         if len(past) <= self.history_steps:
             raise InputError(
                 "past_u",
                 f"goes back {(len(past) - 1) * self.sampling_period:g} s, must go back the "
-                f"greatest delay of {self.delay_bounds[1]:g} s, and two sampling periods, or more",
+                f"greatest delay of {self.delay_bounds[1]:g} s or more",
             )
-        if past.shape[1] == 1:
-            rate = np.gradient(past[:, 0], self.sampling_period, edge_order=2)
-            past = np.column_stack([past[:, 0], rate])
         between: list[Array | None] = []
         for name, given in (("before", before), ("middle", middle)):
-            rows = None if given is None else as_signal_rows(name, given, 1)
+            rows = None if given is None else as_sample_rows(name, given, self.inputs)
             if rows is not None and len(rows) != len(past):
                 raise InputError(name, f"has {len(rows)} rows, must have {len(past)} like past_u")
             between.append(rows)
-        u, left, inside = self._smooth(past, between[0], between[1], np.zeros(2), None)
-        samples = steps_between(None, Record(u, u, (left, left), (inside, inside))).u
+        left, inside = self._smooth(past, between[0], between[1], None)
+        samples = steps_between(None, Record(past, past, (left, left), (inside, inside))).u
         history = InputHistory(samples.right, samples.left, sampling_period=self.sampling_period)
         # The last row is the limit from the left; the first row of a record has the other one.
         return history.latest(self.history_steps)
 
     def _smooth(
-        self, u: Array, before: Array | None, middle: Array | None, recent: Array,
-        last: Array | None,
-    ) -> tuple[Array, Array, Array]:  # fmt: skip
-        """u and u', their limits from the left and what they are in between, by default a cubic."""
-        period = self.sampling_period
-        _, u, before, middle = completed(
-            u, before, middle, recent=recent, known=2, last=last, period=period
-        )
+        self, u: Array, before: Array | None, middle: Array | None, last: Array | None
+    ) -> tuple[Array, Array]:
+        """Limits of u and u' from the left, and values in the middle, by default of a cubic."""
+        period, end = self.sampling_period, u if before is None else before
         if middle is None:
-            start, end = rows_before(u, last), before
+            start = rows_before(u, last)
             value = 0.5 * (start[:, 0] + end[:, 0]) + 0.125 * period * (start[:, 1] - end[:, 1])
             rate = 1.5 / period * (end[:, 0] - start[:, 0]) - 0.25 * (start[:, 1] + end[:, 1])
             middle = np.column_stack([value, rate])
-        return u, before, middle
+        return end, middle
 
     def _checked(self, state: Any) -> State:
         problem = "is of an estimator of another kind, sampling period or greatest delay"
         size = len(self._values(0.0, self.delay_bounds[1]))
         checked = check_state(
             state, State, problem,
-            values=(size,), recent=(2,), sample=(self.measurements + self.inputs,),
+            values=(size,), sample=(self.measurements + self.inputs,),
         )  # fmt: skip
         history = as_kind("state.history", checked.history, InputHistory)
         if history.steps != self.history_steps or history.sampling_period != self.sampling_period:
             raise InputError("state", problem)
         return checked
 
-    def _read_measurements(self, name: str, y: ArrayLike, rows: int | None = None) -> Array:
-        if self.measurements == 1:
-            return super()._read_measurements(name, y, rows)
-        return as_signal_rows(name, y, self.measurements - 1, rows=rows)
-
-    def _read_inputs(self, name: str, u: ArrayLike | None, rows: int) -> Array:
-        if u is None:
-            return super()._read_inputs(name, u, rows)
-        return as_signal_rows(name, u, 1, rows=rows)
-
     def _completed(self, state: State, record: Record) -> tuple[State, Record]:
-        """State and record with all derivatives, and with an input that is not held."""
-        sample, known = state.sample, state.history.right[::2, 0]
-        y, y_before, y_middle = record.y, record.before[0], record.middle[0]
-        if self.measurements > 1:
-            last, y, y_before, y_middle = completed(
-                y, y_before, y_middle, recent=state.recent,
-                known=0 if sample is None else state.count + 1,
-                last=None if sample is None else sample[: self.measurements],
-                period=self.sampling_period,
-            )  # fmt: skip
-            if sample is not None and last is not None:
-                sample = np.concatenate([last, sample[self.measurements :]])
-        # Of a record that starts the past ends at its first row, where u may jump.
-        recent = known[-3:-1]
-        if sample is not None:
-            recent = np.append(known[-2], sample[self.measurements])
-        u, u_before, u_middle = self._smooth(
-            record.u, record.before[1], record.middle[1], recent,
-            None if sample is None else sample[self.measurements :],
-        )  # fmt: skip
-        completed_record = Record(y, u, (y_before, u_before), (y_middle, u_middle))
-        return replace(state, sample=sample), completed_record
-
-    def _fill(self, state: State, record: Record) -> Rows:
-        rows = super()._fill(state, record)
-        after = replace(rows.state, recent=latest(state.recent, record.y[:, 0]))
-        return rows._replace(state=after)
+        """State and record with an input that is not held."""
+        last = None if state.sample is None else state.sample[self.measurements :]
+        before, middle = self._smooth(record.u, record.before[1], record.middle[1], last)
+        y_before, y_middle = record.before[0], record.middle[0]
+        return state, record._replace(before=(y_before, before), middle=(y_middle, middle))
 
     def _integrate(self, state: State, steps: Steps) -> Rows:
         y, u = steps

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import Law, kernel
+from reobserve.core.value import for_loop
 from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.input_history import InputHistory, past_input
@@ -77,8 +78,8 @@ def run_law(
         estimator.sampling_period,
         output.right,
         output.left,
-        history.right,
-        history.left,
+        for_loop(history.right),
+        for_loop(history.left),
         first,
     )
     return _run(law.compiled, task, rows)

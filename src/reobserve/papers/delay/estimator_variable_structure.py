@@ -46,7 +46,7 @@ from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_positive
-from reobserve.core.value import converter
+from reobserve.core.value import converter, for_loop
 from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator, State
 from reobserve.papers.delay.input_history import InputHistory, past_input
@@ -62,7 +62,7 @@ class VariableStructureDelayEstimator(DelayEstimator):
 
     Lechappe et al. 2018, after (39).
 
-    It measures x and x' [1/s], or x alone. Its only value is theta. The relay reads measurement
+    It measures x and x' [1/s]. Its only value is theta. The relay reads measurement
     and input at the start of each period and holds over it.
 
     Parameters
@@ -116,8 +116,8 @@ class VariableStructureDelayEstimator(DelayEstimator):
             self.delay_bounds,
             self.sampling_period,
             output.right,
-            history.right,
-            history.left,
+            for_loop(history.right),
+            for_loop(history.left),
             2 * self.history_steps,
             rows,
         )

@@ -21,7 +21,7 @@ from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import as_floats, as_positive, as_samples
-from reobserve.core.value import Value, converter
+from reobserve.core.value import Value, converter, for_loop
 
 Array = NDArray[np.float64]
 
@@ -50,10 +50,10 @@ class InputHistory(Value):
     sampling_period: float = field(kw_only=True, metadata=converter(as_positive))
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         right, left = samples_with_limits("right", self.right, self.left, "left")
         self._set("right", right)
-        self._set("left", left)
+        self._set("left", self.right if left is right else left)
+        super().__post_init__()
 
     @property
     def steps(self) -> int:
@@ -110,7 +110,7 @@ class InputHistory(Value):
         span = self.steps * self.sampling_period
         if times.ndim != 1 or np.any(times < 0) or np.any(times > span * (1 + 1e-12)):
             raise InputError("ago", f"must be a list of times from 0 to {span:g} s")
-        return _at(self.right, self.left, self.sampling_period, times)
+        return _at(for_loop(self.right), for_loop(self.left), self.sampling_period, times)
 
 
 def samples_with_limits(

@@ -29,7 +29,7 @@ from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import settling_time
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
@@ -126,14 +126,14 @@ def _floors(plant: keys.Plant, filter_rates: list[float]) -> Iterator[Metric]:
     for all gains: e = g d2 with [Aa F; Ca 0] g = -[Da; 0], and f^ = f - e.
     """
     quiet = replace(plant, noise_matrix=np.zeros((2, 1)).tolist())
-    floor = gamma_floor(augmented(plant, 1.0))
+    floor = gamma_lower_bound(augmented(plant, 1.0))
     yield Metric("any_observer", "gamma_floor", floor, "1")
-    yield Metric("any_observer", "disturbance_floor", gamma_floor(augmented(quiet, 1.0)), "1")
+    yield Metric("any_observer", "disturbance_floor", gamma_lower_bound(augmented(quiet, 1.0)), "1")
     system = augmented(plant, 1.0)
     unseen = np.vstack([system.A_tilde[: system.states + system.outputs], system.C_tilde])
     entering = np.concatenate([system.Da[:, 1], np.zeros(system.outputs)])
     found = float(np.linalg.solve(unseen, entering)[-2])
     yield Metric("any_observer", "actuator_fault_by_constant_current_disturbance", found, "1")
-    others = [gamma_floor(augmented(plant, rate)) for rate in filter_rates]
+    others = [gamma_lower_bound(augmented(plant, rate)) for rate in filter_rates]
     change = float(np.abs(np.array(others) / floor - 1.0).max())
     yield Metric("any_observer", "filter_rate_effect", change, "1")

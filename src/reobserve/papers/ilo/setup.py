@@ -16,7 +16,7 @@ from reobserve.papers.ilo import keys
 from reobserve.papers.ilo.body import known_body
 from reobserve.signals.grid import noise_hold, plant_grid
 
-MOST_STEPS = 20_000_000  # of a plant record: some ten gigabytes
+MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:

@@ -35,10 +35,11 @@ from reobserve.polynomials.maps import PolynomialMap
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.parameters.job import Job, Settings, named, read_job
+from reobserve.synthesis.linear import unobservable_modes
 from reobserve.synthesis.normal_form.convergence import convergence
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver
-from reobserve.synthesis.normal_form.problem import NormalFormProblem, hidden_modes
+from reobserve.synthesis.normal_form.problem import NormalFormProblem
 
 Array = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def _random_systems(seed: int, cases: int, degree: int) -> tuple[Metric, ...]:
     ]
     streams = [random_stream(seed, "lie", "hidden", str(k)) for k in range(cases)]
     hidden = [Roads(random_problem(stream, 3, degree - 1, hidden=True)) for stream in streams]
-    unseen = [bool(hidden_modes(*_linear_part(one.problem))) for one in hidden]
+    unseen = [unobservable_modes(*_linear_part(one.problem)).size > 0 for one in hidden]
     return (
         *metrics,
         Metric("hidden", "share_unobservable", float(np.mean(unseen)), "1"),

@@ -7,7 +7,7 @@ observer has. So all is computed again from the gains, as they are stored:
 - bounds of the H-infinity norm from dD to e, proved by Hamiltonian matrices of balls;
 - the matrix inequality and P1 > 0, proved in balls, with Y formed from the gains: that alone proves
   that (10) is admissible, stable and has a norm below gamma;
-- gamma not below the floor.
+- gamma not below the lower bound.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from reobserve.core.extras import package
 from reobserve.core.matrices import Matrix, as_floats, as_positive, as_scalar
 from reobserve.core.validation import parse
 from reobserve.synthesis.definiteness import prove_negative_definite
-from reobserve.synthesis.extended_state.floor import gamma_floor
+from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.inequality import (
     PdPiVariables,
     PiVariables,
@@ -37,7 +37,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 
 _BITS = 400  # leaves the radii of no account where the blocks are formed
-_SLACK = 1e-12  # of the floor, its rounding
+_SLACK = 1e-12  # of the lower bound, its rounding
 
 
 @dataclass(frozen=True)
@@ -126,10 +126,10 @@ def certify(
     decay, bound = as_strip(decay, bound)
     if gamma is None and isinstance(variables, PdPiVariables):
         raise InputError("gamma", "must be given: (19) has one")
-    floor = gamma_floor(system)
+    floor = gamma_lower_bound(system)
     poles = _poles(system, gains)
     reasons = [
-        _floor_reason(gamma, floor),
+        _bound_reason(gamma, floor),
         _pole_reason(poles, decay, bound),
     ]
     inequality = p1 = 0.0
@@ -173,7 +173,7 @@ def _poles(system: AugmentedSystem, gains: Gains) -> NDArray[np.complex128]:
     return np.asarray(poles[np.lexsort((poles.imag, -poles.real))], complex)
 
 
-def _floor_reason(gamma: float | None, floor: float) -> str:
+def _bound_reason(gamma: float | None, floor: float) -> str:
     if gamma is None or gamma >= floor * (1.0 - _SLACK):
         return ""
     return f"gamma {gamma:.9g} is below {floor:.9g}, which no gains get below"

@@ -14,9 +14,9 @@ from reobserve.core.extras import package
 from reobserve.core.validation import parse
 from reobserve.synthesis.extended_state.central_path import Problem, minimiser
 from reobserve.synthesis.extended_state.certificate import Certificate, certify
+from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import Variables
 from reobserve.synthesis.extended_state.polishing import polished
-from reobserve.synthesis.extended_state.start import strictly_feasible
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 

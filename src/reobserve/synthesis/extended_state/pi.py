@@ -14,8 +14,8 @@ from reobserve.core.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
 from reobserve.synthesis.extended_state.central_path import Problem
 from reobserve.synthesis.extended_state.design import Design, optimised
-from reobserve.synthesis.extended_state.factored import above, pi_sides
 from reobserve.synthesis.extended_state.inequality import PiVariables
+from reobserve.synthesis.extended_state.matrix_terms import above, pi_sides
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _GAP = 1e-5  # of the sum of squares to its optimum, relative

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from reobserve.core.arguments import as_kind, as_poles
 from reobserve.core.errors import InputError
-from reobserve.synthesis.normal_form.problem import hidden_modes, refuse_undetectable
+from reobserve.synthesis.linear import unobservable_modes
+from reobserve.synthesis.normal_form.problem import refuse_undetectable
 from reobserve.systems.polynomial import PolynomialSystem
 
 _REACHED = 1e-6  # relative distance at which a pole counts as placed
@@ -40,7 +41,7 @@ def injection_for(system: PolynomialSystem, poles: Sequence[complex]) -> NDArray
     refuse_undetectable(system)
     remaining = [
         mode
-        for mode in hidden_modes(F, H)
+        for mode in unobservable_modes(F, H)
         if np.min(np.abs(wanted - mode)) > _REACHED * max(1.0, abs(mode))
     ]
     if remaining:

@@ -27,6 +27,7 @@ from reobserve.core.errors import InputError
 from reobserve.polynomials.arithmetic import Coefficients
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.polynomials.monomials import Monomials, monomials
+from reobserve.synthesis.linear import unobservable_modes
 from reobserve.systems.polynomial import PolynomialSystem
 
 
@@ -132,20 +133,10 @@ def refuse_undetectable(system: PolynomialSystem) -> None:
     """
     F, H = system.F.astype(np.float64), system.H.astype(np.float64)
     rounding = 1e-12 * max(1.0, float(np.linalg.norm(F)))
-    for mode in hidden_modes(F, H):
+    for mode in unobservable_modes(F, H):
         if mode.real >= -rounding:
             raise InputError(
                 "output",
                 f"does not show the mode {mode:.6g} of the linear part, which does not decay: "
                 "the pair (F, H) is not detectable, and no injection makes the error decay",
             )
-
-
-def hidden_modes(F: NDArray[np.float64], H: NDArray[np.float64]) -> list[complex]:
-    """The eigenvalues of F that the output does not show: of Popov, Belevitch and Hautus."""
-    n = len(F)
-    return [
-        complex(value)
-        for value in np.linalg.eigvals(F)
-        if np.linalg.matrix_rank(np.concatenate([F - value * np.eye(n), H])) < n
-    ]

@@ -1,4 +1,4 @@
-"""The inequalities of `inequality` with each unknown matrix between its two factors.
+"""The inequalities of `inequality` as sums of terms L X R of each unknown matrix X.
 
 Let the columns of J1, J2, J3, J4 be the unit vectors of its four blocks. Then (19) asks for S > 0,
 

@@ -16,7 +16,7 @@ which fixes G da whatever the gains, as the matrix to the left has full column r
 at the origin. V lies in the subspace W of those da for which it can be solved at all. Among all
 such V in W, the least largest gain from V is a singular value of G on W (Courant and Fischer): the
 one with dim V - 1 smaller ones below it. With as many outputs as faults no constant is seen, V and
-W are everything, and the floor is the largest singular value of G.
+W are everything, and the lower bound is the largest singular value of G.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NULL = 1e-10  # of the largest singular value: a smaller one counts as zero
 _TINIEST, _LARGEST = 1e-150, 1e150  # whose squares are floats
 
 
-def gamma_floor(system: AugmentedSystem) -> float:
+def gamma_lower_bound(system: AugmentedSystem) -> float:
     """A lower bound of the H-infinity norm from dD to e, for all gains that make (10) stable.
 
     It is zero if there are so many outputs that gains might tell all disturbances from faults.
@@ -59,31 +59,31 @@ def gamma_floor(system: AugmentedSystem) -> float:
 
 
 def as_gamma(system: AugmentedSystem, factor: float, gamma: float | None = None) -> float:
-    """``gamma``, or if that is none ``factor`` times the floor: above the floor in any case.
+    """``gamma`` or, if that is none, ``factor`` times the lower bound: above it in any case.
 
     Raises
     ------
     InputError
-        If it is not above the floor, or the floor is zero and there is no ``gamma``.
+        If it is not above the lower bound, or the lower bound is zero and there is no ``gamma``.
     """
-    floor = gamma_floor(system)
+    bound = gamma_lower_bound(system)
     if gamma is not None:
         gamma = as_positive("gamma", gamma)
         _check_square("gamma", gamma)
-        if gamma <= floor:
+        if gamma <= bound:
             raise InputError(
-                "gamma", f"{gamma:.15g} must be above {floor:.15g}, which no gains get below"
+                "gamma", f"{gamma:.15g} must be above {bound:.15g}, which no gains get below"
             )
         return gamma
-    if floor == 0:
-        raise InputError("factor", "has no floor of gamma to multiply, it is zero: give gamma")
+    if bound == 0:
+        raise InputError("factor", "has no lower bound of gamma to multiply, only zero: give gamma")
     factor = as_positive("factor", factor)
     if factor <= 1:
         raise InputError(
-            "factor", f"{factor:g} of the floor of gamma, {floor:.15g}, must be above one"
+            "factor", f"{factor:g} of the lower bound of gamma, {bound:.15g}, must be above one"
         )
-    _check_square("factor", factor * floor)
-    return factor * floor
+    _check_square("factor", factor * bound)
+    return factor * bound
 
 
 def _check_square(name: str, gamma: float) -> None:

@@ -1,0 +1,47 @@
+"""No command overwrites a file that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+# Options that name what a command writes; all other paths but the project's are read.
+_WRITTEN = ("output", "outputs", "out", "caption", "plot", "report", "record", "state")
+
+
+def check_outputs(options: Mapping[str, Any]) -> None:
+    """Refuse a command line on which a file is both read and written.
+
+    Raises
+    ------
+    InputError
+        If there is such a file, by any of its names.
+    """
+    written = [path for name in _WRITTEN for path in _paths(options, name)]
+    if not written:
+        return
+    from reobserve.core.files import check_not_read  # with numpy, which looking around spares
+
+    names = options.keys() - {*_WRITTEN, "project"}
+    check_not_read(written, [path for name in names for path in _paths(options, name)])
+    if "project" in options:  # whose configuration is read
+        config = options["project"] / "config"
+        for path in written:
+            check_not_read([path], [path] if _below(path, config) else [])
+
+
+def _paths(options: Mapping[str, Any], name: str) -> Iterator[Path]:
+    value = options.get(name)
+    for one in value if isinstance(value, list) else [value]:
+        if isinstance(one, Path):
+            yield one
+        elif name == "products":  # of an archive, below the project
+            yield options["project"] / one
+
+
+def _below(path: Path, folder: Path) -> bool:
+    try:
+        return folder.resolve() in path.resolve().parents
+    except (OSError, ValueError):  # no path at all
+        return False
