@@ -99,7 +99,7 @@ def test_the_matrices_of_a_model_are_read_only_copies() -> None:
     model = LinearModel(**{**MODEL, "A": A})
     A[0, 0] = 5.0
     assert model.A[0, 0] == 1.0
-    for matrix in (*model.arrays, model.A, model.R):
+    for matrix in (model.A, model.B, model.C, model.D, model.Q, model.R):
         with pytest.raises(ValueError, match="read-only"):
             matrix[0, 0] = 5.0
 
