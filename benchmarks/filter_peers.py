@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
+from reobserve.observers.gaussian_filter import Correction, Gaussian
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -84,12 +85,12 @@ class OwnFilter:
 
     model: LinearModel
 
-    def predict(self, belief: Belief, u: Array) -> Belief:
+    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
         """Time update."""
         A, B, _, _, Q, _ = self.model.arrays
-        return Belief(A @ belief.mean + B @ u, A @ belief.covariance @ A.T + Q, belief.error)
+        return Gaussian(A @ belief.mean + B @ u, A @ belief.covariance @ A.T + Q, belief.error)
 
-    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
+    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
         """Measurement update."""
         _, _, C, D, _, R = self.model.arrays
         P = belief.covariance
@@ -100,7 +101,7 @@ class OwnFilter:
         K = cross @ inverse
         mean = belief.mean + K @ innovation
         rest = np.eye(len(mean)) - K @ C
-        after = Belief(mean, rest @ P @ rest.T + K @ R @ K.T, y - C @ mean - D @ u)
+        after = Gaussian(mean, rest @ P @ rest.T + K @ R @ K.T, y - C @ mean - D @ u)
         distance = innovation @ inverse @ innovation
         log_likelihood = -0.5 * (distance + np.linalg.slogdet(2.0 * np.pi * S)[1])
         return Correction(after, innovation, S, float(log_likelihood))
@@ -117,10 +118,10 @@ class CalledFilter:
         """The model of the filter within."""
         return self.inner.model
 
-    def predict(self, belief: Belief, u: Array) -> Belief:
+    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
         """Time update."""
         return self.inner.predict(belief, u)
 
-    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
+    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
         """Measurement update."""
         return self.inner.correct(belief, y, u)

@@ -103,11 +103,11 @@ def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
         ((FORCE, 1.0, [[1.0, 0.0]]), r"output_matrix: has shape \(1, 2\), must be \(1, 1\)"),
         (
             (np.hstack([FORCE, 2 * FORCE]), 1.0),
-            "input_matrix: and output_matrix leave a mode",
+            "input_matrix: leaves a mode",
         ),
         (
             (np.zeros((2, 1)), 1.0),
-            "input_matrix: and output_matrix leave .* that does not decay, of the eigenvalue 1",
+            "input_matrix: leaves .* that does not decay, of the eigenvalue 1",
         ),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import filterpy.kalman
 import mpmath
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.errors import DivergenceError, InputError
+from reobserve.observers.gaussian_filter import Correction, Gaussian, State
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import Belief, Correction, LinearFilter, State
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
@@ -67,7 +69,7 @@ def told(*runs: Run[State]) -> dict[str, Array]:
     return {**joined, **vars(state.belief), "sample": state.sample, "count": np.array(state.count)}
 
 
-def both(one: LinearFilter, belief: Belief, y: Any, u: Any) -> Correction:
+def both(one: LinearFilter, belief: Gaussian, y: Any, u: Any) -> Correction:
     """Prediction and correction, with an input held over the step."""
     return one.correct(one.predict(belief, u), y, u)
 
@@ -242,7 +244,7 @@ def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
     m = model.outputs
     smooth = svsf(model, 1e-12, gamma)
     belief = smooth.init(np.zeros(model.states), 1.0).belief
-    belief = Belief(belief.mean, belief.covariance, np.arange(1.0, m + 1))
+    belief = Gaussian(belief.mean, belief.covariance, np.arange(1.0, m + 1))
     z = 5.0 * ripple(rows, m)
     for row in z:
         told = both(smooth, belief, row, [0.3])
@@ -284,7 +286,7 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
 def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
     smooth = svsf(MOTION)
     start = smooth.init(np.zeros(5), 1.0).belief
-    told = both(smooth, Belief(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
+    told = both(smooth, Gaussian(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
     assert not told.innovation.any()
     assert not told.belief.mean.any()
     assert np.isfinite(told.belief.covariance).all()
@@ -343,7 +345,7 @@ def test_no_other_inverse() -> None:
 
 def test_the_gain_is_continuous_where_the_layer_ends() -> None:
     smooth = svsf(ONE, 2.0, 0.5)
-    start = Belief(np.zeros(1), np.eye(1), np.ones(1))
+    start = Gaussian(np.zeros(1), np.eye(1), np.ones(1))
     found = [smooth.correct(start, [z]).belief.mean[0] for z in (2 - 1e-9, 2.0, 2 + 1e-9)]
     assert found[1] == pytest.approx(2.5, rel=1e-15)
     assert found == pytest.approx([2.5] * 3, abs=1e-8)
@@ -592,3 +594,63 @@ def test_samples_of_states_that_cannot_be(sample: Any, said: str) -> None:
     state = replace(kalman.init(np.zeros(4), 1.0), sample=sample)
     with pytest.raises(InputError, match=f"^{said}$"):
         kalman.run([[0.0]], [[0.0]], state=state)
+
+
+# --- Noise that changes from row to row ---------------------------------------------------------
+
+
+def changing_noise(rows: int) -> tuple[Array, Array]:
+    """Q and R of each row, shapes (k, 4, 4) and (k, 1, 1)."""
+    k = np.arange(rows)[:, None, None]
+    return (1.5 + np.sin(0.3 * k)) * 1e-4 * CORRELATED, 0.02 * (1.2 + np.cos(0.7 * k))
+
+
+def test_noise_that_changes_gives_the_numbers_of_filterpy() -> None:
+    u = square_wave(120, 12)
+    z = simulated(NORMAL, u) + 0.1 * ripple(120)
+    Q, R = changing_noise(120)
+    kalman = KalmanFilter(NORMAL)
+    run = kalman.run(z, u, state=kalman.init(np.zeros(4), CORRELATED), Q=Q, R=R)
+    peer = filterpy.kalman.KalmanFilter(4, 1, 1)
+    peer.F, peer.B, peer.H = (part.copy() for part in NORMAL.arrays[:3])
+    peer.P = CORRELATED.copy()
+    for k in range(120):
+        if k:
+            peer.predict(u[k - 1][:, None], Q=Q[k - 1])
+        peer.update(z[k][:, None], R=R[k])
+        for name, value in (
+            ("state", peer.x[:, 0]), ("covariance", peer.P), ("innovation", peer.y[:, 0]),
+            ("innovation_covariance", peer.S),
+        ):  # fmt: skip
+            assert run[name][k] == pytest.approx(value, rel=1e-9, abs=1e-11), (name, k)
+        assert run["log_likelihood"][k] == pytest.approx(peer.log_likelihood, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("made", [KalmanFilter(NORMAL), svsf(NORMAL, 1.0)], ids=["KF", "SVSF"])
+def test_noise_that_changes_is_the_same_by_steps_and_by_runs(made: LinearFilter) -> None:
+    z, u = simulated(NORMAL, square_wave(40, 7)) + 0.1 * ripple(40), square_wave(40, 7)
+    z[5] = np.nan
+    Q, R = changing_noise(40)
+    start = made.init(np.zeros(4), 1.0)
+    whole = made.run(z, u, state=start, Q=Q, R=R)
+    first = made.run(z[:15], u[:15], state=start, Q=Q[:15], R=R[:15])
+    rest = made.run(z[15:], u[15:], state=first.state, Q=Q[15:], R=R[15:])
+    assert same_bits(told(whole), told(first, rest))
+    state = start
+    for k in range(40):
+        state, row = made.step(state, z[k], u[k], Q=Q[k], R=R[k])
+        for name in whole.estimates:
+            assert np.array_equal(row[name], whole[name][k], equal_nan=True), (name, k)
+    constant = made.run(z, u, state=start, Q=np.tile(NORMAL.Q, (40, 1, 1)), R=NORMAL.R)
+    assert np.array_equal(constant["covariance"], made.run(z, u, state=start)["covariance"])
+
+
+def test_noise_of_another_shape_or_sign_is_refused() -> None:
+    kalman = KalmanFilter(NORMAL)
+    start, z, u = kalman.init(np.zeros(4), 1.0), np.zeros(3), np.zeros(3)
+    with pytest.raises(InputError, match=r"^Q: has shape \(2, 4, 4\), must be one covariance or"):
+        kalman.run(z, u, state=start, Q=np.zeros((2, 4, 4)))
+    R = np.ones((3, 1, 1))
+    R[1] = -2.0
+    with pytest.raises(InputError, match=r"^R\[1\]: must be positive definite"):
+        kalman.run(z, u, state=start, R=R)

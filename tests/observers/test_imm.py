@@ -13,9 +13,10 @@ from filterpy.kalman import KalmanFilter as FilterpyKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import DivergenceError
+from reobserve.observers.gaussian_filter import Correction, Gaussian
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import Belief, Correction, LinearFilter
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -330,7 +331,7 @@ def test_the_first_row_weighs_the_modes_as_they_are_and_moves_nothing(kind: str)
     means = np.arange(15.0).reshape(3, 5) / 15
     run = bank.run(z, u, state=bank.init(means, P0, mu))
     alone = [
-        one.correct(Belief(mean, P0, np.zeros(3)), z[0], u[0])
+        one.correct(Gaussian(mean, P0, np.zeros(3)), z[0], u[0])
         for one, mean in zip(bank.filters, means, strict=True)
     ]
     weights = mu * np.exp([each.log_likelihood for each in alone])
@@ -353,10 +354,10 @@ class UsersOwn:
     def model(self) -> LinearModel:
         return self.inner.model
 
-    def predict(self, belief: Belief, u: Array) -> Belief:
+    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
         return self.inner.predict(belief, u)
 
-    def correct(self, belief: Belief, y: Array, u: Array) -> Correction:
+    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
         return self.inner.correct(belief, y, u)
 
 

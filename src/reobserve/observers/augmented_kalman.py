@@ -23,8 +23,8 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
 from reobserve.observers.contract import Observer, Record, Rows
+from reobserve.observers.gaussian_filter import State
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import State
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel, as_covariance
 

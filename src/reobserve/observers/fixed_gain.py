@@ -20,7 +20,8 @@ from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import Law
 from reobserve.core.matrices import as_floats, spectral_radius
-from reobserve.observers.linear_filter import LinearFilter, State
+from reobserve.observers.gaussian_filter import State
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.linear_filter_loop import gain_law
 from reobserve.synthesis.linear import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel

@@ -28,6 +28,13 @@ from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.matrices import as_floats, as_numbers, as_vector
 from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
+from reobserve.observers.gaussian_filter import (
+    Gaussian,
+    ModeFilter,
+    check_sample,
+    inputs_of_rows,
+    sample_before,
+)
 from reobserve.observers.imm_loop import (
     Bank,
     BankRows,
@@ -39,14 +46,7 @@ from reobserve.observers.imm_loop import (
     run_bank,
     update_probabilities,
 )
-from reobserve.observers.linear_filter import (
-    Belief,
-    LinearFilter,
-    ModeFilter,
-    check_sample,
-    inputs_of_rows,
-    sample_before,
-)
+from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import AxisNames, names_by_model
 from reobserve.systems.linear import ModelArrays, as_covariance
 
@@ -70,10 +70,10 @@ class State(Value):
     count: int = 0
 
     @property
-    def beliefs(self) -> tuple[Belief, ...]:
+    def beliefs(self) -> tuple[Gaussian, ...]:
         """The belief of each filter."""
         parts = zip(self.means, self.covariances, self.errors, strict=True)
-        return tuple(Belief(*part) for part in parts)
+        return tuple(Gaussian(*part) for part in parts)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -285,7 +285,7 @@ class IMM(Observer[State]):
             if moves and self.mixing:
                 interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
             for j, one in enumerate(self.filters):
-                belief = Belief(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
+                belief = Gaussian(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
                 try:
                     ahead = one.predict(belief, inputs[k]) if moves else belief
                     after = one.correct(ahead, y, inputs[k + 1])

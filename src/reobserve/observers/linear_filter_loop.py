@@ -302,11 +302,27 @@ def is_missing(measurement: Array) -> bool:
     return not taken
 
 
+@inlined_kernel
+def write_innovation_covariance(innovation: Array, factor: Array, out: Array) -> None:
+    """S = L L', nan where an output is missing."""
+    m = len(innovation)
+    for o in range(m):
+        for q in range(o + 1):
+            total = 0.0
+            for i in range(q + 1):
+                total += factor[o, i] * factor[q, i]
+            if math.isnan(innovation[o]) or math.isnan(innovation[q]):
+                total = math.nan
+            out[o, q] = out[q, o] = total
+
+
 @kernel
 def run_filter(
     states: Size,
     outputs: Size,
     model: ModelArrays,
+    Q: Array,
+    R: Array,
     law: Callable[..., None] | None,
     parameters: Array,
     measurements: Array,
@@ -316,33 +332,40 @@ def run_filter(
     covariance: Array,
     error: Array,
     means: Array,
-    variances: Array,
+    covariances: Array,
     innovations: Array,
+    innovation_covariances: Array,
     log_likelihoods: Array,
 ) -> int:
-    """Filter a record: fill the last four arguments, and return the number of good rows.
+    """Filter a record: fill the last five arguments, and return the number of good rows.
 
-    ``inputs`` has a row more than the record: the input of the row before, then that of each row.
+    ``inputs`` has a row more than the record: the input of the row before, then that of each row;
+    so has ``Q``, (., n, n). The last of ``Q`` and of ``R``, (., m, m), hold for all later rows.
     A ``fresh`` belief is meant at the first row, which then corrects it as it stands; else it is
     meant a period before.
     """
     n, m = len(states), len(outputs)
     factor, work = np.empty((m, m)), new_work(n, m)
     for k in range(len(measurements)):
+        noisy = ModelArrays(
+            model.A, model.B, model.C, model.D, Q[min(k, len(Q) - 1)], R[min(k, len(R) - 1)]
+        )
         if k > 0 or not fresh:
-            predict(states, model, inputs[k], mean, covariance, mean, covariance, work)
+            predict(states, noisy, inputs[k], mean, covariance, mean, covariance, work)
         if is_missing(measurements[k]):
             fill(innovations[k], math.nan)
             log_likelihoods[k] = 0.0
         else:
             log_likelihoods[k] = correct(
-                states, outputs, model, law, parameters, measurements[k], inputs[k + 1],
+                states, outputs, noisy, law, parameters, measurements[k], inputs[k + 1],
                 mean, covariance, error, innovations[k], factor, work,
             )  # fmt: skip
+        write_innovation_covariance(innovations[k], factor, innovation_covariances[k])
         total = log_likelihoods[k]
         for a in range(n):
             means[k, a] = mean[a]
-            variances[k, a] = covariance[a, a]
+            for b in range(n):
+                covariances[k, a, b] = covariance[a, b]
             total += mean[a] + covariance[a, a]
         if not math.isfinite(total):
             return k

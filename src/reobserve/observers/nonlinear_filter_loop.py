@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.extended_kalman_loop import correct_extended, predict_extended
-from reobserve.observers.linear_filter_loop import Size, assign, fill, is_missing
+from reobserve.observers.linear_filter_loop import (
+    Size,
+    assign,
+    fill,
+    is_missing,
+    write_innovation_covariance,
+)
 from reobserve.observers.nonlinear_filter_work import (
     NO_BELIEF,
     NO_INNOVATION,
@@ -81,20 +87,6 @@ def correct(
     if work.cause[0] == 0:
         work.cause[0] = NO_BELIEF if math.isfinite(log_likelihood) else NO_INNOVATION
     return math.nan
-
-
-@inlined_kernel
-def write_innovation_covariance(innovation: Array, factor: Array, out: Array) -> None:
-    """S = L L', nan where an output is missing."""
-    m = len(innovation)
-    for o in range(m):
-        for q in range(o + 1):
-            total = 0.0
-            for i in range(q + 1):
-                total += factor[o, i] * factor[q, i]
-            if math.isnan(innovation[o]) or math.isnan(innovation[q]):
-                total = math.nan
-            out[o, q] = out[q, o] = total
 
 
 @kernel

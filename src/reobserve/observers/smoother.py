@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_sample_rows
+from reobserve.observers.gaussian_filter import as_covariances
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.nonlinear_filter import NonlinearFilter, as_covariances
+from reobserve.observers.nonlinear_filter import NonlinearFilter
 from reobserve.observers.nonlinear_filter_loop import predict_rows
 from reobserve.observers.nonlinear_filter_work import new_filter_work
 from reobserve.observers.run import Run, names_by_model

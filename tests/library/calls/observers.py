@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.observers.gaussian_filter import Gaussian
 from reobserve.observers.imm import IMM
-from reobserve.observers.linear_filter import Belief
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.smoother import rts_smoother
 from reobserve.plants.first_order_lag import first_order_lag
@@ -127,9 +127,9 @@ def _filters() -> Iterator[Call]:
         yield method(one, "correct", belief, [0.1], [1.0], takes=MISSING)
 
     def predicted(mean: Any, covariance: Any, error: Any) -> object:
-        return kalman.predict(Belief(mean, covariance, error), [1.0])
+        return kalman.predict(Gaussian(mean, covariance, error), [1.0])
 
-    name = "observers.linear_filter.Belief"  # checked where it is used
+    name = "observers.gaussian_filter.Gaussian"  # checked where it is used
     yield Call(name, predicted, (np.zeros(2), np.eye(2), np.zeros(1)))
     stay = [[0.9, 0.1], [0.1, 0.9]]
     bank = IMM(observers[:2], stay)

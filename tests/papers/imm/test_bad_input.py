@@ -99,7 +99,7 @@ def test_the_matrices_of_a_model_are_read_only_copies() -> None:
     model = LinearModel(**{**MODEL, "A": A})
     A[0, 0] = 5.0
     assert model.A[0, 0] == 1.0
-    for matrix in (*model.arrays, model.A, model.R):
+    for matrix in (model.A, model.B, model.C, model.D, model.Q, model.R):
         with pytest.raises(ValueError, match="read-only"):
             matrix[0, 0] = 5.0
 
@@ -221,7 +221,7 @@ def test_wrong_samples_of_a_correction_are_refused() -> None:
         ([0.0, 1.0], r"u: has shape \(1, 2\), must have one row or more of 1 number"),
         ([NAN], r"u: sample 0 is \[nan\], must be finite"),
         ((), r"u: has shape \(1, 0\), must have one row or more of 1 number"),
-        ("on", "u: is no array of numbers"),
+        ("on", "u: 'on' is no array of numbers"),
     ],
 )
 def test_an_input_before_the_first_row_that_cannot_be_is_refused(u: Any, said: str) -> None:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from reobserve.core.documents import read_yaml
+from reobserve.observers.gaussian_filter import Gaussian
 from reobserve.observers.imm import IMM
 from reobserve.observers.imm_loop import mixing_probabilities, update_probabilities
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import Belief
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.replication.evaluation import evaluate
 from reobserve.replication.metrics.metrics import lookup
@@ -126,7 +126,7 @@ def test_15_without_the_pseudo_inverse_fits_as_many_outputs_as_states_alone() ->
 
 def test_15_agrees_with_ours_for_the_identity() -> None:
     psi, last = np.array([0.5, 20.0]), np.array([0.3, -2.0])
-    filters, belief = smooth(FULL, psi), Belief(np.zeros(2), np.eye(2), last)
+    filters, belief = smooth(FULL, psi), Gaussian(np.zeros(2), np.eye(2), last)
     for e in ([0.2, 3.0], [-4.0, -30.0], [1e-9, 1e9]):
         told = filters.correct(belief, e, [0.0])
         gain = printed_gain(np.array(e), last, psi, 0.1)
@@ -153,10 +153,10 @@ def test_15_divides_by_an_innovation_of_zero() -> None:
         entry = np.float64(0.1) * 0.0 / np.float64(0.0)
     assert np.isnan(entry)
     filters = smooth(FULL, 1.0)
-    told = filters.correct(Belief(np.zeros(2), np.eye(2), np.ones(2)), [0.0, 1.0], [0.0])
+    told = filters.correct(Gaussian(np.zeros(2), np.eye(2), np.ones(2)), [0.0, 1.0], [0.0])
     assert told.belief.mean == pytest.approx([0.0, 1.1])
     assert np.isfinite(told.belief.covariance).all()
-    near = filters.correct(Belief(np.zeros(2), np.eye(2), np.ones(2)), [1e-200, 1.0], [0.0])
+    near = filters.correct(Gaussian(np.zeros(2), np.eye(2), np.ones(2)), [1e-200, 1.0], [0.0])
     assert near.belief.covariance == pytest.approx(told.belief.covariance, rel=1e-14)
 
 

@@ -15,8 +15,8 @@ from reobserve.core.matrices import as_row
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.contract import ObserverState
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.gaussian_filter import State
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.linear_filter import State
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
 

@@ -20,7 +20,7 @@ from reobserve.estimation.families.linear_system import (
 from reobserve.estimation.families.poles import Poles, sampled_poles
 from reobserve.estimation.families.setup import Setup
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
-from reobserve.observers.linear_filter import State
+from reobserve.observers.gaussian_filter import State
 
 Array = FloatArray
 

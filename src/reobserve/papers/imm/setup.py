@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
+from reobserve.observers.gaussian_filter import State as FilterState
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter import State as FilterState
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
