@@ -12,12 +12,8 @@ from reobserve.core.errors import shown
 
 _MORE = """\
 examples, each a specification and a record to run it on:
-  ilo-sampled, ilo-continuous, ilo-forgetting, adaptive, adaptive-pi,
-  normal-form-constant, normal-form-identity, normal-form-transformed,
-  high-gain, extended-high-gain, levant,
-  kalman, kalman-steady, augmented-kalman, augmented-kalman-bias,
-  svsf, imm-kalman, imm-svsf, luenberger, luenberger-gain, eso
 
+  reobserve estimate --example list                    print their names
   reobserve estimate --example kalman --out kalman.yaml --data kalman.csv
   reobserve estimate kalman.yaml kalman.csv --out estimates.csv --plot estimates.png
   reobserve estimate kalman.yaml --stream < kalman.csv

@@ -259,13 +259,18 @@ def _expected(specification: Specification) -> list[str]:
 def write_example(name: str, out: Path | None, record: Path | None) -> None:
     """Write a specification, to standard output if no file is named, and a record for it.
 
+    With the name ``list``, print the names of all examples.
+
     Raises
     ------
     InputError
         If there is no such example, or a file cannot be written.
     """
-    from reobserve.estimation.families.examples import simulated, specification_text
+    from reobserve.estimation.families.examples import examples, simulated, specification_text
 
+    if name == "list" and out is None and record is None:
+        sys.stdout.write("\n".join(examples()) + "\n")
+        return
     text = specification_text(name)
     if record is not None:
         if record.suffix != ".csv":

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import all_finite, as_floats, as_numbers, as_row, as_samples, as_vector
-from reobserve.core.value import Value
+from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, OnDivergence, Record, check_state
 from reobserve.observers.fixed_step import Pair
 from reobserve.observers.run import Estimate, Run
@@ -231,7 +231,9 @@ class GaussianFilter(Observer[State]):
     @property
     def _noise(self) -> Noise:
         """The noise of the record in hand: the model's, unless `_with_noise` put another there."""
-        return vars(self).get("_given_noise") or Noise(self.model.Q[None], self.model.R[None])
+        return vars(self).get("_given_noise") or Noise(
+            for_loop(self.model.Q)[None], for_loop(self.model.R)[None]
+        )
 
     def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
         """The same filter with other noise, for one record."""

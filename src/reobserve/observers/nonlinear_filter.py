@@ -117,7 +117,7 @@ class NonlinearFilter(GaussianFilter):
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
         work = new_filter_work(len(states), len(outputs))
         good = predict(
-            states, self.functions, self.weights, self.model.Q,
+            states, self.functions, self.weights, for_loop(self.model.Q),
             as_vector("u", u, self.model.inputs), for_loop(belief.mean),
             for_loop(belief.covariance), mean, covariance, work,
         )  # fmt: skip
@@ -149,7 +149,7 @@ class NonlinearFilter(GaussianFilter):
         after = copies(belief)
         factor, work = np.empty((m, m)), new_filter_work(n, m)
         log_likelihood = correct(
-            states, outputs, self.functions, self.weights, self.model.R, taken, control,
+            states, outputs, self.functions, self.weights, for_loop(self.model.R), taken, control,
             after[0], after[1], innovation, factor, work,
         )  # fmt: skip
         self.model.raise_problem()

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.errors import DivergenceError, InputError, shown
 from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.core.matrices import as_sample_rows
+from reobserve.core.value import for_loop
 from reobserve.observers.gaussian_filter import as_covariances
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.nonlinear_filter import NonlinearFilter
@@ -80,7 +81,7 @@ def rts_smoother(
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
     inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
-    noise = filter.model.Q[None] if Q is None else as_covariances("Q", Q, n, k)
+    noise = for_loop(filter.model.Q)[None] if Q is None else as_covariances("Q", Q, n, k)
     means, covariances = run["state"], run["covariance"]
     ahead = _predicted(filter, run, inputs, noise)
     smooth_means, smooth_covariances = means.copy(), covariances.copy()

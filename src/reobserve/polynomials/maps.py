@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, located
+from reobserve.core.value import read_only
 from reobserve.polynomials.arithmetic import Coefficients, jacobian_part, zeros
 from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.polynomials.powers import Powers
@@ -49,6 +50,7 @@ class PolynomialMap:
                 f"has shape {self.coefficients.shape}, must have {wanted} columns, one for each "
                 f"monomial in {self.variables} variables up to degree {self.degree}",
             )
+        object.__setattr__(self, "coefficients", read_only(self.coefficients))
 
     def __repr__(self) -> str:
         sizes = f"{self.components} of {self.variables} variables, degree {self.degree}"

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError, shown
 from reobserve.core.matrices import as_floats, as_positive, as_scalar
+from reobserve.core.value import for_loop, read_only
 from reobserve.systems.linear import as_covariance
 from reobserve.systems.nonlinear_flow import Functions
 from reobserve.systems.nonlinear_text import text_jacobian, text_rows
@@ -134,9 +135,9 @@ class NonlinearModel:
             put(self, f"{kind}s", size)
         as_names("input_names", list(self._variables))  # of which none may be a state's
         put(self, "parameters", _as_parameters(self.parameters, self._variables))
-        put(self, "Q", as_covariance("Q", self.Q, self.states))
-        put(self, "R", as_covariance("R", self.R, self.outputs, definite=True))
-        put(self, "scale", _as_scale(self.scale, self.states))
+        put(self, "Q", read_only(as_covariance("Q", self.Q, self.states)))
+        put(self, "R", read_only(as_covariance("R", self.R, self.outputs, definite=True)))
+        put(self, "scale", read_only(_as_scale(self.scale, self.states)))
         put(self, "sampling_period", as_positive("sampling_period", self.sampling_period))
         put(self, "substeps", as_whole("substeps", self.substeps, 0, 10_000))
         _ = self._definitions  # refuses what is no function now and not at the first step
@@ -253,7 +254,8 @@ class NonlinearModel:
         f, h = self._pointers["f"][0], self._pointers["h"][0]
         return Functions(
             f, jacobians.get("F", f), h, jacobians.get("H", h), "F" in jacobians, "H" in jacobians,
-            self.substeps, self.sampling_period / max(self.substeps, 1), self.scale,
+            self.substeps, self.sampling_period / max(self.substeps, 1),
+            for_loop(self.scale),
         )  # fmt: skip
 
     def raise_problem(self) -> None:

@@ -33,13 +33,14 @@ from numpy.typing import ArrayLike
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import Matrix, as_floats, as_matrix
+from reobserve.core.value import Value
 
 _RANK = 1e-10  # of the largest singular value: a smaller one counts as zero
 _SCALINGS = 20  # each takes the square root of how far the units are apart
 
 
-@dataclass(frozen=True, eq=False)
-class AugmentedSystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class AugmentedSystem(Value):
     """A plant with the filter, whose constant faults can be told from its output.
 
     Indriawati, Agustinah & Jazidie, (1) to (5) and (7).
@@ -93,6 +94,7 @@ class AugmentedSystem:
         _check_shapes(self)
         object.__setattr__(self, "Az", as_matrix("Az", self.Az, self.outputs))
         _check_reconstruction(self)
+        super().__post_init__()
 
     @property
     def states(self) -> int:
@@ -158,8 +160,8 @@ class AugmentedSystem:
         return _diagonal(self.Da, np.eye(self.faults))
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gains(Value):
     """Gains of an observer; rows belong to x, xz, fa and fs, in this order.
 
     Indriawati, Agustinah & Jazidie, (8), (14) and (16).
