@@ -83,12 +83,15 @@ def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
         if k:
             peer.predict(u[k - 1][:, None])
         peer.update(y[k][:, None])
-        found.append((peer.x[:, 0].copy(), np.diag(peer.P).copy(), peer.log_likelihood))
-    means, variances, logs = (np.array(part) for part in zip(*found, strict=True))
+        found.append((peer.x[:, 0].copy(), peer.P.copy(), peer.S.copy(), peer.log_likelihood))
+    means, covariances, S, logs = (np.array(part) for part in zip(*found, strict=True))
     ours = np.hstack([run["state"], run["unknown_input"]])
     assert ours == pytest.approx(means, rel=1e-10, abs=1e-12)
     spread = np.hstack([run["variance"], run["unknown_input_variance"]])
-    assert spread == pytest.approx(variances, rel=1e-10)
+    assert spread == pytest.approx(covariances.diagonal(axis1=1, axis2=2), rel=1e-10)
+    assert run["covariance"] == pytest.approx(covariances[:, :2, :2], rel=1e-9, abs=1e-15)
+    assert run["unknown_input_covariance"] == pytest.approx(covariances[:, 2:, 2:], rel=1e-10)
+    assert run["innovation_covariance"] == pytest.approx(S, rel=1e-10)
     assert run["log_likelihood"] == pytest.approx(logs, rel=1e-8)
     # And with noise the force is found, too, as well as a walk so slow lets it.
     assert np.sqrt(np.mean((run["unknown_input"][60:] - force[59:-1]) ** 2)) < 0.15

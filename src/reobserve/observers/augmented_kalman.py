@@ -35,9 +35,10 @@ Array = NDArray[np.float64]
 class AugmentedKalmanFilter(Observer[State]):
     """The Kalman filter on the state and q unknown inputs.
 
-    Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q), ``variance`` and
-    ``unknown_input_variance`` in their shapes, and ``innovation`` and ``log_likelihood`` as those
-    of `reobserve.observers.linear_filter.LinearFilter`.
+    Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q); ``variance`` and
+    ``unknown_input_variance`` in their shapes; ``covariance``, (k, n, n), and
+    ``unknown_input_covariance``, (k, q, q); and ``innovation``, ``innovation_covariance`` and
+    ``log_likelihood`` as those of `reobserve.observers.linear_filter.LinearFilter`.
 
     Parameters
     ----------
@@ -71,7 +72,10 @@ class AugmentedKalmanFilter(Observer[State]):
             "unknown_input",
             "variance",
             "unknown_input_variance",
+            "covariance",
+            "unknown_input_covariance",
             "innovation",
+            "innovation_covariance",
             "log_likelihood",
         ),
         "",
@@ -180,12 +184,17 @@ class AugmentedKalmanFilter(Observer[State]):
     def _fill(self, state: State, record: Record) -> Rows:
         found, n = self._kalman._fill(state, record), self.model.states
         whole, variance = found.estimates["state"], found.estimates["variance"]
+        covariance = found.estimates["covariance"]
         estimates = {
             "state": whole[:, :n],
             "unknown_input": whole[:, n:],
             "variance": variance[:, :n],
             "unknown_input_variance": variance[:, n:],
-            "innovation": found.estimates["innovation"],
-            "log_likelihood": found.estimates["log_likelihood"],
+            "covariance": covariance[:, :n, :n],
+            "unknown_input_covariance": covariance[:, n:, n:],
+            **{
+                name: found.estimates[name]
+                for name in ("innovation", "innovation_covariance", "log_likelihood")
+            },
         }
         return Rows(estimates, found.finite, found.state)
