@@ -283,6 +283,8 @@ def test_without_a_state_a_run_starts_from_the_origin(name: str) -> None:
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_series_of_fractions_run_as_floats_do(kind: Any) -> None:
     y = plant(0.01, 300)[:, :1]
-    floats, fractions = (kind(form(5, exact=exact), 0.01, 4) for exact in (False, True))
+    floats, fractions = (
+        kind(form(5, exact=exact), 4, sampling_period=0.01) for exact in (False, True)
+    )
     one, other = (run_on_halves(o, y, state=o.init(ESTIMATE))["state"] for o in (floats, fractions))
     np.testing.assert_allclose(np.asarray(other, dtype=np.float64), one, rtol=0, atol=1e-12)

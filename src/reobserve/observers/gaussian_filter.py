@@ -34,7 +34,7 @@ class Gaussian(Value):
     """What a filter holds to be true: a value that may be stored, copied and used again.
 
     ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
-    posteriori output error e(k|k) of (18), shape (m,), which the SVSF needs a sample later.
+    posteriori output error e(k|k), shape (m,), which the SVSF needs a sample later.
     """
 
     mean: Array

@@ -26,7 +26,7 @@ _ROUNDING = 1e-12  # of a variance: how far below zero a pivot may be
 
 
 class Weights(NamedTuple):
-    """Of scaled sigma points (Wan & van der Merwe 2000, (15)).
+    """Of scaled sigma points (Wan & van der Merwe 2000).
 
     The points are x and x +- ``spread`` times the columns of a root of P. ``each`` is the weight of
     all but the first one, of which ``first`` is that in covariances.

@@ -18,7 +18,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.core.dispatcher import Dispatcher
+from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, one_line, shown
@@ -58,7 +58,7 @@ class UserFunction:
     @property
     def _python(self) -> Callable[..., Any]:
         given: Any = self.function
-        return given.py_func if isinstance(given, Dispatcher) else given  # type: ignore[no-any-return]
+        return given.py_func if is_jitted(given) else given  # type: ignore[no-any-return]
 
     @cached_property
     def _takes_input(self) -> bool:
@@ -127,9 +127,7 @@ class UserFunction:
 
     def _by_numba(self) -> Any:
         given: Any = self.function
-        inner: Any = (
-            given if isinstance(given, Dispatcher) else numba.njit(error_model="numpy")(given)
-        )
+        inner: Any = given if is_jitted(given) else numba.njit(error_model="numpy")(given)
         takes_input = self._takes_input
         signature = (_VECTOR, _VECTOR) if takes_input else (_VECTOR,)
         inner.compile(signature)

@@ -49,7 +49,8 @@ def test_a_loaded_design_gives_the_bits_of_the_one_that_was_saved(
         sine = 0.1 * np.sin(np.arange(30.0))[:, None]
         y, u = (sine * np.ones(len(part)) for part in (design.measurements, design.inputs))
         runs = [each.observer.run(y, u, state=each.start()) for each in (design, loaded)]
-        assert set(loaded.estimates) == set(runs[0].estimates)
+        left = set(runs[0].estimates) - set(loaded.estimates)
+        assert all(name.endswith("covariance") for name in left)
         for estimate, signals in loaded.estimates.items():
             assert np.array_equal(runs[0][estimate], runs[1][estimate])
             assert np.prod(runs[0][estimate].shape[1:]) == len(signals)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,23 +72,38 @@ def _from_state(
     yield method(observer, "step", state, y[0], u[0], takes=takes)
 
 
+def sampled(kind: Callable[..., object], count: int) -> Callable[..., object]:
+    """A constructor that takes the sampling period by place, as the last of so many arguments."""
+
+    def construct(*arguments: Any) -> object:
+        return kind(*arguments[:-1], sampling_period=arguments[-1])
+
+    own = inspect.signature(kind).parameters
+    period = own["sampling_period"].replace(kind=inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    others = [one for one in own.values() if one.kind is one.POSITIONAL_OR_KEYWORD]
+    bare = [one.replace(default=inspect.Parameter.empty) for one in (*others[: count - 1], period)]
+    construct.__signature__ = inspect.Signature(bare)  # type: ignore[attr-defined]
+    return construct
+
+
 def _observers() -> Iterator[Call]:
     body, swing = RigidBody(INERTIA), pendulum(9.81, 0.5, 0.2, 0.3)
     rates = np.column_stack([0.01 * np.sin(HALF), 0 * HALF, 0 * HALF])
     inputs = np.column_stack([np.sin(HALF), np.cos(HALF)])  # with their derivatives
     cosine = 0.1 * np.cos(HALF)
-    lag = (first_order_lag(), 0.01, 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2))
+    lag = (first_order_lag(), 5.0, 1, (0.0, 1.0), 0.0, "delay", np.eye(2), 0.01)
     made: dict[str, tuple[Any, ...]] = {
-        "ilo_sampled.SampledILO": (body, 0.01, 1.0, 500.0, 500.0, 0.01, False),
-        "ilo.ILO": (body, 0.01, 0.9, 50.0, 500.0, 0.01, False),
-        "adaptive.AdaptiveObserver": (body, 0.01, 500.0, 1000.0, 10.0),
-        "high_gain.HighGainObserver": (swing, 0.01, 10.0),
+        "ilo_sampled.SampledILO": (body, 1.0, 500.0, 500.0, 0.01, False, 0.01),
+        "ilo.ILO": (body, 0.9, 50.0, 500.0, 0.01, False, 0.01),
+        "adaptive.AdaptiveObserver": (body, 500.0, 1000.0, 10.0, 0.01),
+        "high_gain.HighGainObserver": (swing, 10.0, 0.01),
         "extended_high_gain.ExtendedHighGainObserver": lag,
-        "levant.LevantDifferentiator": (1.0, 0.01, 2, [3.0, 1.5, 1.0], False),
-        "extended_state.ExtendedStateObserver": (augmented(), 0.01, gains()),
+        "levant.LevantDifferentiator": (1.0, 2, [3.0, 1.5, 1.0], False, 0.01),
+        "extended_state.ExtendedStateObserver": (augmented(), gains(), 0.01),
     }
     for name, arguments in made.items():
-        (call,) = called({f"observers.{name}": arguments})
+        (plain,) = called({f"observers.{name}": arguments})
+        call = replace(plain, function=sampled(plain.function, len(arguments)))
         yield call
         observer: Any = call.function(*arguments)
         if "model" in vars(observer) and arguments[0] is body:

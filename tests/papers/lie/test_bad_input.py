@@ -98,7 +98,7 @@ def test_one_call(case: str) -> None:
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_an_order_that_the_series_do_not_reach(kind: Any, order: int) -> None:
     with pytest.raises(InputError, match=rf"^order: {order} must be from 0 to 12, one less"):
-        kind(form(), 0.01, order)
+        kind(form(), order, sampling_period=0.01)
 
 
 def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
@@ -121,7 +121,7 @@ def test_numbers_of_two_kinds_and_an_injection_with_an_offset() -> None:
 
 @pytest.mark.parametrize("kind", NormalFormObserver.__subclasses__())
 def test_initial_estimates_and_states(kind: Any) -> None:
-    observer = kind(form(), 0.01, 4)
+    observer = kind(form(), 4, sampling_period=0.01)
     with pytest.raises(InputError, match=r"^state: has shape \(3,\), must be a list of"):
         observer.init([0, 0, 0])
     with pytest.raises(InputError, match=r"^state: .* not finite"):
