@@ -58,7 +58,7 @@ class UserFunction:
     @property
     def _python(self) -> Callable[..., Any]:
         given: Any = self.function
-        return given.py_func if is_jitted(given) else given  # type: ignore[no-any-return]
+        return given.py_func if is_jitted(given) else given
 
     @cached_property
     def _takes_input(self) -> bool:

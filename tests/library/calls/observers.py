@@ -262,11 +262,12 @@ def _normal_forms() -> Iterator[Call]:
     poles = (system, [-1.7, -2.3])
     yield from called({"synthesis.normal_form.placement.injection_for": poles}, COMPLEX)
     for call in called({
-        "observers.normal_form_identity.IdentityObserver": (series, 0.01, 2, "series"),
-        "observers.normal_form_transformed.TransformedObserver": (series, 0.01, 2),
+        "observers.normal_form_identity.IdentityObserver": (series, 2, "series", 0.01),
+        "observers.normal_form_transformed.TransformedObserver": (series, 2, 0.01),
     }):  # fmt: skip
-        yield call
-        yield from _recorded(call.function(*call.arguments), ([0.1, 0.0],), y)
+        construct = sampled(call.function, len(call.arguments))
+        yield replace(call, function=construct)
+        yield from _recorded(construct(*call.arguments), ([0.1, 0.0],), y)
     # Its series converge up to 1.
     known = PolynomialSystem.from_expressions(["x + x**2"], ["x"], ["x"], 2)
     S = normal_form(known, 13, poles=[-0.5]).S

@@ -181,5 +181,4 @@ def _designs() -> Iterator[Call]:
         "estimation.families.file.load_design": (path,),
         "estimation.families.file.save_design": (Path("again.json"), load_design(path)),
         "estimation.families.family": ("luenberger",),
-        "estimation.families.poles.as_pole_list": ("poles", [-2, "-1+3j", "-1-3j"]),
     })  # fmt: skip
