@@ -101,7 +101,7 @@ def test_every_command_has_its_help(site: Site) -> None:
     squeezed = " ".join(text.split())
     told = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
     assert told[1] in squeezed
-    for command in ("reobserve estimate", "reobserve design eso", "reobserve stage observe"):
+    for command in ("reobserve estimate", "reobserve design", "reobserve stage observe"):
         assert f"usage: {command}" in squeezed
         assert command.replace(" ", "-") in anchors(site.folder / "reference/commands/index.html")
 
