@@ -1,4 +1,4 @@
-"""What `reobserve estimate` does."""
+"""The command `reobserve estimate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What would mislead, by criteria that are computed on the first rows of a record.
+"""Warnings about estimates that mislead, by criteria computed on the first rows of a record.
 
 The size of an estimate is the root mean square of the largest of its components in that unit.
 

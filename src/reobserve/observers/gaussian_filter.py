@@ -1,4 +1,4 @@
-"""What filters share that estimate a state by its mean and covariance.
+"""The base class of filters that estimate a state by its mean and covariance.
 
 The first row of a record corrects the estimate that `init` was given; before each later row the
 filter predicts with the input of the row before, and corrects with that of the row itself.
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gaussian(Value):
-    """What a filter holds to be true: a value that may be stored, copied and used again.
+    """Mean and covariance of the state as a filter estimates it.
 
     ``mean``, shape (n,), and ``covariance``, (n, n), of the state; ``error`` is the filter's own a
     posteriori output error e(k|k), shape (m,), which the SVSF needs a sample later.
@@ -122,6 +123,11 @@ class GaussianFilter(Observer[State]):
     def inputs(self) -> int:
         """How many numbers a row of u has."""
         return int(self.model.inputs)
+
+    @cached_property
+    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Tuples as long as there are states and outputs, for which loops are compiled."""
+        return (0,) * self.model.states, (0,) * self.model.outputs
 
     def init(self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None) -> State:
         """The state before the first row of a record.

@@ -13,7 +13,6 @@ a row of nothing but nan the filter predicts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -86,10 +85,6 @@ class LinearFilter(GaussianFilter):
     def law_parameters(self) -> Array:
         """What the law gets as its parameters."""
         return np.empty(0)
-
-    @cached_property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        return (0,) * self.model.states, (0,) * self.model.outputs
 
     def innovation_deviation(self, state: State) -> Array:
         """The standard deviations of the next row's innovation, shape (m,), if the model is right.

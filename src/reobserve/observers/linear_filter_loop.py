@@ -141,6 +141,43 @@ def leave_out(o: int, factor: Array, scaled: Array) -> None:
 
 
 @inlined_kernel
+def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
+    """Replace S by its lower Cholesky factor L; return the log-likelihood, nan if it has none.
+
+    S is read from the lower triangle of ``factor``. A missing output, of which the innovation is
+    nan, gets a row of its own with a one on the diagonal, and adds nothing to the likelihood.
+    """
+    m = len(innovation)
+    log_root, distance, taken = 0.0, 0.0, m
+    for o in range(m):
+        if math.isnan(innovation[o]):
+            leave_out(o, factor, scaled)
+            taken -= 1
+            continue
+        # L L' = S, row by row
+        for q in range(o + 1):
+            if math.isnan(innovation[q]):
+                factor[o, q] = factor[q, o] = 0.0
+                continue
+            total = factor[o, q]
+            for i in range(q):
+                total -= factor[o, i] * factor[q, i]
+            if o == q:
+                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
+            else:
+                factor[o, q] = total / factor[q, q]
+                factor[q, o] = 0.0
+        # L s = e, of which the squares add up to e' S^-1 e
+        total = innovation[o]
+        for i in range(o):
+            total -= factor[o, i] * scaled[i]
+        scaled[o] = total / factor[o, o]
+        distance += scaled[o] * scaled[o]
+        log_root += math.log(factor[o, o])
+    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
+
+
+@inlined_kernel
 def foretell(
     states: Size,
     outputs: Size,
@@ -165,33 +202,14 @@ def foretell(
             for b in range(n):
                 total += covariance[a, b] * model.C[o, b]
             cross[a, o] = total
-    log_root, distance, taken = 0.0, 0.0, m
+    # S = C P C' + R
     for o in range(m):
-        if math.isnan(innovation[o]):
-            leave_out(o, factor, scaled)
-            taken -= 1
-            continue
         for q in range(o + 1):
-            if math.isnan(innovation[q]):
-                factor[o, q] = factor[q, o] = 0.0
-                continue
             total = model.R[o, q]
             for a in range(n):
                 total += model.C[o, a] * cross[a, q]
-            for i in range(q):
-                total -= factor[o, i] * factor[q, i]
-            if o == q:
-                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
-            else:
-                factor[o, q] = total / factor[q, q]
-                factor[q, o] = 0.0
-        total = innovation[o]
-        for i in range(o):
-            total -= factor[o, i] * scaled[i]
-        scaled[o] = total / factor[o, o]
-        distance += scaled[o] * scaled[o]
-        log_root += math.log(factor[o, o])
-    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
+            factor[o, q] = total
+    return factor_innovation(innovation, factor, scaled)
 
 
 @inlined_kernel

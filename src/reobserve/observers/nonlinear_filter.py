@@ -1,4 +1,4 @@
-"""What filters on nonlinear models share.
+"""The base class of the extended and the unscented Kalman filter.
 
 The first row of a record corrects the belief that `init` was given; before each later row the
 filter predicts with the input of the row before, and it corrects with the input of the row itself.
@@ -11,7 +11,6 @@ A nan in a row of measurements stands for a number that was not measured, as in
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,10 +96,6 @@ class NonlinearFilter(GaussianFilter):
     def functions(self) -> Functions:
         """The model as the loop reads it."""
         return self.model.functions
-
-    @cached_property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        return (0,) * self.model.states, (0,) * self.model.outputs
 
     def predict(self, belief: Gaussian, u: ArrayLike = ()) -> Gaussian:
         """Time update with the input u of the sample that the belief is of, shape (p,).

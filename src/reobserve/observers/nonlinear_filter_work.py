@@ -1,4 +1,4 @@
-"""What the loops of extended and unscented filters share: scratch, and why they stop."""
+"""Scratch arrays of extended and unscented filters, and why their loops stop."""
 
 from __future__ import annotations
 

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import inlined_kernel
 from reobserve.observers.linear_filter_loop import (
-    HALF_LOG_TWO_PI,
     Size,
     assign,
+    factor_innovation,
     kalman_gain,
-    leave_out,
 )
 from reobserve.observers.nonlinear_filter_work import NO_ROOT, FilterWork, correct_mean, innovate
 from reobserve.systems.nonlinear_flow import Functions, move
@@ -184,40 +183,6 @@ def correct_unscented(
     correct_mean(mean, innovation, linear.gain)
     spread_after(R, weights, linear.gain, points, images, covariance)
     return log_likelihood
-
-
-@inlined_kernel
-def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
-    """Replace S by its lower Cholesky factor; return the log-likelihood, nan if it has none.
-
-    A missing output, of which the innovation is nan, is left out as in `foretell`.
-    """
-    m = len(innovation)
-    log_root, distance, taken = 0.0, 0.0, m
-    for o in range(m):
-        if math.isnan(innovation[o]):
-            leave_out(o, factor, scaled)
-            taken -= 1
-            continue
-        for q in range(o + 1):
-            if math.isnan(innovation[q]):
-                factor[o, q] = factor[q, o] = 0.0
-                continue
-            total = factor[o, q]
-            for i in range(q):
-                total -= factor[o, i] * factor[q, i]
-            if o == q:
-                factor[o, o] = math.sqrt(total) if total > 0.0 else math.nan
-            else:
-                factor[o, q] = total / factor[q, q]
-                factor[q, o] = 0.0
-        total = innovation[o]
-        for i in range(o):
-            total -= factor[o, i] * scaled[i]
-        scaled[o] = total / factor[o, o]
-        distance += scaled[o] * scaled[o]
-        log_root += math.log(factor[o, o])
-    return -0.5 * distance - log_root - taken * HALF_LOG_TWO_PI
 
 
 @inlined_kernel

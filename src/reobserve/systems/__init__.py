@@ -1,1 +1,1 @@
-"""What an observer is told of a plant."""
+"""Models of plants, on which observers are built."""
