@@ -454,12 +454,14 @@ def test_the_deviation_of_one_state_in_closed_form() -> None:
     a, period, size = 3.0, 0.1, 0.7
     system = dc_motor(A=[[-2.0, 0.0], [0.0, -a]], C=[[1.0, 0.0], [2.0, 0.0]], Fa=[[1.0], [0.0]],
                       Dd=np.eye(2))  # fmt: skip
-    gains = pi.design_feasible(system, 1.0).gains
-    gains.L[1] = 0.0
-    found = held_deviation(system, gains, [0.0, size, 0.0], period)
+    found = pi.design_feasible(system, 1.0).gains
+    L = found.L.copy()
+    L[1] = 0.0
+    gains = Gains(L, found.Ld)
+    deviation = held_deviation(system, gains, [0.0, size, 0.0], period)
     decay = np.exp(-a * period)
-    assert found[1] == pytest.approx(size / a * np.sqrt((1 - decay) / (1 + decay)), rel=1e-12)
-    assert np.abs(np.delete(found, 1)).max() < 1e-9
+    assert deviation[1] == pytest.approx(size / a * np.sqrt((1 - decay) / (1 + decay)), rel=1e-12)
+    assert np.abs(np.delete(deviation, 1)).max() < 1e-9
 
 
 @pytest.mark.parametrize("design", ["pi_feasible", "pd_pi"])
