@@ -130,8 +130,16 @@ def test_certificate_promises_no_less_than_the_fault_itself() -> None:
             design = certify(damping, 1.0, k1, k2)
             assert design.theorem is not None
             assert design.theorem.holds
-            assert design.error_gain > 1 / (1 - k1)
-    assert design.error_gain < 1.01 / (1 - k1)  # the search comes close to that with much damping
+            assert design.theorem.epsilon3 > design.theorem.rho1 / (1 - k1) ** 2
+            assert f"no RMS error below {1 / (1 - k1):.4g} k_d" in design.reason
+    # With much damping, rate weights that cost nothing and gamma_2 = 1 / k1 - 1 come close to it.
+    k1, tiny = 0.9, 1e-6
+    gamma2, huge = 1 / k1 - 1, 1e12
+    rho1 = 1 / (k1**2 * (1 + tiny + gamma2)) - 1 - 1 / huge
+    weights = {"gamma1": tiny, "gamma2": gamma2, "gamma3": huge, "gamma4": huge}
+    found = theorem1(1e30, 1.0, k1, 1.0, 0.0, **weights, rho1=rho1 * (1 - 1e-9))
+    assert found.holds
+    assert np.sqrt(found.epsilon3 / found.rho1) == pytest.approx(1 / (1 - k1), rel=1e-4)
 
 
 def test_sign_of_the_correction_is_not_seen() -> None:
@@ -336,7 +344,8 @@ def test_bound18_holds_and_is_loose_on_a_certified_design() -> None:
     assert bound.ratio == pytest.approx(bound.right / bound.left)
     assert bound.ratio > 5
     # The promised RMS error is above the largest fault, 2 |U|.
-    assert design.error_gain * k_d > 2 * np.linalg.norm([0.5, -0.2, 0.3])
+    promised = np.sqrt(design.theorem.epsilon3 / design.theorem.rho1) * k_d
+    assert promised > 2 * np.linalg.norm([0.5, -0.2, 0.3])
     with pytest.raises(InputError, match="conditions"):
         bound18(
             theorem1(1.0, 1.0, 1.0, 1.0, 0.0, gamma1=1, gamma2=1, gamma3=1, gamma4=1, rho1=1),
