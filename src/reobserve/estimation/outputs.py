@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.families.setup import Setup
+from reobserve.estimation.families.design import Design
 from reobserve.estimation.layout import Layout
 from reobserve.estimation.quantities import SAME, Conversion, conversion, rate_unit
 
@@ -41,15 +41,14 @@ RESIDUAL = "residual"
 class Outputs:
     """What is written of each row, in order."""
 
-    setup: Setup
+    design: Design
     columns: tuple[Output, ...]
 
     def numbers(self, y: Array, estimates: Mapping[str, Array]) -> Array:
         """The columns' values, shape (k, columns)."""
         plan, rows = self._plan(estimates), len(y)
         parts = [estimates[name].reshape(rows, -1) for name in plan.estimates]
-        if self.setup.residual is not None:
-            parts.append(self.setup.residual(y, estimates))
+        parts.append(self.design.residual(y, estimates))
         found: Array = np.concatenate(parts, axis=1)[:, plan.places]
         with np.errstate(invalid="ignore"):  # a variance below zero has no root
             found[:, plan.deviations] = np.sqrt(found[:, plan.deviations])
@@ -65,8 +64,7 @@ class Outputs:
         flat: list[float] = []
         for name in plan.estimates:
             flat += estimates[name].ravel().tolist()
-        if self.setup.residual is not None:
-            flat += self.setup.residual(y, estimates)[0].tolist()
+        flat += self.design.residual(y, estimates)[0].tolist()
         found = [flat[place] for place in plan.places]
         for column in plan.deviations:
             found[column] = math.sqrt(found[column]) if found[column] >= 0.0 else math.nan
@@ -96,7 +94,7 @@ class _Plan(NamedTuple):
 
 
 def _planned(made: Outputs, estimates: Mapping[str, Array]) -> _Plan:
-    sigmas = made.setup.sigmas
+    sigmas = made.design.sigmas
     sources = [sigmas[one.estimate] if one.deviation else one.estimate for one in made.columns]
     names = tuple(dict.fromkeys(name for name in sources if name != RESIDUAL))
     starts, size = {}, 0
@@ -120,7 +118,7 @@ def _planned(made: Outputs, estimates: Mapping[str, Array]) -> _Plan:
 
 
 def outputs(
-    setup: Setup,
+    design: Design,
     layout: Layout,
     sample: Mapping[str, Array],
     named: Mapping[str, Mapping[str, str]],
@@ -134,8 +132,8 @@ def outputs(
         name, or a unit cannot become the one that is asked for.
     """
     written = {
-        name: values for name, values in sample.items()
-        if name not in setup.left_out and values.ndim <= 2
+        name: sample[name] for name in sample
+        if name in design.estimates and name not in design.left_out
     }  # fmt: skip
     for name in named:
         if name not in written:
@@ -145,7 +143,7 @@ def outputs(
     columns: list[Output] = []
     for name, values in written.items():
         size = 1 if values.ndim == 1 else values.shape[1]
-        labels, units, asked = _called(name, size, setup, layout, named.get(name))
+        labels, units, asked = _called(name, design, layout, named.get(name))
         for place in range(size):
             way = SAME
             if units[place] and asked[place]:
@@ -153,36 +151,26 @@ def outputs(
                 way = conversion(at, units[place], asked[place])
             unit = asked[place] or units[place]
             columns.append(Output(labels[place], unit, name, place, False, way))
-            if name in setup.sigmas:
+            if name in design.sigmas:
                 label = f"{labels[place]} sigma"
                 columns.append(Output(label, unit, name, place, True, way))
-    if setup.residual is not None:
-        for place, unit in enumerate(layout.units[layout.timed :][: layout.measurements]):
-            label = f"residual {layout.names[layout.timed + place]}"
-            columns.append(Output(label, unit, RESIDUAL, place))
-            if place + 1 == _residuals(setup, sample, layout):
-                break
+    residuals = design.residual(np.zeros((1, layout.measurements)), sample).shape[1]
+    for place in range(residuals):
+        label = f"residual {layout.names[layout.timed + place]}"
+        columns.append(Output(label, layout.units[layout.timed + place], RESIDUAL, place))
     names = [column.name for column in columns] + ["time", "status"]
     for name in names:
         if names.count(name) > 1:
             raise InputError("estimates", f"two columns would have the name {shown(name)}")
-    return Outputs(setup, tuple(columns))
-
-
-def _residuals(setup: Setup, sample: Mapping[str, Array], layout: Layout) -> int:
-    assert setup.residual is not None
-    return int(setup.residual(np.zeros((1, layout.measurements)), sample).shape[1])
+    return Outputs(design, tuple(columns))
 
 
 def _called(
-    name: str, size: int, setup: Setup, layout: Layout, named: Mapping[str, str] | None
+    name: str, design: Design, layout: Layout, named: Mapping[str, str] | None
 ) -> tuple[list[str], list[str], list[str]]:
     """Names of the components, their units as far as they are known, and those asked for."""
-    usual = [name] if size == 1 and name not in ("state", "fault") else (
-        [f"{name}_{place + 1}" for place in range(size)]
-    )  # fmt: skip
-    labels = list(setup.names.get(name, usual))
-    units = list(setup.units.get(name, [setup.observer.units.get(name, "")] * size))
+    labels, units = map(list, zip(*design.estimates[name], strict=True))
+    size = len(labels)
     if name == "derivatives":
         signal = layout.units[layout.timed]
         units = [rate_unit(signal, order) for order in range(size)]

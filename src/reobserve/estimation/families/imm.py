@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -12,10 +12,9 @@ import numpy as np
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Design, Example
+from reobserve.estimation.families.design import Certificate, Design, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
 from reobserve.estimation.families.linear_system import LinearSystem, NoisySystem, unobserved
-from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import (
     Signal,
     check_signals,
@@ -132,6 +131,7 @@ class ImmDesign(Design):
 
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {IMM: "bank:bank"}
+    left_out: ClassVar = ("variance", "covariance", "innovation", "log_likelihood")
     records: ClassVar = {
         "imm-kalman": Example(
             "worn_motor", "# Bank of Kalman filters: which of several models does the record "
@@ -190,16 +190,22 @@ class ImmDesign(Design):
             system.mean, system.initial_covariance, system.initial_probabilities
         )
 
-    def set_up(self) -> Setup:
-        """The bank, with the residual of the mixture."""
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """The innovations of the modes, weighed by their probabilities."""
+        return _weighed(estimates["probability"], estimates["innovation"])
+
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """Those of the mixture."""
+        return {"state": "variance"}
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Modes of each model that stay as they start."""
         systems = self.system.systems.items()
-        return replace(
-            super().set_up(), residual=_mixed_innovation, sigmas={"state": "variance"},
-            left_out=("variance", "covariance", "innovation", "log_likelihood"),
-            unseen=tuple(
-                sentence for name, system in systems
-                for sentence in unobserved(system.model, f"modes.{name}")
-            ),
+        return tuple(
+            sentence for name, system in systems
+            for sentence in unobserved(system.model, f"modes.{name}")
         )  # fmt: skip
 
     def certify(self) -> Certificate:
@@ -216,11 +222,6 @@ class ImmDesign(Design):
             seconds = self.certificate[f"samples_in_{mode}"] * period
             lines.append(f"{mode}: stays for {seconds:.4g} s on average")
         return lines
-
-
-def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
-    """The innovations of the modes, weighed by their probabilities."""
-    return _weighed(estimates["probability"], estimates["innovation"])
 
 
 @kernel
