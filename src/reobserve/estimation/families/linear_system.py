@@ -137,8 +137,8 @@ class FilterDesign(Design):
 
     def spread(self, state: Any) -> Array | None:
         """The deviations that the filter predicts for the next innovation."""
-        filter_: Any = self.observer
-        return filter_.innovation_deviation(state) if self.sigmas else None
+        predicted = getattr(self.observer, "innovation_deviation", None)
+        return predicted(state) if predicted and self.sigmas else None
 
     @property
     def unseen(self) -> tuple[str, ...]:
