@@ -197,4 +197,6 @@ def test_the_sentence_names_file_and_key(key: str, value: Any, said: str, tmp_pa
     text.write_text(json.dumps(tree if key == "digest" else signed(tree)))
     with pytest.raises(InputError) as error:
         load_state(text, fresh("kalman"), "d")
-    assert str(error.value).startswith(f"{text}: {said}")
+    place, _, problem = said.partition(": ")
+    assert str(error.value).startswith(f"{text}: {place}: ")
+    assert problem in str(error.value)
