@@ -133,8 +133,6 @@ class Estimation:
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
         self.timestamps.judge()
-        if self.interpolation.values is None:
-            return self._none()
         return self._estimate(self.interpolation.finish(), True)
 
     def _none(self) -> Estimated:

@@ -89,7 +89,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         ),
         "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),
         "interpolation": {
-            name: None if getattr(values, name) is None else _plain(getattr(values, name).tolist())
+            name: _plain(getattr(values, name).tolist())
             for name in ("time", "values", "asked", "kept")
         },
         "report": _plain(estimation.report),
@@ -250,8 +250,7 @@ def _interpolation(saved: _Interpolation, columns: int) -> dict[str, Any]:
     for name, rows in (("values", len(saved.time)), ("kept", 2)):
         table = getattr(saved, name)
         if table is None and saved.values is None and saved.kept is None and not saved.time:
-            found[name] = None
-            continue
+            continue  # before the first row
         if table is None or len(table) != rows or any(len(row) != columns for row in table):
             problem = f"must have {rows} rows of {columns} numbers"
             raise InputError(f"interpolation.{name}", problem)
