@@ -38,8 +38,6 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", {"sampling": {"jitter": 0.5}}, "sampling.jitter: 0.5 periods must be below half of"),
     ("kalman", {"sampling": {"gap": -1.0}}, "sampling.gap: -1 must not be negative"),
     ("kalman", {"alarms": [ALARM, ALARM]}, "alarms: have the name 'fast' twice"),
-    ("imm-kalman", {"observer": {"modes": {}}}, "observer.modes: has 0 modes, must have 1 to 50"),
-    ("imm-kalman", {"observer": {"gains": {**CHAIN, "memory": 0.1}}}, "observer.gains.memory: mu"),
     ("eso", {"observer": {"gains": {"L": [[-9, 0]] * 6}}}, "observer.gains.L: and Ld give no s"),
     ("imm-svsf", {"observer": {"gains": {**CHAIN, "filter": "svsf", "boundary_layer": 1.0}}},
      "observer.gains.memory: is missing with the filter svsf"),

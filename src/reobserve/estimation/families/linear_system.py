@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, System, pole_text
-from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.design import (
+    Certificate,
+    Design,
+    Estimates,
+    System,
+    pole_text,
+)
 from reobserve.estimation.families.signals import Signal, listed, numbered, variances
+from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel
 
@@ -98,7 +104,9 @@ def check_shape(name: str, value: Any, shape: tuple[int, ...]) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FilterDesign(Design):
-    """A filter on a linear model."""
+    """A filter on a linear model; of a constant gain no deviations are known."""
+
+    left_out: ClassVar[tuple[str, ...]] = ("variance", "innovation", "log_likelihood")
 
     @property
     def states(self) -> tuple[Signal, ...]:
@@ -118,14 +126,24 @@ class FilterDesign(Design):
         """Initial mean and covariance, at the first sample."""
         return self.observer.init(self.system.mean, self.system.initial_covariance)  # type: ignore[attr-defined]
 
-    def set_up(self) -> Setup:
-        """The filter, with the deviations that it predicts."""
-        filter_: Any = self.observer
-        return replace(
-            super().set_up(), residual=innovation, sigmas={"state": "variance"},
-            left_out=("variance", "innovation", "log_likelihood"),
-            unseen=unobserved(self.system.model), spread=filter_.innovation_deviation,
-        )  # fmt: skip
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """The innovation."""
+        return estimates["innovation"]
+
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """Those of the state."""
+        return {} if isinstance(self.observer, FixedGainObserver) else {"state": "variance"}
+
+    def spread(self, state: Any) -> Array | None:
+        """The deviations that the filter predicts for the next innovation."""
+        predicted = getattr(self.observer, "innovation_deviation", None)
+        return predicted(state) if predicted and self.sigmas else None
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Modes that stay as they start."""
+        return unobserved(self.system.model)
 
 
 def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
@@ -137,11 +155,6 @@ def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
         f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
         "hidden from the measurements, so that its estimate is that of the start for ever",
     )
-
-
-def innovation(y: Array, estimates: Estimates) -> Array:
-    """The residual of filters."""
-    return estimates["innovation"]
 
 
 def decay_sentences(certificate: Certificate, period: float) -> list[str]:
