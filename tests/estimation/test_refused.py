@@ -77,6 +77,8 @@ OPTIONS: list[tuple[list[str], str]] = [
     (["--example", "calman"], "example: there is no 'calman'"),
     (["--example", "kalman", OUT, "x.txt"], "x.txt: 'x.txt' must end with .yaml"),
     (["--example", "kalman", "--data", "x.txt"], "x.txt: must end with .csv"),
+    (["--example", "kalman", OUT, S], f"{S}: is there already, and is not replaced"),
+    (["--example", "kalman", OUT, "x.yaml", "--data", D], f"{D}: is there already, and is not"),
     ([S, D, OUT, "e.csv", "--data", "x.csv"], "--data: belongs to --example, which writes a"),
     ([S, "--stream", OUT, "e.csv"], "--out: is for whole records; a stream goes to standard"),
     ([S, "--stream", "--plot", "e.png"], "--plot: is for whole records; a stream goes to"),
