@@ -95,7 +95,7 @@ class AugmentedKalmanFilter(Observer[State]):
         model, put = as_kind("model", self.model, LinearModel), self._set
         E = as_floats("fault_matrix", self.fault_matrix)
         if E.ndim != 2 or len(E) != model.states or not E.size:
-            problem = f"has shape {E.shape}, must have {model.states} rows like A"
+            problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
             raise InputError("fault_matrix", problem)
         wanted = (model.outputs, E.shape[1])
         given: Any = self.output_fault_matrix
