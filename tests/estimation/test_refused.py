@@ -100,6 +100,7 @@ OPTIONS: list[tuple[list[str], str]] = [
     ([S, "none.csv", "--follow"], "none.csv: cannot be read (No such file or directory)"),
     ([S, "empty.csv", "--follow", "--idle", "0.1"], "empty.csv: is empty, must begin with the"),
     ([S, "latin.csv", OUT, "e.csv"], "latin.csv: its header cannot be read (byte 3 is not UTF-8)"),
+    ([S, "mac.csv", OUT, "e.csv"], "mac.csv: its header cannot be read: lines must end with line"),
     ([S, "blank.csv", OUT, "e.csv"], "blank.csv: its header is empty, must name the columns"),
 ]  # fmt: skip
 
@@ -115,7 +116,12 @@ def test_options_that_do_not_go_together_are_refused_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     assert main(["estimate", "--example", "kalman", "--out", S, "--data", D]) == 0
     Path(".csv").mkdir()
-    for name, content in (("empty", b""), ("latin", b"t,\xe9,v\n0,1,2\n"), ("blank", b"\n0,1\n")):
+    for name, content in (
+        ("empty", b""),
+        ("latin", b"t,\xe9,v\n0,1,2\n"),
+        ("blank", b"\n0,1\n"),
+        ("mac", b"t,v\r0,1\r"),
+    ):
         Path(f"{name}.csv").write_bytes(content)
     before = {path: path.read_bytes() for path in Path().iterdir() if path.is_file()}
     capsys.readouterr()
