@@ -55,7 +55,7 @@ class AugmentedKalmanFilter(Observer[State]):
     ------
     InputError
         If the shapes do not fit, W is no covariance, or a mode of [x, d] that does not decay is
-        hidden from the measurement: two unknown inputs, say, that do the same.
+        unobservable: two unknown inputs, say, that do the same.
     """
 
     model: LinearModel

@@ -133,7 +133,7 @@ def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
         return ()
     return (
         f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
-        "hidden from the measurements, so that its estimate is that of the start for ever",
+        "unobservable, so that its estimate stays the initial one",
     )
 
 
