@@ -76,8 +76,7 @@ class AugmentedKalmanDesign(FilterDesign):
     gains: None = None
 
     keys: ClassVar = {
-        "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix",
-        "walk": "random_walk", "unknown_input": "initial_unknown_input",
+        "unknown_input": "initial_unknown_input",
         "unknown_input_covariance": "initial_unknown_input_covariance",
     }  # fmt: skip
     example: ClassVar[str] = EXAMPLE

@@ -39,14 +39,18 @@ _RENAMED = {
     "initial_variance": "initial_covariance",
     "variables": "states, a mapping of names to units",
     "walk": "random_walk",
+    "input_matrix": "fault_matrix, of augmented-kalman",
     "output_matrix": "output_fault_matrix",
+    "Az": "filter_rate",
+    "law": "gain, varying or steady, which stands with the system",
+    "order": "order of the system",
 }
 
 
 # Parameters of observers, and the keys that state them.
 _KEYS = {
     "mean": "initial_state", "state": "initial_state", "covariance": "initial_covariance",
-    "delay": "initial_delay", "probabilities": "initial_probabilities",
+    "delay": "initial_delay", "period": "sampling_period", "probabilities": "initial_probabilities",
 }  # fmt: skip
 
 
@@ -125,6 +129,8 @@ class Design(ABC):
         if gains is not None and hints["gains"] is NoneType:
             raise InputError("gains", "must be left out; nothing is chosen in this family")
         if gains is not None:
+            if isinstance(gains, dict):
+                check_renamed(gains, hints["gains"], "gains")
             gains = parse(hints["gains"], gains, "gains")
         return parse(hints["system"], rest), gains
 
@@ -255,7 +261,7 @@ def _names(hint: Any) -> set[str]:
     return {each.name for kind in kinds for each in fields(kind)}
 
 
-def check_renamed(tree: Tree, system: Any, place: str = "") -> None:
+def check_renamed(tree: Tree, hint: Any, place: str = "") -> None:
     """Refuse keys that had another name.
 
     Raises
@@ -263,7 +269,7 @@ def check_renamed(tree: Tree, system: Any, place: str = "") -> None:
     InputError
         With the new name.
     """
-    known = {each.name for each in fields(system)}
+    known = _names(hint)
     modes = tree.get("modes")
     parts = {"": tree}
     if isinstance(modes, Mapping):

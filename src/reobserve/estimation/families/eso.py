@@ -84,6 +84,7 @@ class FaultySystem(System):
     with all poles right of -``bound`` [1/s] and matrices of a norm within ``radius``.
     """
 
+    time: Literal["continuous"] = "continuous"  # as linear models state it
     actuator_faults: Signals = field(default_factory=dict)
     sensor_faults: Signals = field(default_factory=dict)
     A: Array

@@ -75,12 +75,10 @@ class LinearSystem(System):
     @cached_property
     def model(self) -> LinearModel:
         """The sampled model; `InputError` if it is none that filters can have."""
-        A, B = self.sampled(np.zeros((len(self.A), 0)) if self.B is None else self.B)
-        return LinearModel(
-            A, B, self.C, self.D, self.Q, self.R,
-            unusual=self.unusual or self.time == "continuous",
-            sampling_period=self.sampling_period,
-        )  # fmt: skip
+        matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
+        if self.time == "continuous":
+            return LinearModel.from_ode(*matrices, sampling_period=self.sampling_period)
+        return LinearModel(*matrices, unusual=self.unusual, sampling_period=self.sampling_period)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,7 +151,7 @@ def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
         return ()
     return (
         f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
-        "hidden from the measurements, so that its estimate is that of the start for ever",
+        "unobservable, so that its estimate stays the initial one",
     )
 
 
