@@ -12,6 +12,7 @@ from docs.generate.gallery import grid
 from docs.generate.markdown import Page, code, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.verdict_table import table as verdict_table
+from reobserve.replication.claims.verdict_table import titles as title_table
 from reobserve.replication.claims.verdicts import VERDICTS, replicated, title_margin
 from reobserve.replication.errata import Erratum
 from reobserve.replication.report.claims import Claim
@@ -21,6 +22,10 @@ _THRESHOLDS = {
     "stated": "The bound is the paper's.",
     "before": "The bound was set before its numbers were known.",
     "after": "The bound was set after its numbers were known.",
+}
+_QUANTIFIERS = {
+    "can": "It says what can be: one setting with which the checks hold decides it.",
+    "always": "It says what is always so: one setting with which a check fails decides against it.",
 }
 _CERTAINTIES = {
     "certain": "certain",
@@ -33,6 +38,11 @@ def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
     """How many claims of each paper got which verdict, with links into the ``folder``."""
     counted = verdict_table(_rows(papers))
     return re.sub(r"^\| `(\w+)` \|", rf"| [`\1`]({folder}\1.md) |", counted, flags=re.MULTILINE)
+
+
+def titles(papers: Sequence[Paper]) -> str:
+    """The title of each paper under the rule for headlines, and under others."""
+    return title_table(_rows(papers))
 
 
 def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
@@ -77,7 +87,9 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
         {
             "paper": paper.name,
             "verdict": claim.verdict,
-            "headline": "yes" if claim.headline else "",
+            "promised": claim.promised,
+            "place": claim.place,
+            "threshold": claim.threshold,
         }
         for paper in papers
         for claim in paper.claims
@@ -135,13 +147,15 @@ def _claim(paper: Paper, claim: Claim) -> str:
     room = f" With the same verdict, {plain(claim.room)}." if claim.room else ""
     if claim.why:
         parts.append(ticks(claim.why))
+    if claim.quantifier in _QUANTIFIERS:
+        parts.append(_QUANTIFIERS[claim.quantifier])
     if claim.threshold:
         parts.append(f"{_THRESHOLDS[claim.threshold]}{room}")
     found = claim.robustness
     if found:
         held = f"Held in {found.held} of {found.draws} draws: {_share(claim)}."
         held += f" {found.diverged} diverged." if found.diverged else ""
-        held += f" {found.refused} could not be run." if found.refused else ""
+        held += f" {found.refused} refused." if found.refused else ""
         if found.flip_key:
             key = _key(paper, found.flip_key)
             held += f" The smallest change of one number that flips it: {key} {plain(found.flip)}."

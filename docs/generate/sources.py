@@ -82,6 +82,7 @@ def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[
     source = root / "src/reobserve"
     return {
         "verdicts": lambda: findings.verdicts(papers),
+        "titles": lambda: findings.titles(papers),
         "verdicts on the start page": lambda: findings.verdicts(papers, "findings/"),
         "papers": lambda: findings.what_it_is_about(papers),
         "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),

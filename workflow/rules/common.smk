@@ -148,7 +148,7 @@ def checks(wildcards):
     """A params function: a digest of the checks, and of which claims are main ones."""
     claims = claims_text(Path(), wildcards.paper)
     bodies = claims.get("claims", {}).items()
-    main = [name for name, body in bodies if isinstance(body, dict) and body.get("headline")]
+    main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a

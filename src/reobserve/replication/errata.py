@@ -24,6 +24,9 @@ class ErratumEntry(Model):
         description="It contradicts the paper or a computation; nothing else fits; or it may come "
         "from the copy at hand, in which signs, primes and indices can be lost."
     )
+    settles: Text | None = Field(
+        None, description="The parameter whose reading it corrects; no claim may depend on that."
+    )
     test: Annotated[str, StringConstraints(pattern=r"^tests/[a-z_/]+\.py::test_\w+$")]
 
 

@@ -152,3 +152,12 @@ def test_rounding_to_the_grid_does_not_leave_the_range() -> None:
     start = ledger(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
     (knob,) = find_choice(start, "plant.spacing").knobs
     assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]
+
+
+def test_half_of_the_draws_take_a_value_that_the_paper_names() -> None:
+    drawn = values(ledger(mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0]}), "plant.mass")
+    assert abs(np.mean(drawn == 1.0) - 0.5) < 4 * 0.5 / math.sqrt(len(drawn))
+    others = drawn[drawn != 1.0]
+    assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
+    (knob,) = find_choice(ILO, GAIN).knobs
+    assert "named" not in repr(knob)  # digests of kept draws are of this

@@ -161,12 +161,26 @@ def test_a_draw_that_diverges_does_not_hold() -> None:
     assert one.flip.end < 1000
 
 
-def test_a_draw_that_is_refused_is_drawn_again() -> None:
+def test_a_draw_that_is_refused_does_not_hold() -> None:
     one = found(claim("fig3 a gain", GAIN, above=0))
-    assert (one.draws, one.held, one.diverged) == (36, 36, 0)
-    refused = len(one.refused)
-    assert abs(refused / (36 + refused) - math.log10(2)) < 0.2
-    assert one.flip is None  # nobody could have run it
+    assert (one.held + len(one.refused), one.diverged) == (one.draws, 0)
+    assert all(gain < 1000 for k in one.refused for gain in one.trials[k].values)
+    assert one.firm is False
+    assert one.flip is not None  # to where it is refused
+    assert one.flip.end < 1000
+    assert one.to_keep.draws[one.refused[0]] is None
+
+
+def test_draws_of_what_can_be_end_with_the_first_example() -> None:
+    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the draws, not as stated
+    can, seldom = found(replace(rare, quantifier="can")), found(rare)
+    assert (can.firm, can.draws) == (True, 20)
+    assert 0 < can.held < 20
+    assert seldom.draws > 20
+    always = found(replace(claim("fig1 a gain", GAIN, below=4000), quantifier="always"))
+    assert (always.firm, always.draws) == (True, 20)
+    none = found(replace(claim("fig1 a gain", GAIN, above=5001), quantifier="can"))
+    assert (none.firm, none.draws, none.held) == (True, 36, 0)
 
 
 def test_an_expensive_claim_is_looked_at_the_ends_only(shown: list[str]) -> None:

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.stats import chatterjeexi
 
 from reobserve.replication.claims.bounds import rooms, tell_rooms
 from reobserve.replication.claims.checks import Check
@@ -14,15 +15,15 @@ from reobserve.replication.claims.outcomes import Outcome
 from reobserve.replication.claims.plot import sensitivity_bars, specification_curves
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.claims.robustness import Robustness, Trial
-from reobserve.replication.claims.sensitivity import deciding_check, influences
+from reobserve.replication.claims.sensitivity import as_places, deciding_check, influences
 
 BELOW = Check.parse({"value": "fig1 a error", "below": 0.5})
 ABOVE = Check.parse({"value": "fig1 a gain", "above": -1.0})
 NAMES = ("a.strong", "a.weak", "a.word", "seed")
 
 
-def claim(*checks: Check, headline: bool = True) -> Claim:
-    return Claim("ilo", "it_is_small", checks=checks, headline=headline)
+def claim(*checks: Check) -> Claim:
+    return Claim("ilo", "it_is_small", checks=checks, promised=("abstract",))
 
 
 def drawn(draws: int = 40) -> Robustness:
@@ -38,8 +39,8 @@ def drawn(draws: int = 40) -> Robustness:
 
 
 def test_the_choice_that_decides_explains_nearly_all() -> None:
-    """It neither rises nor falls, which a correlation would not see; the seed has no place."""
-    found = influences(claim(BELOW, ABOVE), drawn(200))
+    """It decides in the middle of its range, which a correlation would not see; a seed has none."""
+    (found,) = influences([drawn(200)])
     assert found[0].name == "a.strong"
     assert {one.name for one in found} == set(NAMES) - {"seed"}
     assert found[0].share > 0.9
@@ -47,35 +48,54 @@ def test_the_choice_that_decides_explains_nearly_all() -> None:
     assert all(abs(one.share) < 0.2 for one in found[1:])
 
 
+def test_a_word_that_separates_all_draws_explains_all() -> None:
+    trials = [Trial((("x", "y")[k % 2],), Outcome(k % 2 == 0, (1.0,))) for k in range(40)]
+    (found,) = influences([Robustness(Outcome(True, (1.0,)), ("a.word",), trials)])
+    assert found[0].share == pytest.approx(1 - 1 / 20)  # one change of the outcome in 40
+
+
 def test_the_measure_is_chatterjees() -> None:
-    """By its formula: 1 - 3 sum |r_i+1 - r_i| / (n^2 - 1), in the order of the choice."""
+    """By its formula with ties: 1 - n sum |r_i+1 - r_i| / (2 sum l_i (n - l_i))."""
     one = drawn(30)
     order = sorted(one.trials, key=lambda trial: trial.values[1])
-    errors = [-trial.outcome.numbers[0] for trial in order]
-    ranks = [sorted(errors).index(error) for error in errors]
-    expected = 1 - 3 * sum(abs(b - a) for a, b in pairwise(ranks)) / 899
-    found = {each.name: each.share for each in influences(claim(BELOW, ABOVE), one)}
-    assert found["a.weak"] == pytest.approx(expected)
+    held = [trial.outcome.held for trial in order]
+    at_most = [sum(other <= each for other in held) for each in held]
+    at_least = [sum(other >= each for other in held) for each in held]
+    changes = sum(abs(b - a) for a, b in pairwise(at_most))
+    expected = 1 - 30 * changes / (2 * sum(n * (30 - n) for n in at_least))
+    (found,) = influences([one])
+    assert {each.name: each.share for each in found}["a.weak"] == pytest.approx(expected)
+
+
+def test_probabilities_are_corrected_for_all_looks() -> None:
+    """Benjamini & Yekutieli: p_(i) n (1 + 1/2 + ... + 1/n) / i, the least of those from i on."""
+    both = influences([drawn(40), drawn(100)])
+    alone = [chatterjeexi(*one).pvalue for one in (columns(drawn(40)) + columns(drawn(100)))]
+    order = np.sort(alone)
+    n = len(alone)
+    scaled = order * n * sum(1 / k for k in range(1, n + 1)) / np.arange(1, n + 1)
+    expected = np.minimum(1.0, np.minimum.accumulate(scaled[::-1])[::-1])
+    found = sorted(bar.chance for bars in both for bar in bars)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def columns(one: Robustness) -> list[tuple[list[float], list[int]]]:
+    held = [int(trial.outcome.held) for trial in one.trials]
+    return [
+        (as_places([trial.values[k] for trial in one.trials]), held)
+        for k, name in enumerate(one.names)
+        if name != "seed"
+    ]
 
 
 def test_few_draws_tell_of_no_choice() -> None:
-    assert influences(claim(BELOW, ABOVE), drawn(15)) == []
+    assert influences([drawn(15)]) == [[]]
 
 
 def test_the_check_that_fails_most_decides() -> None:
     never = Check.parse({"value": "fig1 a gain", "above": 2.0})
     assert deciding_check(claim(BELOW, ABOVE), drawn()) == 0
     assert deciding_check(claim(BELOW, never), drawn()) == 1
-
-
-def test_what_diverges_fails_worst() -> None:
-    one = drawn()
-    lost = [trial for trial in one.trials if trial.values[0] > 0.5]
-    for trial in lost:
-        one.trials[one.trials.index(trial)] = Trial(trial.values, Outcome(False))
-    found = influences(claim(BELOW, ABOVE), one)
-    assert found[0].name == "a.strong"
-    assert found[0].share > 0.6
 
 
 def test_how_far_a_bound_may_move() -> None:

@@ -19,7 +19,7 @@ from reobserve.replication.claims.checks import Check, Reference
 from reobserve.replication.claims.choices import find_choice
 from reobserve.replication.claims.flips import Flip
 from reobserve.replication.claims.outcomes import Outcome, outcome
-from reobserve.replication.claims.registry import Claim, read_registry
+from reobserve.replication.claims.registry import Claim, Quantifier, read_registry
 from reobserve.replication.claims.robustness import Robustness, Trial
 from reobserve.replication.claims.robustness_file import read_robustness, to_data
 from reobserve.replication.claims.table import row, tell_flip
@@ -47,6 +47,30 @@ def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Ro
     """Draws of one choice and one check, of which the first ones held."""
     trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(draws)]
     return Robustness(Outcome(stated, (number,)), (GAIN,), trials)
+
+
+@pytest.mark.parametrize(
+    ("quantifier", "held", "share", "word"),
+    [
+        ("can", True, (0, 20), "reproduced"),  # the settings of the file are an example
+        ("can", False, (1, 20), "reproduced"),
+        ("can", False, (0, 36), "contradicted"),
+        ("can", False, (0, 35), "undecided"),
+        ("can", False, None, "contradicted"),
+        ("always", True, (36, 36), "reproduced"),
+        ("always", True, (35, 35), "undecided"),
+        ("always", True, (35, 36), "contradicted"),
+        ("always", False, (36, 36), "contradicted"),
+        ("always", True, None, "reproduced"),
+    ],
+)
+@pytest.mark.parametrize("ledger", [ILO, marked()])
+def test_one_setting_decides_what_can_be_and_what_is_always_so(
+    quantifier: Quantifier, held: bool, share: tuple[int, int] | None, word: str, ledger: Ledger
+) -> None:
+    claim = replace(DEPENDENT, quantifier=quantifier)
+    robustness = None if share is None else drawn(*share, stated=held)
+    assert verdict(claim, ledger, held, robustness) == word
 
 
 @pytest.mark.parametrize(
@@ -125,21 +149,27 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     assert read_robustness(path, "ilo") == {"a": stands}
 
 
-def made(*verdicts: str, headline: Iterable[int] = ()) -> list[dict[str, str]]:
+def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
     return [
-        {"paper": "a", "claim": str(k), "verdict": word, "headline": "yes" * (k in headline)}
+        {
+            "paper": "a", "claim": str(k), "verdict": word, "place": f"Fig. {k}",
+            "promised": "abstract" * (k in promised), "threshold": "after",
+        }
         for k, word in enumerate(verdicts)
-    ]
+    ]  # fmt: skip
 
 
 def test_a_replication_stands_or_falls_with_its_headlines() -> None:
     good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
-    assert replicated(made(good, good, bad, headline=[0, 1]))
-    assert replicated(made(good, good, other, headline=[0, 1, 2]))
-    assert not replicated(made(good, other, headline=[0, 1]))  # no more than half
-    assert not replicated(made(good, good, bad, headline=[0, 1, 2]))
-    assert not replicated(made(good, good, "broken", headline=[0, 1, 2]))
+    assert replicated(made(good, good, bad, promised=[0, 1]))
+    assert replicated(made(good, good, other, promised=[0, 1, 2]))
+    assert not replicated(made(good, other, promised=[0, 1]))  # no more than half
+    assert not replicated(made(good, good, bad, promised=[0, 1, 2]))
+    assert not replicated(made(good, good, "broken", promised=[0, 1, 2]))
     assert not replicated(made(good))
+    assert replicated(made(good, "not testable", "not testable", promised=[0, 1, 2]))
+    assert not replicated(made(good, bad, promised=[0]), "all claims")
+    assert replicated(made(good, bad, promised=[0]), "abstract")
     assert title_margin(made(good)) == ""
 
 
@@ -165,7 +195,7 @@ def test_a_replication_stands_or_falls_with_its_headlines() -> None:
 )
 def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
     spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
-    rows = made(*(spelled[word] for word in words), headline=range(len(words)))
+    rows = made(*(spelled[word] for word in words), promised=range(len(words)))
     assert title_margin(rows) == said
 
 
@@ -176,12 +206,14 @@ def test_broken_claims_count() -> None:
 
 def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
     rows = [dict.fromkeys(HEADER, "") | one for one in made("reproduced", "not testable")]
-    rows[0] |= {"headline": "yes", "figures": "fig1 theory"}
+    rows[0] |= {"promised": "abstract", "threshold": "stated", "figures": "fig1 theory"}
     rows = [row | {"paper": "ilo"} for row in rows]
     write_table(tmp_path / "claims.csv", rows, HEADER)
     count_verdicts(tmp_path / "claims.csv", tmp_path / "verdicts.md")
     written = (tmp_path / "verdicts.md").read_text().splitlines()
-    assert written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 |"
+    assert (
+        written[2] == "| `ilo` | [Re] | 2 | 1 | 0 | 0 | 0 | 0 | 1 | 1 stated, 0 before, 1 after |"
+    )
     assert len(written) == 3
     wrong = {"paper": "b", "claim": "all", "verdict": "broken", "problem": "No x."}
     rows.append(dict.fromkeys(HEADER, "") | wrong)

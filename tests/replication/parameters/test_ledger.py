@@ -221,3 +221,12 @@ def test_a_section_is_open_at_the_top_only(overrides: dict[str, Any]) -> None:
     """A study of `eso` is called like the section that takes designs of one's own."""
     with pytest.raises(InputError, match="unknown key"):
         Ledger.load(ROOT, "eso", overrides)
+
+
+def test_a_value_that_the_paper_names_lies_in_its_range() -> None:
+    tree = copy.deepcopy(Ledger.load(ROOT, "ilo").tree)
+    tree["observers"]["sampled"]["K2"]["named"] = [1e6]
+    with pytest.raises(
+        InputError, match=r"ilo\.observers\.sampled\.K2\.named: 1000000.0 is outside"
+    ):
+        Ledger("ilo", tree, 1)._check_ranges()

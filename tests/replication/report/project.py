@@ -28,13 +28,13 @@ _DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
 
 CLAIMS = [
     {
-        "claim": "double_pole", "headline": "yes", "place": "(3)",
+        "claim": "double_pole", "promised": "abstract", "place": "(3)",
         "says": "Both poles are in one place.", "verdict": "reproduced", "holds": "yes",
         "measured": "theory gains discriminant = 0, within [-1e-09, 1e-09]", "why": "Rounding.",
         "figures": "theory",
     },
     {
-        "claim": "placed_is_better", "headline": "yes", "place": "Fig. 1",
+        "claim": "placed_is_better", "promised": "abstract", "place": "Fig. 1",
         "says": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
         "holds": "yes", "why": "What better means.", "figures": "fig1",
         "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
@@ -114,11 +114,11 @@ def make_project(folder: Path) -> Path:
     failed = {"held": False, "numbers": ["1.5"]}
     lost = {"held": False, "numbers": []}
     trials = [
-        {"values": [k], **one} for k, one in enumerate([held] * 30 + [failed] * 8 + [lost] * 2)
+        {"values": [k], **one} for k, one in enumerate([held] * 30 + [failed] * 7 + [lost] * 3)
     ]
     drawn = {
-        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [7],
-        "looked": True, "flip": None, "basis": "", "kept": 38,
+        "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [39],
+        "looked": True, "flip": None, "basis": "", "kept": 38, "quantifier": "is",
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
     stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}

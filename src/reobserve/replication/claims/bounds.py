@@ -10,11 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.replication.claims import sequential
 from reobserve.replication.claims.checks import Check
 from reobserve.replication.claims.outcomes import Outcome
-from reobserve.replication.claims.registry import Claim
-from reobserve.replication.claims.robustness import FIRM
+from reobserve.replication.claims.registry import Claim, Quantifier
+from reobserve.replication.claims.robustness import finding
 
 _MOVABLE = ("below", "above")
 
@@ -73,6 +72,7 @@ class _Verdict:
     where all other checks hold, both of shape (1 + draws,).
     """
 
+    quantifier: Quantifier
     check: Check
     numbers: NDArray[np.float64]
     others: NDArray[np.bool_]
@@ -82,6 +82,7 @@ class _Verdict:
         outcomes = (stated, *drawn)
         rest = [(j, check) for j, check in enumerate(claim.checks) if j != k]
         return cls(
+            claim.quantifier,
             claim.checks[k],
             np.array([one.numbers[k] if one.numbers else math.nan for one in outcomes]),
             np.array(
@@ -96,5 +97,4 @@ class _Verdict:
         """The verdict with another bound."""
         met = self.numbers < bound if self.check.relation == "below" else self.numbers > bound
         holds, *drawn = (self.others & met).tolist()
-        agreed = drawn.count(holds)
-        return holds, sequential.above(FIRM, agreed, len(drawn)) if drawn else True
+        return finding(self.quantifier, holds, sum(drawn), len(drawn))

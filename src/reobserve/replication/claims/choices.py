@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -25,7 +25,8 @@ class Knob:
     """One number (or word) of a choice, and where it may stand.
 
     ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
-    are the alternatives of anything else.
+    are the alternatives of anything else. ``named`` are values in the interval that the paper
+    names: half of the draws take one of them.
     """
 
     keys: tuple[str, ...]
@@ -34,6 +35,7 @@ class Knob:
     span: tuple[float, float] = (0.0, 0.0)
     multiple: float = 0.0
     words: tuple[Any, ...] = ()
+    named: tuple[Any, ...] = field(default=(), repr=False)
 
     @property
     def name(self) -> str:
@@ -71,6 +73,8 @@ class Knob:
         """A value that another reader could have set."""
         if self.words:
             return self.words[int(stream.integers(len(self.words)))]
+        if self.named and stream.random() < 0.5:
+            return self.named[int(stream.integers(len(self.named)))]
         return self.at(float(stream.random()))
 
 
@@ -161,7 +165,8 @@ def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
         if spans:
             span = max(low for low, _ in spans), min(high for _, high in spans)
             multiple = [grid for place, grid in grids.items() if matches(place, path)]
-            yield Knob(keys, path, leaf, span, *multiple[:1])
+            named = tuple(entry.get("named", ()))
+            yield Knob(keys, path, leaf, span, multiple[0] if multiple else 0.0, named=named)
 
 
 def _in_one(keys: tuple[str, ...]) -> str:

@@ -111,7 +111,7 @@ def _scan(
         if value != knob.value and here:
             held = _held(ledger, outcomes, knob, value, here)
             for claim in here:
-                if held.get(claim.name, stated[claim.name]) != stated[claim.name]:
+                if held[claim.name] != stated[claim.name]:
                     lower = 0.0 if claim.expensive or knob.words else below
                     brackets[claim.name].append(_Bracket(knob, toward, lower, size, value))
                     if not knob.words:
@@ -134,7 +134,7 @@ def _narrow(
         if value in (knob.value, bracket.value):
             break
         held = _held(ledger, outcomes, knob, value, [claim])
-        if held.get(claim.name, stated) != stated:
+        if held[claim.name] != stated:
             bracket = dataclasses.replace(bracket, size=size, value=value)
         else:
             bracket = dataclasses.replace(bracket, below=size)
@@ -144,11 +144,11 @@ def _narrow(
 def _held(
     ledger: Ledger, outcomes: Outcomes, knob: Knob, value: Any, claims: list[Claim]
 ) -> dict[str, bool]:
-    """Which claims hold; nothing where the code refuses the value: nobody could have run it."""
+    """Which claims hold; none where the code refuses the value."""
     try:
         found = outcomes.apart().at(change(ledger, knob, value), claims)
     except InputError:
-        return {}
+        return dict.fromkeys((claim.name for claim in claims), False)
     return {name: one.held for name, one in found.items()}
 
 

@@ -81,6 +81,7 @@ def basis_of(evaluator: Evaluator, claim: Claim) -> str:
     """A digest of all but code that draws of a claim depend on."""
     seen = [evaluator.digest(None if figure == THEORY else figure) for figure in claim.figures]
     asked = [repr(part) for part in (*claim.checks, *claim.choices)]
+    asked += [repr(knob.named) for choice in claim.choices for knob in choice.knobs if knob.named]
     return digest([seen, asked, evaluator.ledger.seed])
 
 

@@ -50,14 +50,13 @@ def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness
 
 def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
     """Of the claims that choices turn over: how much of the deciding number each explains."""
-    told = []
-    for claim in claims:
-        one = found.get(claim.name)
-        if one is None or not 0 < one.held < one.draws:
-            continue
-        bars = influences(claim, one)[:_MOST_BARS]
-        if bars:
-            told.append((claim, one, bars))
+    drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
+    each = influences(one for _, one in drawn)
+    told = [
+        (claim, one, bars[:_MOST_BARS])
+        for (claim, one), bars in zip(drawn, each, strict=True)
+        if bars
+    ]
     if not told:
         return _said(f"No claim turns over in some of {FEWEST} draws or more.")
     figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in told], 0.45)
@@ -72,7 +71,7 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
     panels[-1].set_xticklabels(["0", "0.25", "0.5", "0.75", "1"])
     panels[-1].set_xlabel(
-        "rank correlation of the deciding number with the choice; grey: chance gives as much",
+        "rank correlation of the outcome with the choice; grey: chance gives as much among so many",
         fontsize=7,
     )
     return figure

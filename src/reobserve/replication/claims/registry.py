@@ -20,8 +20,8 @@ from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import claims_path
 from reobserve.replication.parameters.parameter_file import Interval, Model, parse_file
 
-HEADLINES = (2, 4)  # so many claims of a paper may be its headlines
-
+Promise = Literal["abstract", "conclusions"]
+Quantifier = Literal["can", "is", "always"]
 References = Annotated[
     Annotated[str, Tag("one")] | Annotated[Annotated[list[str], items()], Tag("several")],
     Discriminator(lambda value: "several" if isinstance(value, list) else "one"),
@@ -50,7 +50,13 @@ class ClaimEntry(Model):
 
     place: Text
     says: Text
-    headline: bool = False
+    promised: Annotated[list[Promise], distinct] = Field(
+        [], description="Where the paper promises it of its own method: abstract, conclusions."
+    )
+    quantifier: Quantifier = Field(
+        "is",
+        description="What must make it true: `can` one setting, `is` nine of ten, `always` each.",
+    )
     checks: Annotated[list[CheckEntry], items()] | None = None
     why: Text | None = Field(None, description="The reason for the bounds.")
     threshold: Literal["stated", "before", "after"] | None = Field(
@@ -94,19 +100,27 @@ class Claim:
 
     ``why`` is the reason for the bounds, or why nothing can test it; ``threshold``
     says who set them: the paper (`stated`), or we, `before` or `after` the numbers were known.
+    ``promised`` says where the paper promises it of its own method, ``quantifier`` for how many
+    settings it must be true.
     """
 
     paper: str
     name: str
     place: str = ""
     says: str = ""
-    headline: bool = False
+    promised: tuple[str, ...] = ()
+    quantifier: Quantifier = "is"
     checks: tuple[Check, ...] = ()
     why: str = ""
     threshold: str = ""
     choices: tuple[Choice, ...] = ()
     expensive: bool = False
     testable: bool = True
+
+    @property
+    def headline(self) -> bool:
+        """Whether the title of the replication depends on it."""
+        return bool(self.promised)
 
     @property
     def figures(self) -> list[str]:
@@ -167,12 +181,8 @@ def read_registry(project: Path, ledger: Ledger) -> Registry:
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
     """What is wrong with claims taken together, a sentence each."""
-    headlines, (least, most) = sum(claim.headline for claim in claims), HEADLINES
-    if claims and not least <= headlines <= most:
-        yield (
-            f"claims.{claims[0].paper}: {headlines} of them are headlines, must be {least} to "
-            f"{most}: with these the replication stands or falls"
-        )
+    if claims and not any(claim.headline and claim.testable for claim in claims):
+        yield f"claims.{claims[0].paper}: none that can be tested is promised, must be one or more"
     said: dict[str, str] = {}
     for claim in claims:
         first = said.setdefault(claim.says, claim.name)
@@ -196,7 +206,7 @@ def claims_text(project: Path, paper: str) -> Tree:
 
 def decisive(tree: Tree) -> Tree:
     """What of a registry decides whether its claims hold, and over which draws: no wording."""
-    kept = ("checks", "depends_on", "expensive")
+    kept = ("checks", "quantifier", "depends_on", "expensive")
     claims = {
         name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
         for name, body in tree.get("claims", {}).items()
@@ -217,7 +227,8 @@ def _claim(
         name,
         place=entry.place,
         says=entry.says,
-        headline=entry.headline,
+        promised=tuple(entry.promised),
+        quantifier=entry.quantifier,
         checks=tuple(checks),
         why=entry.why or entry.not_testable or "",
         threshold=entry.threshold or "",

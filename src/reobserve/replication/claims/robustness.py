@@ -14,7 +14,7 @@ from reobserve.replication.claims.flips import Flip, smallest_flips
 from reobserve.replication.claims.kept_draws import KeptDraws, as_text
 from reobserve.replication.claims.known_draws import KnownDraws, MadeDraws
 from reobserve.replication.claims.outcomes import Outcome, Outcomes, decided
-from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.registry import Claim, Quantifier
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.parameters.ledger import Ledger
 
@@ -26,11 +26,35 @@ FIRM = 0.9
 # from some. It does not weaken the decision, which may be taken at any number of draws.
 _LEAST = 20
 
-# Draws that the code refuses are drawn again, up to this many for each that is wanted.
-_ATTEMPTS = 4
-
 # So many draws with the same numbers show that what a claim depends on does not reach them.
 _ALIKE = 8
+
+
+def finding(
+    quantifier: Quantifier, stated: bool, held: int, draws: int
+) -> tuple[bool, bool | None]:
+    """Whether a claim is true, and whether that is firm; None where the draws do not decide.
+
+    Parameters
+    ----------
+    quantifier
+        One setting with which it holds decides a claim of what `can` be, one with which it fails
+        a claim of what `always` is. Where none is found, and for a claim of what `is`, nine of
+        ten draws must agree with the settings of the parameter file.
+    stated
+        Whether it holds with the settings of the parameter file.
+    held
+        In how many of the draws it holds.
+    draws
+        How many there are; where there are none the settings of the file decide.
+    """
+    if quantifier == "can" and (stated or held):
+        return True, True
+    if quantifier == "always" and not (stated and held == draws):
+        return False, True
+    if not draws:
+        return stated, True
+    return stated, sequential.above(FIRM, held if stated else draws - held, draws)
 
 
 @dataclass(frozen=True)
@@ -47,9 +71,9 @@ class Robustness:
 
     ``stated`` is the outcome with the ledger as it is, ``names`` are those of the choices. ``flip``
     is None if none was found; ``looked`` is false where nobody looked. Draws in which something
-    diverges count as not held; those that the code refuses, because no reader could have run
-    them, do not count: their numbers are in ``refused``. ``basis`` is a digest of what all this
-    depends on, ``kept`` says how many of the draws were made earlier.
+    diverges count as not held, and so do those that the code refuses, as it refuses gains that are
+    unstable: their numbers are in ``refused``. ``basis`` is a digest of what all this depends on,
+    ``kept`` says how many of the draws were made earlier.
     """
 
     stated: Outcome = field(default_factory=lambda: Outcome(True))
@@ -60,6 +84,7 @@ class Robustness:
     looked: bool = True
     basis: str = ""
     kept: int = 0
+    quantifier: Quantifier = "is"
     _counted: tuple[int, int] = field(default=(0, 0), init=False, repr=False, compare=False)
 
     def add(
@@ -71,17 +96,17 @@ class Robustness:
     ) -> None:
         """Take what came out of the next draw: None where the code refused it."""
         if numbers is None:
-            self.refused.append(self.draws + len(self.refused))
-        else:
-            self.trials.append(Trial(values, decided(claim, numbers)))
-            self.kept += kept
+            self.refused.append(self.draws)
+        self.trials.append(Trial(values, decided(claim, numbers or ())))
+        self.kept += kept
 
     @property
     def to_keep(self) -> KeptDraws:
         """What another build needs of it."""
-        draws = [as_text(trial.outcome.numbers) for trial in self.trials]
-        for number in self.refused:
-            draws.insert(number, None)
+        draws = [
+            None if number in self.refused else as_text(trial.outcome.numbers)
+            for number, trial in enumerate(self.trials)
+        ]
         return KeptDraws(self.basis, tuple(draws), self.looked, self.flip)
 
     @property
@@ -101,7 +126,7 @@ class Robustness:
     @property
     def diverged(self) -> int:
         """In how many something diverged."""
-        return sum(not trial.outcome.numbers for trial in self.trials)
+        return sum(not trial.outcome.numbers for trial in self.trials) - len(self.refused)
 
     @property
     def share(self) -> float:
@@ -115,8 +140,10 @@ class Robustness:
 
     @property
     def firm(self) -> bool | None:
-        """Whether others would find the same, for nine of ten at least; None if undecided."""
-        return sequential.above(FIRM, self.agreed, self.draws)
+        """Whether the draws support what is found, see `finding`; None if they do not decide."""
+        if not self.draws:
+            return None
+        return finding(self.quantifier, self.stated.held, self.held, self.draws)[1]
 
     @property
     def decided(self) -> bool:
@@ -132,7 +159,8 @@ class Robustness:
     def alike(self) -> bool:
         """Whether many draws gave the same numbers, all of them: no choice reaches these."""
         numbers = {repr(trial.outcome.numbers) for trial in self.trials}
-        return self.draws >= _ALIKE and len(numbers) == 1 and not self.diverged
+        lost = self.diverged or self.refused
+        return self.draws >= _ALIKE and len(numbers) == 1 and not lost
 
 
 @dataclass(frozen=True)
@@ -163,7 +191,9 @@ class Inquiry:
                 continue
             basis = outcomes.basis(claim)
             asked.append(claim)
-            found[claim.name] = Robustness(stated, claim.knob_names, looked=looked, basis=basis)
+            found[claim.name] = Robustness(
+                stated, claim.knob_names, looked=looked, basis=basis, quantifier=claim.quantifier
+            )
             known[claim.name] = KnownDraws.of(claim.name, basis, kept or {}, made or {})
         return Inquiry(evaluator.ledger, outcomes, asked, found, known)
 
@@ -237,13 +267,11 @@ def _draw_all(inquiry: Inquiry, most: int) -> None:
     """Ask one reader after the other, each about all claims that are not yet decided."""
     found, known = inquiry.found, inquiry.known
     longest = max((one.length for one in known.values()), default=0)
-    for number in range(max(_ATTEMPTS * most, longest)):
-        more = number < _ATTEMPTS * most
+    for number in range(max(most, longest)):
         going = [
             claim
             for claim in inquiry.claims
-            if not (one := found[claim.name]).decided
-            and (number < known[claim.name].length or (more and one.draws < most))
+            if not found[claim.name].decided and number < max(most, known[claim.name].length)
         ]
         if not going:
             break

@@ -11,6 +11,7 @@ from reobserve.core.errors import InputError, shown
 from reobserve.core.validation import parse
 from reobserve.replication.claims.flips import Flip
 from reobserve.replication.claims.outcomes import Outcome
+from reobserve.replication.claims.registry import Quantifier
 from reobserve.replication.claims.robustness import Robustness, Trial
 
 
@@ -26,6 +27,7 @@ def to_data(robustness: Robustness) -> dict[str, Any]:
         "refused": robustness.refused,
         "basis": robustness.basis,
         "kept": robustness.kept,
+        "quantifier": robustness.quantifier,
         "looked": robustness.looked,
         "flip": flip and vars(flip),
     }
@@ -67,11 +69,12 @@ class _StoredRobustness:
     refused: tuple[int, ...]
     basis: str
     kept: int
+    quantifier: Quantifier
     looked: bool
     flip: Flip | None
 
     def __post_init__(self) -> None:
-        drawn = range(len(self.trials) + len(self.refused))
+        drawn = range(len(self.trials))
         if sorted(set(self.refused) & set(drawn)) != list(self.refused):
             raise InputError("refused", f"{shown(self.refused)} must be numbers of draws, rising")
         if not 0 <= self.kept <= len(self.trials):
@@ -90,7 +93,7 @@ class _StoredRobustness:
         trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
         return Robustness(
             self.stated.outcome(), self.names, trials, list(self.refused), self.flip, self.looked,
-            self.basis, self.kept,
+            self.basis, self.kept, self.quantifier,
         )  # fmt: skip
 
 

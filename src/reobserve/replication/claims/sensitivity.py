@@ -1,16 +1,19 @@
-"""Which choices decide a claim: how much of its deciding number each of them explains.
+"""Which choices decide a claim: how much of its outcome over draws each of them explains.
 
-The measure is Chatterjee's rank correlation (2021, J. Am. Stat. Assoc. 116:2009), which is 0 where
-the number does not depend on a choice and tends to 1 where it is a function of that choice alone,
-rising or not. From draws at hand it estimates the Cramer-von Mises index of first order (Gamboa et
-al. 2022, SIAM/ASA J. Uncertain. Quantif. 10:1). What remains below one is other choices, their
-interplay, and the random seed.
+The measure is Chatterjee's rank correlation (2021, J. Am. Stat. Assoc. 116:2009) of the outcome,
+yes or no, with a choice. It is 0 where the outcome does not depend on the choice, and near 1 where
+the choice alone decides, whichever of its values make the claim true. From draws at hand it
+estimates the Cramer-von Mises index of first order (Gamboa et al. 2022, SIAM/ASA J. Uncertain.
+Quantif. 10:1). What remains below one is other choices, their interplay, and the random seed.
+
+One looks at all choices of all claims of a paper, so that some would stand out by chance. So each
+probability is corrected for the number of looks (Benjamini & Yekutieli 2001, Ann. Statist.
+29:1165): of all choices below 5 % no more than one in twenty is expected to be there by chance.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,26 +42,35 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
     return fails.index(max(fails))
 
 
-def influences(claim: Claim, robustness: Robustness) -> list[Influence]:
-    """Of every choice that is drawn from a range, greatest first; none of too few draws."""
+def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
+    """For each claim: of every choice that is drawn from a range, greatest first.
+
+    None of a claim with too few draws, or one that holds in all of them or in none. The
+    probabilities are corrected for the number of choices of all the claims together.
+    """
+    from scipy.stats import false_discovery_control
+
+    each = [_influences(one) for one in found]
+    chances = [bar.chance for bars in each for bar in bars]
+    corrected = iter(false_discovery_control(chances, method="by") if chances else ())
+    each = [[bar._replace(chance=float(next(corrected))) for bar in bars] for bars in each]
+    return [sorted(bars, key=lambda bar: -bar.share) for bars in each]
+
+
+def _influences(robustness: Robustness) -> list[Influence]:
     from scipy.stats import chatterjeexi
 
-    if robustness.draws < FEWEST:
+    outcomes = [int(trial.outcome.held) for trial in robustness.trials]
+    if len(outcomes) < FEWEST or len(set(outcomes)) < 2:
         return []
-    k = deciding_check(claim, robustness)
-    check = claim.checks[k]
-    # Where something diverges the claim fails worst.
-    margins = [
-        check.margin(trial.outcome.numbers[k]) if trial.outcome.numbers else -math.inf
-        for trial in robustness.trials
-    ]
     found = []
     for column, name in enumerate(robustness.names):
         places = as_places([trial.values[column] for trial in robustness.trials])
-        if len(set(places)) > 1 and len(set(margins)) > 1 and name != "seed":
-            result = chatterjeexi(places, ranks(margins))
+        if len(set(places)) > 1 and name != "seed":
+            # Where values of a choice are alike their order is that of the draws, which is random.
+            result = chatterjeexi(places, outcomes)
             found.append(Influence(name, float(result.statistic), float(result.pvalue)))
-    return sorted(found, key=lambda one: -one.share)
+    return found
 
 
 def as_places(values: Sequence[Any]) -> list[float]:

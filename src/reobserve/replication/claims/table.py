@@ -17,9 +17,9 @@ from reobserve.replication.claims.verdicts import BROKEN, VERDICTS, verdict
 from reobserve.replication.parameters.ledger import Ledger, leaves
 
 HEADER = (
-    "paper", "claim", "headline", "place", "says", "verdict", "holds", "measured", "why",
-    "threshold", "room", "figures", "depends_on", "draws", "held", "share", "low", "high", "flip",
-    "problem",
+    "paper", "claim", "promised", "quantifier", "place", "says", "verdict", "holds", "measured",
+    "why", "threshold", "room", "figures", "depends_on", "draws", "held", "share", "low", "high",
+    "flip", "problem",
 )  # fmt: skip
 
 NOT_LOOKED_FOR = "not looked for"  # in place of a flip
@@ -39,7 +39,8 @@ def row(
     told: dict[str, Any] = {
         "paper": claim.paper,
         "claim": claim.name,
-        "headline": "yes" if claim.headline else "",
+        "promised": " ".join(claim.promised),
+        "quantifier": claim.quantifier,
         "place": claim.place,
         "says": claim.says,
         "why": claim.why,

@@ -8,21 +8,59 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_text, write_text
-from reobserve.replication.claims.verdicts import VERDICTS, count, replicated
+from reobserve.replication.claims.verdicts import (
+    CONTRADICTED,
+    HEADLINES,
+    REPRODUCED,
+    VERDICTS,
+    count,
+    headlines,
+    replicated,
+)
+
+# Who set the thresholds of a claim: the paper, or we, before or after their numbers were known.
+THRESHOLDS = ("stated", "before", "after")
 
 
 def table(rows: Sequence[Mapping[str, str]]) -> str:
-    """Papers, their titles in the manner of ReScience, and how many claims got which verdict."""
+    """Papers, their titles in the manner of ReScience, and how many claims got which verdict.
+
+    In the last column stands how many claims have thresholds that the paper states, that were set
+    here before their numbers were known, and after.
+    """
     lines = [
-        f"| paper | replication | claims | {' | '.join(VERDICTS)} |",
-        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}",
+        f"| paper | replication | claims | {' | '.join(VERDICTS)} | thresholds |",
+        f"|---|---|{'---:|' * (len(VERDICTS) + 1)}---|",
     ]
     for paper, found in count(rows).items():
-        title = "[Re]" if replicated([row for row in rows if row["paper"] == paper]) else "[¬Re]"
         cells = [str(found[word]) for word in VERDICTS]
-        total = sum(found.values())
-        lines.append(f"| `{paper}` | {title} | {total} | {' | '.join(cells)} |")
+        title = _title(replicated(_of(rows, paper)))
+        who = [row["threshold"] for row in _of(rows, paper)]
+        cells.append(", ".join(f"{who.count(one)} {one}" for one in THRESHOLDS))
+        lines.append(f"| `{paper}` | {title} | {sum(found.values())} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def titles(rows: Sequence[Mapping[str, str]]) -> str:
+    """The titles under the rule for headlines and under others, in Markdown."""
+    lines = [f"| paper | {' | '.join(HEADLINES)} |", f"|---|{'---|' * len(HEADLINES)}"]
+    for paper in count(rows):
+        cells = []
+        for rule in HEADLINES:
+            found = headlines(_of(rows, paper), rule)
+            words = [found.count(word) for word in (REPRODUCED, CONTRADICTED)]
+            title = _title(replicated(_of(rows, paper), rule)) if found else "none"
+            cells.append(f"{title} {words[0]} of {len(found)}, {words[1]} contradicted")
+        lines.append(f"| `{paper}` | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _of(rows: Sequence[Mapping[str, str]], paper: str) -> list[Mapping[str, str]]:
+    return [row for row in rows if row["paper"] == paper]
+
+
+def _title(good: bool) -> str:
+    return "[Re]" if good else "[¬Re]"
 
 
 # Between these the README holds what `reobserve stage verdicts` writes.

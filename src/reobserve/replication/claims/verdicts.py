@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping
 
 from reobserve.replication.claims.registry import Claim
-from reobserve.replication.claims.robustness import Robustness
+from reobserve.replication.claims.robustness import Robustness, finding
 from reobserve.replication.parameters.ledger import Ledger
 
 REPRODUCED = "reproduced"
@@ -16,6 +17,8 @@ UNDECIDED = "undecided"
 NOT_TESTABLE = "not testable"
 BROKEN = "broken"
 VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, UNDECIDED, NOT_TESTABLE)
+
+Row = Mapping[str, str]  # of the table of claims
 
 
 def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | None) -> str:
@@ -30,19 +33,20 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
     held
         Whether its checks hold with the ledger.
     robustness
-        Over draws of what it depends on; None if that is nothing. Draws that do not decide
-        whether nine of ten readers would find the same leave the claim undecided.
+        Over draws of what it depends on; None if that is nothing. What they decide is told by
+        `reobserve.replication.claims.robustness.finding`.
     """
     if not claim.testable:
         return NOT_TESTABLE
-    if held and chosen_keys(claim, ledger):
+    if claim.quantifier == "is" and held and chosen_keys(claim, ledger):
         return CALIBRATED
-    if robustness is not None and robustness.draws:
-        if robustness.firm is None:
-            return UNDECIDED
-        if not robustness.firm:
-            return DEPENDS
-    return REPRODUCED if held else CONTRADICTED
+    number, true = (robustness.draws, robustness.held) if robustness is not None else (0, 0)
+    found, firm = finding(claim.quantifier, held, true, number)
+    if firm is None:
+        return UNDECIDED
+    if not firm:
+        return DEPENDS
+    return REPRODUCED if found else CONTRADICTED
 
 
 def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
@@ -51,7 +55,7 @@ def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
     return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
 
 
-def count(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, int]]:
+def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
     """Claims by paper and verdict, from the rows of the table of claims."""
     counts: dict[str, dict[str, int]] = {}
     for row in rows:
@@ -60,19 +64,37 @@ def count(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, int]]:
     return counts
 
 
-def replicated(rows: Sequence[Mapping[str, str]]) -> bool:
+# Which claims are headlines: the rule, and what else one might have chosen.
+HEADLINES: Mapping[str, Callable[[Row], bool]] = {
+    "abstract and conclusions": lambda row: bool(row["promised"]),
+    "abstract": lambda row: "abstract" in row["promised"],
+    "conclusions": lambda row: "conclusions" in row["promised"],
+    "figures": lambda row: re.search(r"\bFigs?\b|\bT\(z\)", row["place"]) is not None,
+    "all claims": lambda row: True,
+}
+RULE = "abstract and conclusions"
+
+
+def headlines(rows: Iterable[Row], rule: str = RULE) -> list[str]:
+    """The verdicts on the headline claims of a paper; claims that nothing can test are none."""
+    found = [row["verdict"] for row in rows if HEADLINES[rule](row)]
+    return [word for word in found if word != NOT_TESTABLE]
+
+
+def replicated(rows: Iterable[Row], rule: str = RULE) -> bool:
     """Whether a paper's replication is titled [Re], from the rows of its claims.
 
     That is so if no headline claim is contradicted or broken, and more than half are reproduced.
     """
-    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    found = headlines(rows, rule)
     failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
     return not failed and 2 * found.count(REPRODUCED) > len(found)
 
 
-def title_margin(rows: Sequence[Mapping[str, str]]) -> str:
+def title_margin(rows: Iterable[Row]) -> str:
     """How near the title of a replication is to the other one; nothing without headline claims."""
-    found = [row["verdict"] for row in rows if row["headline"] == "yes"]
+    rows = list(rows)
+    found = headlines(rows)
     if not found:
         return ""
     good = found.count(REPRODUCED)

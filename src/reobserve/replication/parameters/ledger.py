@@ -142,6 +142,8 @@ class Ledger:
             if entry["source"] == OVERRIDDEN or "range" not in entry:
                 continue
             _check_range(f"{self.paper}.{path}", entry["value"], entry["range"])
+            for named in entry.get("named", ()):
+                _check_range(f"{self.paper}.{path}.named", named, entry["range"])
 
     def _check_references(self) -> None:
         """Every scenario, observer, study and design that is named must exist."""

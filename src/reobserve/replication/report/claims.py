@@ -38,7 +38,8 @@ class Claim:
     """What a paper says, and what was found."""
 
     name: str
-    headline: bool
+    promised: str
+    quantifier: str
     place: str
     says: str
     verdict: str
@@ -51,13 +52,29 @@ class Claim:
     robustness: Robustness | None
     problem: Gap | None
 
+    @property
+    def headline(self) -> bool:
+        """Whether the title of the replication depends on it."""
+        return bool(self.promised)
+
 
 def claim_of_row(row: Mapping[str, str], draws: Drawn, problem: Gap | None = None) -> Claim:
     """Return a claim, from its row of the table with all cells as text, and from its draws."""
-    texts = {key: row[key] for key in ("place", "says", "verdict", "why", "threshold", "room")}
+    texts = {
+        key: row[key]
+        for key in (
+            "promised",
+            "quantifier",
+            "place",
+            "says",
+            "verdict",
+            "why",
+            "threshold",
+            "room",
+        )
+    }
     return Claim(
         name=row["claim"],
-        headline=row["headline"] == "yes",
         # Check by check: each begins with the figure or the theory it names.
         measured=tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", row["measured"]))),
         figures=tuple(row["figures"].split()),

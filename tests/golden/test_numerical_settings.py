@@ -1,0 +1,67 @@
+"""What is labelled numerical decides no claim: refined, it turns none over."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+from reobserve.replication.claims.outcomes import Outcomes
+from reobserve.replication.claims.registry import read_registry
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.parameters.ledger import Ledger
+from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT
+
+pytestmark = pytest.mark.nightly
+
+STEPS = ("step", "period")  # so end the keys of steps in time, which are refined together
+
+
+def numerical(paper: str) -> dict[str, list[str]]:
+    """The keys of settings that are refined together, by a name for them."""
+    keys = [key for key, entry in LEDGERS[paper].entries() if entry.get("numerical")]
+    found = {key: [key] for key in keys if not key.endswith(STEPS)}
+    return {"steps": [key for key in keys if key.endswith(STEPS)], **found}
+
+
+def refined(entry: dict[str, Any], key: str) -> Any:
+    """Half of a step, twice a number of points, runs or terms, within the range of the entry."""
+    if key.endswith(STEPS):
+        return entry["value"] / 2
+    value, span = 2 * entry["value"], entry.get("range")
+    return min(value, span[1]) if isinstance(span, list) else value
+
+
+SETTINGS = [
+    pytest.param(paper, keys, id=f"{paper}-{name}")
+    for paper in PAPERS
+    for name, keys in numerical(paper).items()
+]
+
+
+@pytest.fixture(scope="module")
+def evaluators() -> dict[str, Outcomes]:
+    """Of each paper what its claims need, computed once."""
+    return {}
+
+
+@pytest.mark.parametrize(("paper", "keys"), SETTINGS)
+def test_a_refined_setting_turns_no_claim_over(
+    paper: str, keys: list[str], evaluators: dict[str, Outcomes]
+) -> None:
+    ledger = LEDGERS[paper]
+    claims = [claim for claim in read_registry(ROOT, ledger).claims if claim.checks]
+    if paper not in evaluators:
+        evaluators[paper] = Outcomes(Evaluator(ledger), claims)
+    tree = copy.deepcopy(ledger.tree)
+    for key in keys:
+        branch = tree
+        for part in key.split("."):
+            branch = branch[part]
+        branch["value"] = refined(branch, key)
+    finer = evaluators[paper].apart().at(Ledger(paper, tree, ledger.seed), claims)
+    stated = {claim.name: evaluators[paper].stated(claim) for claim in claims}
+    assert {name: one.held for name, one in finer.items()} == {
+        name: one is not None and one.held for name, one in stated.items()
+    }
