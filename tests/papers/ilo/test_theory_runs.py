@@ -107,21 +107,3 @@ def test_an_integrator_is_damped_as_the_parameter_file_asks(
     size = sum(term["amplitude"] ** 2 for term in terms)
     expected = slope * np.sqrt(slopes / size)
     assert found["integral", "relative_error"] == pytest.approx(expected, rel=0.2)
-
-
-def test_rates_under_jumps_count_from_the_first_row_of_the_window_on(
-    settings: dict[str, Any], measure: Measure
-) -> None:
-    """A second after the first jump at 0.5 s, that instant included."""
-    plant = settings["plant"] | {"noise": 0.0}
-    fault = random_fault(settings, theory_runs.held)
-    record = simulate({"plant": plant, "scenario": {"fault": fault}, "seed": 0})
-    for name in keys.VARIANTS:
-        run = estimate({"plant": plant, "observer": settings["observers"][name]}, record)
-        first = round(1.5 / run.step)
-        assert run.time[first] == pytest.approx(1.5, rel=1e-12)
-        true = record["rate"][:: round(run.step / record.step)][first:]
-        ratio = np.sqrt(np.sum((true - run["rate"][first:]) ** 2) / np.sum(true**2))
-        found = measure("_rate_under_jumps", {"metrics": {"reading": name}})
-        assert found[LEARNING, "relative_rate_error_under_jumps"] == pytest.approx(ratio, rel=1e-12)
-        assert 0 < ratio < 1e-3

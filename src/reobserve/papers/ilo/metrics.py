@@ -81,7 +81,6 @@ MEANINGS = {
     "relative_error_under_random_fault": "the same for a fault that joins these values by lines",
     "relative_error_under_noise": "the same for the aperiodic fault, measured with noise",
     "relative_error_with_wrong_inertia": "the same without noise, the observer's inertia off",
-    "relative_rate_error_under_jumps": "root mean square of the error of the rate, over the rate",
 }
 
 LEARNING = "learning"

@@ -309,18 +309,6 @@ def _weights(design: _Design) -> tuple[float, float, float, float, float] | None
     return None
 
 
-@dataclass(frozen=True)
-class Bound18:
-    """Both sides of the bound of the mean, and ``ratio`` = right / left.
-
-    Chen & Saif 2007, (18).
-    """
-
-    left: float
-    right: float
-    ratio: float
-
-
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def bound18(
     theorem: Theorem1,
@@ -330,7 +318,7 @@ def bound18(
     *,
     duration: float = float("inf"),
     initial_value: float = 0.0,
-) -> Bound18:
+) -> tuple[float, float]:
     """Both sides: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
 
     Chen & Saif 2007, (18).
@@ -362,4 +350,4 @@ def bound18(
     right = theorem.epsilon3 * k_d * k_d + initial_value / duration
     if not np.isfinite([left, right]).all():
         raise InputError("rate_error, error, k_d", "have squares beyond floating-point numbers")
-    return Bound18(left, right, right / left if left > 0 else float("inf"))
+    return left, right
