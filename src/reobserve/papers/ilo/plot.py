@@ -167,7 +167,7 @@ def _note(job: Job) -> list[str]:
 
 
 def _short(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, int | float) else "matrix, see the ledger"
+    return f"{value:g}" if isinstance(value, int | float) else "matrix, see the parameter file"
 
 
 LAYOUTS = {"estimation": estimation, "matching": matching}

@@ -99,8 +99,6 @@ def _simulated(stated: str) -> Series:
 def measure(job: Job) -> Iterator[Metric]:
     """The numbers of `reobserve.papers.ilo.theory` that need runs.
 
-    Chen & Saif 2007, (13).
-
     Raises
     ------
     InputError
