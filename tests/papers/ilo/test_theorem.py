@@ -48,8 +48,8 @@ def test_theorem1_by_hand() -> None:
     assert found.epsilon1 == pytest.approx(20 - 2 - 4 - 4 * factor * 0.01)
     assert found.epsilon2 == pytest.approx(2.5 * factor)
     assert found.epsilon3 == pytest.approx(3.5 * factor)
-    assert found.rate_condition
-    assert not found.learning_condition  # 2.5 * 2.25 / 4 > 1
+    assert not found.holds  # 2.5 * 2.25 / 4 > 1
+    assert "is above zero and" in found.reason
     assert "1.40625 is above one" in found.reason
 
 

@@ -101,7 +101,7 @@ def matching(data: FigureData) -> Figure:
     gains.set_xlabel("integral gain Γ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
-    for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "continuous ILO", -3)):
+    for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "matched", -3)):
         gain = named(job.observers, name, keys.Adaptive).integral_gain
         gains.axvline(gain, ymax=0.8, color="0.5", linewidth=thick(0.8), linestyle=":")
         gains.annotate(

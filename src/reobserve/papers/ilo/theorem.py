@@ -96,14 +96,21 @@ class Theorem1:
     epsilon3: float
     rho1: float
     learning_norm: float
-    rate_condition: bool
-    learning_condition: bool
-    reason: str
 
     @property
     def holds(self) -> bool:
         """Whether both conditions hold."""
-        return self.rate_condition and self.learning_condition
+        return self.epsilon1 > 0 and self.learning_norm <= 1
+
+    @property
+    def reason(self) -> str:
+        """The conditions with their numbers."""
+        above = "above" if self.epsilon1 > 0 else "not above"
+        return (
+            f"epsilon1 = {self.epsilon1:.4g} is {above} zero and "
+            f"epsilon2 ||K1||^2 = {self.learning_norm:.6g} is "
+            f"{'at most' if self.learning_norm <= 1 else 'above'} one"
+        )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
@@ -194,13 +201,7 @@ class _Design:
         factor = 1 + rho1 + self.spread / g4
         epsilon1 = 2 * self.excess - g4 - alpha2 * factor * self.k2**2
         epsilon2 = alpha1 * factor
-        kept = epsilon2 * self.k1**2
-        parts = (
-            f"epsilon1 = {epsilon1:.4g} is {'' if epsilon1 > 0 else 'not '}above zero",
-            f"epsilon2 ||K1||^2 = {kept:.6g} is {'at most' if kept <= 1 else 'above'} one",
-        )
-        constants = (epsilon1, epsilon2, alpha3 * factor, rho1, kept)
-        return Theorem1(*constants, epsilon1 > 0, kept <= 1, " and ".join(parts))
+        return Theorem1(epsilon1, epsilon2, alpha3 * factor, rho1, epsilon2 * self.k1**2)
 
     @property
     def threshold(self) -> float:
@@ -302,10 +303,12 @@ def _weights(design: _Design) -> tuple[float, float, float, float, float] | None
     factor = (1 + m) / (square + m)
     room = 1 / (square * factor) - 1
     for slack in 0.5 ** np.arange(1, 50):  # as far inside the conditions as halving it finds
-        rho1 = factor * room / (1 + room) * slack / 4
-        weights = (room * (1 - slack), room * slack / 4, slack, design.spread / (factor - 1), rho1)
-        if design.evaluate(*weights).holds:
-            return tuple(map(float, weights))  # type: ignore[return-value]
+        gamma1, gamma2 = room * (1 - slack), room * slack / 2
+        # Nearly all that the condition on K1 leaves, k1^2 alpha1 (1 + rho1 + b / gamma4) <= 1
+        rho1 = 0.99 * (1 / (square * (1 + gamma1 + gamma2)) - factor)
+        weights = (gamma1, gamma2, float(slack), design.spread / (factor - 1), rho1)
+        if rho1 > 0 and design.evaluate(*weights).holds:
+            return weights
     return None
 
 
