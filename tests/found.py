@@ -25,7 +25,9 @@ def percent(number: float, digits: int = 2) -> str:
 def of_ilo() -> Iterator[str]:
     figures = [golden_metrics("ilo", name) for name in ("fig1", "fig2", "fig3", "fig5")]
     for observer in ("sampled", "continuous", "forgetting"):
-        scores = [percent(figure[observer, "relative_rms_error"]) for figure in figures]
+        errors = [figure[observer, "relative_rms_error"] for figure in figures]
+        # What the integration leaves of an error of zero is no number to tell.
+        scores = [percent(error) if error > 1e-5 else "< 0.001 %" for error in errors]
         yield f"| `{observer}` | {' | '.join(scores)} |"
     fig4 = golden_metrics("ilo", "fig4")
     worst = percent(fig4["adaptive", "relative_rms_error"], 3)
@@ -37,7 +39,7 @@ def of_ilo() -> Iterator[str]:
         percent(matching["integral", f"relative_rms_error integral_gain={gain:g}"])
         for gain in (law["K2"] / law["update_interval"], max(gains))
     )
-    yield f"{matched} with the integral gain of the learning observer and {greatest} with"
+    yield f"{matched} with the integral gain K2 / tau of `continuous` and {greatest} with"
     yield f"which is another law, the error is {percent(fig4['matched', 'relative_rms_error'])}."
 
 

@@ -128,7 +128,10 @@ def _synthesis() -> Iterator[Call]:
             [1.0], INERTIA, 500.0, np.eye(3), 1000.0, 10.0,
         ),
         "papers.ilo.lyapunov.gyroscopic_eta": (INERTIA, 0.1),
-        "papers.ilo.lyapunov.RepairedLyapunov": parameters,
+        "papers.ilo.lyapunov.repaired_weights": (np.eye(3), 0.9, 50.0),
+        "papers.ilo.lyapunov.lyapunov_values": (
+            INERTIA, np.eye(3), np.ones((5, 3)), np.ones((5, 3)), 0.1, 2,
+        ),
         "synthesis.ilo_sampled_stability.held_blocks": (law,),
         "synthesis.ilo_sampled_stability.sampled_map": (law,),
         "synthesis.ilo_sampled_stability.sampled_stability": (law,),

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from reobserve.papers.ilo import theory
+from reobserve.papers.ilo import keys, theory, theory_runs
 from reobserve.replication.metrics.metrics import Numbers, lookup
-from tests.papers import fixed_ledger
+from reobserve.replication.parameters.job import read_job
+from tests.papers import fixed_ledger, merged
+
+INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
+MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
+
+Measure = Callable[..., Numbers]
 
 
 @pytest.fixture(scope="package")
@@ -21,6 +29,17 @@ def settings() -> dict[str, Any]:
 @pytest.fixture(scope="package")
 def found(settings: dict[str, Any]) -> Numbers:
     return lookup(theory.measure(settings, {}))
+
+
+@pytest.fixture(scope="package")
+def measure(settings: dict[str, Any]) -> Measure:
+    """The numbers of a part of `theory_runs`, with some settings changed."""
+
+    def measured(part: str, over: dict[str, Any], base: dict[str, Any] | None = None) -> Numbers:
+        job = read_job(keys.Ledger, merged(base or settings, over))
+        return lookup(getattr(theory_runs, part)(theory_runs.Runs.of(job)))
+
+    return measured
 
 
 @pytest.fixture

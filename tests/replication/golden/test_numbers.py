@@ -202,7 +202,7 @@ def test_what_cannot_be_evaluated_is_one_sentence() -> None:
         (",1.1e-09,", ",-1,", "line 2, tolerance: -1 must be zero or more"),
         (",1.1e-09,", ",small,", "line 2, tolerance: 'small' must be a finite number or empty"),
         ("source,", "observer,", "has the columns"),
-        ("sampled,peak_error", "sampled,rms_error", "line 4 repeats 'sampled, rms_error, '"),
+        ("sampled,late_rms_error", "sampled,rms_error", "line 4 repeats 'sampled, rms_error, '"),
         (",N m", "", "line 2 has not 6 cells"),
     ],
 )

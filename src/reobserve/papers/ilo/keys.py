@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types, and the columns of the paper's files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from reobserve.core.files import NAME, NUMBER, SCORE, WHOLE
 from reobserve.core.validation import (
     Count,
     Levels,
@@ -24,6 +25,7 @@ from reobserve.core.validation import (
 )
 from reobserve.replication.parameters import job
 from reobserve.replication.parameters.job import signal
+from reobserve.signals.series import Shape
 
 Torque = Annotated[Terms, signal(3)]
 Vector = Annotated[list[float], vector(3)]
@@ -98,6 +100,11 @@ class Adaptive(_Common):
 
 
 Learning = Sampled | Continuous
+VARIANTS: Mapping[str, type] = {  # of (3): observers, by name and form
+    "sampled": Sampled,
+    "continuous": Continuous,
+    "forgetting": Continuous,
+}
 Observer = Sampled | Continuous | Adaptive
 
 
@@ -114,7 +121,7 @@ class Matching(job.Study):
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are judged."""
+    """How errors are measured."""
 
     axis: Annotated[int, within(1, 3)]
     reading: Literal["sampled", "continuous", "forgetting"]
@@ -130,10 +137,8 @@ class Theory:
     stuck: Torque
     random_seed: Seed
     cases: Annotated[int, within(20, 1_000_000)]
-    rate_errors: Levels
     learning_gains: Annotated[list[Share], items()]
     certified_designs: Count
-    excessive_learning_gains: Levels
     multiples: Annotated[list[Count], items()]
     slowdowns: Annotated[list[Count], items()]
     frequency: Positive
@@ -181,3 +186,30 @@ class Ledger:
     metrics: Metrics
     theory: Theory
     figures: Mapping[str, Annotated[Estimation | MatchingFigure, Field(discriminator="layout")]]
+
+
+# Of the record of the plant; the channels have limits from the left where they jump.
+EVENTS = ("onsets",)
+
+
+def plant(_: job.Job) -> dict[str, Shape]:
+    """The channels of a record."""
+    return {
+        "rate": Shape("rad/s", 3),
+        **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
+        **dict.fromkeys(("control", "fault"), Shape("N m", 3)),
+        **dict.fromkeys(("control_before", "fault_before"), Shape("N m", 3, optional=True)),
+    }
+
+
+def estimates(_: job.Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates."""
+    return {"rate": Shape("rad/s", 3), **dict.fromkeys(("fault", "fault_before"), Shape("N m", 3))}
+
+
+# Of the study.
+KINDS = {
+    **dict.fromkeys(("sweep", "observer"), NAME),
+    "level": NUMBER, "run": WHOLE, "relative_rms_error": SCORE,
+}  # fmt: skip
+HEADER = tuple(KINDS)

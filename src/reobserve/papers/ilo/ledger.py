@@ -1,11 +1,11 @@
-"""What of the ledger takes building to see: errors show before a long build."""
+"""Checks of the parameter file that need plant and observers to be constructed."""
 
 from __future__ import annotations
 
 from reobserve.core.errors import InputError
 from reobserve.papers.ilo import keys, plant
 from reobserve.papers.ilo.setup import build_observer
-from reobserve.papers.ilo.theory_bench import NEEDED
+from reobserve.papers.ilo.theory_runs import NEEDED
 from reobserve.replication.parameters.check import Checks
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.grid import noise_hold

@@ -1,4 +1,4 @@
-"""A Lyapunov function for the learning observer where that of Chen & Saif 2007, (13), fails."""
+"""Lyapunov functions of the learning observer: (13) of Chen & Saif 2007, and one that falls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import (
     Matrix,
-    as_floats,
     as_matrix,
     as_positive,
     as_positive_definite,
@@ -48,8 +47,11 @@ def gyroscopic_eta(inertia: ArrayLike, rate_bound: float) -> float:
     return float((moments[-1] - moments[0]) / 2 * rate_bound)
 
 
-class RepairedLyapunov:
-    r"""A Lyapunov function for K1 up to the identity and any interval, which (13) is not.
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
+def repaired_weights(
+    fault_matrix: ArrayLike, K1: ArrayLike, K2: ArrayLike, *, size: int = 3
+) -> tuple[Matrix, Matrix]:
+    r"""P and K1^T P K1 of a Lyapunov function for K1 up to the identity and any interval.
 
     Chen & Saif 2007, (6).
 
@@ -68,123 +70,75 @@ class RepairedLyapunov:
 
     A mismatch d = u_f(t) - K1 u_f(t - tau) adds exactly 2 d.(P e + B_f^T w~) - d.P d. For B_f = I
     and K1 = k1 I this is P = K2^-1 with K2 symmetric positive definite, and |k1| <= 1. With K1 = I
-    a constant fault gives d = 0: V does not increase, but e itself has no decay rate.
+    a constant fault gives d = 0: V does not increase, but e itself has no decay rate. It is in
+    joules, where (13) adds unlike units.
 
     Parameters
     ----------
-    inertia, damping, fault_matrix, K1, K2
-        J [kg m2], Lambda [N m s], B_f [-], K1 [-] and K2 [N m s]; see `ErrorSystem`.
-    eta
-        One-sided constant of the gyroscopic torque [N m s], see `gyroscopic_eta`.
-
-    Attributes
-    ----------
-    weight, memory_weight
-        P and K1^T P K1 [1/(N m s)]: V is in joules, where (13) adds unlike units.
-    rate_decay, error_decay
-        The matrices of the bound, 2 Lambda - 2 eta I + B_f K2 (symmetric part) and P - K1^T P K1.
+    fault_matrix, K1, K2
+        B_f [-], K1 [-] and K2 [N m s]; see `ErrorSystem`.
+    size
+        The number of axes.
 
     Raises
     ------
     InputError
-        If K2 is singular, B_f^T K2^-1 is not symmetric positive definite, K1^T P K1 <= P fails, or
-        the symmetric part of 2 Lambda - 2 eta I + B_f K2 is not positive definite.
+        If K2 is singular, B_f^T K2^-1 is not symmetric positive definite or K1^T P K1 <= P fails.
     """
-
-    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
-    def __init__(
-        self,
-        inertia: ArrayLike,
-        damping: ArrayLike,
-        fault_matrix: ArrayLike,
-        K1: ArrayLike,
-        K2: ArrayLike,
-        eta: float = 0.0,
-    ) -> None:
-        size = (as_floats("inertia", inertia).shape or (1,))[0]
-        self.inertia = as_positive_definite("inertia", inertia, size)
-        self.fault_matrix = as_matrix("fault_matrix", fault_matrix, size)
-        first, second = as_matrix("K1", K1, size), as_matrix("K2", K2, size)
-        if np.linalg.matrix_rank(second) < size:
-            raise InputError("K2", f"{second.tolist()} must be invertible")
-        weight = np.linalg.solve(second.T, self.fault_matrix).T
-        if np.linalg.norm(weight - weight.T) > 1e-9 * np.linalg.norm(weight):
-            raise InputError("K2", "P = B_f^T K2^-1 must be symmetric")
-        self.weight: Matrix = np.asarray((weight + weight.T) / 2)
-        if not np.isfinite(np.linalg.norm(self.weight)):
-            raise InputError("K2", "makes a Lyapunov function beyond floating-point numbers")
-        if (lowest := float(np.linalg.eigvalsh(self.weight)[0])) <= 0:
-            raise InputError(
-                "K2", f"P = B_f^T K2^-1 has the eigenvalue {lowest:g}, must be above 0"
-            )
-        self.memory_weight: Matrix = np.asarray(first.T @ self.weight @ first)
-        if not np.isfinite(np.linalg.norm(self.memory_weight)):
-            raise InputError("K1", "makes a Lyapunov function beyond floating-point numbers")
-        self.error_decay: Matrix = self.weight - self.memory_weight
-        if (lowest := float(np.linalg.eigvalsh(self.error_decay)[0])) < -1e-12 * np.linalg.norm(
-            self.weight
-        ):
-            raise InputError(
-                "K1", f"P - K1^T P K1 has the eigenvalue {lowest:g}, must not be below 0"
-            )
-        decay = 2 * as_matrix("damping", damping, size) + self.fault_matrix @ second
-        decay = (decay + decay.T) / 2 - 2 * as_scalar("eta", eta) * np.eye(size)
-        if not np.isfinite(decay).all():
-            raise InputError("damping", "makes a Lyapunov function beyond floating-point numbers")
-        self.rate_decay: Matrix = np.asarray(decay)
-        if (lowest := float(np.linalg.eigvalsh(decay)[0])) <= 0:
-            raise InputError(
-                "damping",
-                f"2 Lambda - 2 eta I + B_f K2 has the eigenvalue {lowest:g}, must be above 0",
-            )
-
-    def value(
-        self, rate_error: ArrayLike, error: ArrayLike, interval: float, samples: int
-    ) -> NDArray[np.float64]:
-        """V at every sample that has a whole interval before it, shape (len - samples,).
-
-        The integral is the trapezoidal rule over the last ``samples`` steps of a uniform grid, one
-        ``interval`` [s] long: second order where e is smooth, first order in a step where e jumps.
-        ``rate_error`` w~ [rad/s] and ``error`` e [N m] have shape (len, n), len > ``samples``.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong.
-        """
-        rates = as_rows("rate_error", rate_error)
-        errors = as_rows("error", error, rates)
-        if not 0 < samples < len(rates):
-            raise InputError("samples", f"{samples} must be above 0 and below {len(rates)}")
-        density = _form(self.memory_weight, errors)
-        panels = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2))
-        learned = (panels[samples:] - panels[:-samples]) * (
-            as_positive("interval", interval) / samples
-        )
-        return np.asarray(_form(self.inertia, rates[samples:]) + learned)
-
-    def derivative_bound(
-        self, rate_error: ArrayLike, error: ArrayLike, mismatch: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
-        """The bound on dV/dt at every sample, shape (len,); exact at rest with eta = 0.
-
-        ``mismatch`` d [N m] has the shape of ``rate_error`` and ``error``, and is zero if absent.
-
-        Raises
-        ------
-        InputError
-            If a shape is wrong.
-        """
-        rates = as_rows("rate_error", rate_error)
-        errors = as_rows("error", error, rates)
-        bound = -_form(self.rate_decay, rates) - _form(self.error_decay, errors)
-        if mismatch is not None:
-            d = as_rows("mismatch", mismatch, rates)
-            pull = errors @ self.weight + rates @ self.fault_matrix
-            bound += 2 * np.sum(d * pull, axis=1) - _form(self.weight, d)
-        return np.asarray(bound)
+    first, second = as_matrix("K1", K1, size), as_matrix("K2", K2, size)
+    if np.linalg.matrix_rank(second) < size:
+        raise InputError("K2", f"{second.tolist()} must be invertible")
+    weight = np.linalg.solve(second.T, as_matrix("fault_matrix", fault_matrix, size)).T
+    if np.linalg.norm(weight - weight.T) > 1e-9 * np.linalg.norm(weight):
+        raise InputError("K2", "P = B_f^T K2^-1 must be symmetric")
+    weight = (weight + weight.T) / 2
+    if not np.isfinite(np.linalg.norm(weight)):
+        raise InputError("K2", "makes a Lyapunov function beyond floating-point numbers")
+    if (lowest := float(np.linalg.eigvalsh(weight)[0])) <= 0:
+        raise InputError("K2", f"P = B_f^T K2^-1 has the eigenvalue {lowest:g}, must be above 0")
+    kept = first.T @ weight @ first
+    if not np.isfinite(np.linalg.norm(kept)):
+        raise InputError("K1", "makes a Lyapunov function beyond floating-point numbers")
+    lowest = float(np.linalg.eigvalsh(weight - kept)[0])
+    if lowest < -1e-12 * np.linalg.norm(weight):
+        raise InputError("K1", f"P - K1^T P K1 has the eigenvalue {lowest:g}, must not be below 0")
+    return np.asarray(weight), np.asarray(kept)
 
 
-def _form(matrix: Matrix, series: Matrix) -> NDArray[np.float64]:
+@finite("rate_error, error")
+def lyapunov_values(
+    inertia: ArrayLike,
+    memory_weight: ArrayLike,
+    rate_error: ArrayLike,
+    error: ArrayLike,
+    interval: float,
+    samples: int,
+) -> NDArray[np.float64]:
+    """V at every sample that has a whole interval before it, shape (len - samples,).
+
+    Chen & Saif 2007, (13), if ``memory_weight`` is the identity. The integral is the trapezoidal
+    rule over the last ``samples`` steps of a uniform grid, one ``interval`` [s] long: second order
+    where e is smooth, first order in a step where e jumps. ``rate_error`` w~ [rad/s] and ``error``
+    e [N m] have shape (len, n), len > ``samples``.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong or ``inertia`` is not symmetric positive definite.
+    """
+    rates = as_rows("rate_error", rate_error)
+    errors = as_rows("error", error, rates)
+    size = rates.shape[1]
+    if not 0 < samples < len(rates):
+        raise InputError("samples", f"{samples} must be above 0 and below {len(rates)}")
+    # V = w~^T J w~ + the integral of e^T W e over the last interval
+    energy = quadratic_form(as_positive_definite("inertia", inertia, size), rates)
+    density = quadratic_form(as_matrix("memory_weight", memory_weight, size), errors)
+    panels = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2))
+    learned = panels[samples:] - panels[:-samples]
+    return np.asarray(energy[samples:] + learned * (as_positive("interval", interval) / samples))
+
+
+def quadratic_form(matrix: Matrix, series: Matrix) -> NDArray[np.float64]:
     """x^T M x for every row x, shape (len,)."""
     return np.asarray(np.einsum("ki,ij,kj->k", series, matrix, series))

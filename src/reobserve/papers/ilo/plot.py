@@ -32,7 +32,7 @@ from reobserve.replication.parameters.job import Job, named
 _LINES = dict(
     zip(("sampled", "continuous", "forgetting", "adaptive", "matched"), STYLES, strict=True)
 )
-_LEAST = 1e-12  # [N m] rounding is below
+_LEAST = 1e-6  # [N m] smaller errors are left out
 
 
 def _styles(names: Iterable[str]) -> dict[str, Style]:
@@ -51,13 +51,13 @@ def estimation(data: FigureData) -> Figure:
         thin(series.time, series["fault"][:, axis - 1]) for series in (plant, estimates[main])
     )
     above.plot(*fault, **TRUTH.line(), label=f"fault of thruster {axis}")
-    above.plot(*found, **styles[main].line(), label=f"estimate v: {labels[main]}")
+    above.plot(*found, **styles[main].line(), label=f"estimate: {labels[main]}")
     above.set_ylabel("torque [N m]")
     above.set_title("(a) fault and its estimate")
     above.legend(loc="upper left", ncols=2)
     headroom(above, 0.28)
 
-    least = 1.0
+    sizes = []
     for name, estimate in estimates.items():
         errors = Errors.of(plant, estimate, axis - 1)
         if name == main:
@@ -66,15 +66,16 @@ def estimation(data: FigureData) -> Figure:
             size = np.where(errors.start == 0, np.nan, np.abs(errors.start))
         time, largest = envelope(errors.time, size, 0.01)
         below.semilogy(time, largest, **styles[name].line(), label=labels[name])
-        faulty = largest[time > min(plant.events["onsets"], default=0.0) - 1e-9]
-        least = min(least, float(np.nanmin(faulty, initial=least)))
+        sizes.append(largest[time > min(plant.events["onsets"], default=0.0) - 1e-9])
     middle.set_ylabel("error e [N m]")
-    middle.set_title(f"(b) estimation error e = fault − v: {labels[main]}")
+    middle.set_title(f"(b) estimation error e = fault − estimate: {labels[main]}")
     below.set_ylabel("|e| [N m]")
     below.set_title("(c) size of the error (largest in each hundredth of a second)")
-    # From what the faulty part shows on; two decades more above hold the legend.
-    below.set_ylim(max(_LEAST, 10.0 ** np.floor(np.log10(least))), 1.0)
-    headroom(below, factor=100)
+    # Whole decades of what the faulty part shows but for an instant, and one more for the legend.
+    shown = np.concatenate(sizes)
+    least, most = np.nanquantile(shown[shown > _LEAST], 0.02), np.nanmax(shown)
+    below.set_ylim(10.0 ** np.floor(np.log10(least)), 10.0 ** np.ceil(np.log10(most)))
+    headroom(below, factor=10)
     decades(below.yaxis)
     time_axis(below, plant.time)
     below.legend(loc="upper center", ncols=3)
@@ -100,7 +101,7 @@ def matching(data: FigureData) -> Figure:
     gains.set_xlabel("integral gain Γ [N m/rad]")
     gains.set_ylabel("relative RMS error [%]")
     gains.set_title("(a) error for the fault of Figs 3 and 4 over the integral gain")
-    for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "continuous ILO", -3)):
+    for name, place, side in (("adaptive", "Fig. 4", 3), ("matched", "matched", -3)):
         gain = named(job.observers, name, keys.Adaptive).integral_gain
         gains.axvline(gain, ymax=0.8, color="0.5", linewidth=thick(0.8), linestyle=":")
         gains.annotate(
@@ -166,7 +167,7 @@ def _note(job: Job) -> list[str]:
 
 
 def _short(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, int | float) else "matrix, see the ledger"
+    return f"{value:g}" if isinstance(value, int | float) else "matrix, see the parameter file"
 
 
 LAYOUTS = {"estimation": estimation, "matching": matching}

@@ -1,4 +1,4 @@
-"""The estimation error of a fault, and the part of the run over which it is scored."""
+"""The estimation error of a fault, and the part of the run over which it is measured."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.replication.metrics.responses import root_mean_square_of_steps, window
+from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -67,3 +68,9 @@ def scored(errors: Errors, onsets: Sequence[float], skip: float) -> Errors:
     for onset in onsets or (0.0,):
         keep &= (errors.time < onset - 1e-9) | (errors.time > onset + skip - 1e-9)
     return errors.of_steps(keep)
+
+
+def scored_errors(job: Job, plant: Series, estimate: Series) -> Errors:
+    """Those of an estimate on the faulty axis, by the windows of the figures."""
+    errors = Errors.of(plant, estimate, job.metrics.axis - 1)
+    return scored(errors, plant.events["onsets"], job.metrics.settling_skip)

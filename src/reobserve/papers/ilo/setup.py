@@ -1,26 +1,36 @@
-"""From the ledger's values to plant, signals and observers."""
+"""From the values of the parameter file to bodies, observers and noise."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, located
 from reobserve.core.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
-from reobserve.papers.ilo.body import known_body
+from reobserve.replication.parameters.job import Job, named
 from reobserve.signals.grid import noise_hold, plant_grid
+from reobserve.systems.rigid_body import RigidBody
 
 MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
 
 
+def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
+    """The rigid body as an observer knows it, its inertia off by ``factor``."""
+    with located("plant"):
+        body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
+    return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)
+
+
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:
-    """The observer that an ``observers`` branch of the ledger states.
+    """The observer that an ``observers`` branch of the parameter file states.
 
     Raises
     ------
@@ -47,6 +57,21 @@ def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObser
     return built
 
 
+def pure_integrator(job: Job, gain: ArrayLike, damping_ratio: float) -> keys.Adaptive:
+    """An adaptive observer with this integral gain and no proportional part.
+
+    Its Lambda gives the error on the faulty axis the damping ratio.
+    """
+    body, axis = known_body(job.plant), job.metrics.axis - 1
+    stiffness = np.asarray(gain, dtype=np.float64)
+    size = float(stiffness[axis, axis] if stiffness.ndim == 2 else stiffness)
+    size *= float(body.fault_matrix[axis, axis])
+    # J s^2 + Lambda s + Gamma B_f = 0
+    damping = 2.0 * damping_ratio * float(np.sqrt(size * body.inertia[axis, axis]))
+    adaptive: keys.Adaptive = named(job.observers, "adaptive", keys.Adaptive)
+    return replace(adaptive, integral_gain=gain, proportional_gain=0.0, damping=damping)
+
+
 def stride(plant: keys.Plant, observer: RigidBodyObserver) -> int:
     """Plant samples in half a sampling period of the observer."""
     half = 0.5 * observer.sampling_period
@@ -65,9 +90,7 @@ def grid(plant: keys.Plant) -> tuple[int, float]:
     return plant_grid(plant, MOST_STEPS)
 
 
-def held_noise(
-    stream: np.random.Generator, plant: keys.Plant, samples: int
-) -> tuple[np.ndarray[Any, np.dtype[np.float64]], np.ndarray[Any, np.dtype[np.float64]]]:
+def held_noise(stream: np.random.Generator, plant: keys.Plant, samples: int) -> tuple[Any, Any]:
     """Unit normal noise held over ``plant.noise_period``: values and their limits from the left.
 
     Both have shape (samples, 3).

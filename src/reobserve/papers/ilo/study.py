@@ -2,7 +2,7 @@
 
 With K1 = I and a small tau an ILO is a proportional-integral adaptive observer with Gamma =
 K2 / tau, so the contrast between Figs 3 and 4 of the paper is one of gains. The study runs three
-families over Gamma on the same fault, then all observers of the ledger over the noise:
+families over Gamma on the same fault, then all observers of the parameter file over the noise:
 
     integral                Kp = 0, Lambda for a stated damping ratio of axis 1
     proportional_integral   Kp = Gamma tau / 2, Lambda and tau of the continuous ILO
@@ -24,11 +24,9 @@ from reobserve.core.errors import located
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
-from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.observe import observe
-from reobserve.papers.ilo.scoring import Errors, scored
-from reobserve.papers.ilo.setup import build_observer, held_noise
-from reobserve.papers.ilo.study_rows import HEADER
+from reobserve.papers.ilo.scoring import Errors, scored_errors
+from reobserve.papers.ilo.setup import build_observer, held_noise, pure_integrator
 from reobserve.replication.parameters.job import Job, Settings, named, read_job
 from reobserve.signals.series import Channel, Series
 
@@ -36,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
-    """One row for each run, with the columns of `HEADER`.
+    """One row for each run, with the columns of `keys.HEADER`.
 
     ``level`` is Gamma, the noise, or the time at the end of the second [s] over which e is taken
     while it is relative to the fault over the scored window, as everywhere.
@@ -52,28 +50,22 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
 
 def _gain_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
     study, observers = job.study, job.observers
-    axis = job.metrics.axis - 1
-    inertia = known_body(job.plant).inertia[axis, axis]
     ilo: keys.Continuous = named(observers, "continuous", keys.Continuous)
-    adaptive: keys.Adaptive = named(observers, "adaptive", keys.Adaptive)
     for gain in study.integral_gains:
-        critical = 2.0 * study.damping_ratio * float(np.sqrt(gain * inertia))
+        integral = pure_integrator(job, gain, study.damping_ratio)
         correction = gain * ilo.update_interval
         families: dict[str, keys.Observer] = {
-            "integral": replace(adaptive, integral_gain=gain, damping=critical),
+            "integral": integral,
             "proportional_integral": replace(
-                adaptive,
-                integral_gain=gain,
-                proportional_gain=0.5 * correction,
-                damping=ilo.damping,
+                integral, proportional_gain=0.5 * correction, damping=ilo.damping
             ),
             "ilo": replace(ilo, K2=correction),
         }
         for name, observer in families.items():
             with located(f"studies.integral_gains, {gain:g}"):
                 built = build_observer(job.plant, observer)
-                score = _scored(job, plant, _errors(job, plant, plant, built, observer))
-            yield _row("integral_gain", name, gain, 0, score.relative_root_mean_square)
+                errors = scored_errors(job, plant, _estimate(job, plant, built, observer))
+            yield _row("integral_gain", name, gain, 0, errors.relative_root_mean_square)
 
 
 def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
@@ -90,10 +82,11 @@ def _noise_rows(job: Job, plant: Series) -> Iterator[dict[str, Any]]:
             noisy = _with_noise(plant, level, noise)
             for name, observer in observers.items():
                 with located(f"observers.{name}"):
-                    errors = _errors(job, plant, noisy, built[name], observer)
-                score = _scored(job, plant, errors)
+                    estimate = _estimate(job, noisy, built[name], observer)
+                score = scored_errors(job, plant, estimate)
                 yield _row("noise", name, level, run, score.relative_root_mean_square)
                 if level == study.shown_noise:
+                    errors = Errors.of(plant, estimate, job.metrics.axis - 1)
                     fault = score.root_mean_square / score.relative_root_mean_square
                     for second in range(1, int(job.plant.horizon) + 1):
                         size = errors.window(second - 1, second).root_mean_square
@@ -107,21 +100,10 @@ def _with_noise(plant: Series, level: float, noise: tuple[Array, Array]) -> Seri
 
 
 def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dict[str, Any]:
-    return dict(zip(HEADER, (sweep, observer, float(level), run, score), strict=True))
+    return dict(zip(keys.HEADER, (sweep, observer, float(level), run, score), strict=True))
 
 
-def _errors(
-    job: Job,
-    plant: Series,
-    record: Series,
-    built: RigidBodyObserver,
-    observer: keys.Observer,
-) -> Errors:
-    """Those of the observer on ``record``, which differs from ``plant`` by noise only."""
-    estimated = observe(built, Job(job.plant, observer=observer), record)
-    return Errors.of(plant, estimated, job.metrics.axis - 1)
-
-
-def _scored(job: Job, plant: Series, errors: Errors) -> Errors:
-    """By the windows of the figures' metrics."""
-    return scored(errors, plant.events["onsets"], job.metrics.settling_skip)
+def _estimate(
+    job: Job, record: Series, built: RigidBodyObserver, observer: keys.Observer
+) -> Series:
+    return observe(built, Job(job.plant, observer=observer), record)

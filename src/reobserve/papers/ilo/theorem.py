@@ -96,14 +96,21 @@ class Theorem1:
     epsilon3: float
     rho1: float
     learning_norm: float
-    rate_condition: bool
-    learning_condition: bool
-    reason: str
 
     @property
     def holds(self) -> bool:
         """Whether both conditions hold."""
-        return self.rate_condition and self.learning_condition
+        return self.epsilon1 > 0 and self.learning_norm <= 1
+
+    @property
+    def reason(self) -> str:
+        """The conditions with their numbers."""
+        above = "above" if self.epsilon1 > 0 else "not above"
+        return (
+            f"epsilon1 = {self.epsilon1:.4g} is {above} zero and "
+            f"epsilon2 ||K1||^2 = {self.learning_norm:.6g} is "
+            f"{'at most' if self.learning_norm <= 1 else 'above'} one"
+        )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
@@ -194,13 +201,7 @@ class _Design:
         factor = 1 + rho1 + self.spread / g4
         epsilon1 = 2 * self.excess - g4 - alpha2 * factor * self.k2**2
         epsilon2 = alpha1 * factor
-        kept = epsilon2 * self.k1**2
-        parts = (
-            f"epsilon1 = {epsilon1:.4g} is {'' if epsilon1 > 0 else 'not '}above zero",
-            f"epsilon2 ||K1||^2 = {kept:.6g} is {'at most' if kept <= 1 else 'above'} one",
-        )
-        constants = (epsilon1, epsilon2, alpha3 * factor, rho1, kept)
-        return Theorem1(*constants, epsilon1 > 0, kept <= 1, " and ".join(parts))
+        return Theorem1(epsilon1, epsilon2, alpha3 * factor, rho1, epsilon2 * self.k1**2)
 
     @property
     def threshold(self) -> float:
@@ -218,14 +219,12 @@ class Certificate:
 
     ``required_damping`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
     ``dc_error`` is the largest share (2-norm) of a constant fault that the design leaves
-    unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if there are none;
-    otherwise (18) then promises an RMS error of at most ``error_gain`` times k_d.
+    unestimated. ``weights`` = (gamma_1..4, rho_1) and ``theorem`` are None if there are none.
     """
 
     certified: bool
     required_damping: float
     dc_error: float
-    error_gain: float
     weights: tuple[float, float, float, float, float] | None
     theorem: Theorem1 | None
     reason: str
@@ -241,16 +240,15 @@ def certify(
     *,
     size: int = 3,
 ) -> Certificate:
-    """Search the weights for a design; exact about whether there are any.
+    """Decide whether Theorem 1 has weights for a design, and give some.
 
     Chen & Saif 2007, Theorem 1.
 
-    The existence of weights is the closed form of the module's docstring; the weights returned
-    minimise sqrt(epsilon3 / rho1), the error that (18) promises per unit of k_d, numerically.
-    That is never below 1 / (1 - k1): with rho_1 < 1/(k1^2 alpha_1) - 1, it is above
-    (1 + 1/gamma_2) / (1 - k1^2 (1 + gamma_2)), squared, whose minimum is 1 / (1 - k1)^2. As
-    Assumption 1 already implies |u_f| <= k_d / (1 - k1), no certificate promises more than
-    estimating nothing would achieve.
+    The existence of weights is the closed form of the module's docstring. The RMS error that (18)
+    promises with any of them is sqrt(epsilon3 / rho1) k_d, never below k_d / (1 - k1): with
+    rho_1 < 1/(k1^2 alpha_1) - 1, its square is above (1 + 1/gamma_2) / (1 - k1^2 (1 + gamma_2)),
+    whose minimum is 1 / (1 - k1)^2. As Assumption 1 already implies |u_f| <= k_d / (1 - k1), no
+    certificate promises more than estimating nothing would achieve.
 
     Parameters
     ----------
@@ -273,16 +271,16 @@ def certify(
     lost = f"the design leaves up to {100 * dc_error:.3g}% of a constant fault unestimated"
     if design.k1 >= 1:
         reason = f"no weights: ||K1|| = {design.k1:.6g} and epsilon2 > 1 always; {lost}"
-        return Certificate(False, needed, dc_error, float("inf"), None, None, reason)
-    weights = _tightest(design)
+        return Certificate(False, needed, dc_error, None, None, reason)
+    weights = _weights(design)
     if weights is None:
         must = f"{design.excess:.6g} must exceed {design.threshold:.6g}"
         reason = f"no weights: lambda_min(Lambda) - eta = {must}; {lost}"
-        return Certificate(False, needed, dc_error, float("inf"), None, None, reason)
+        return Certificate(False, needed, dc_error, None, None, reason)
     theorem = design.evaluate(*weights)
-    gain = float(np.sqrt(theorem.epsilon3 / theorem.rho1))
-    reason = f"{theorem.reason}; (18) promises an RMS error below {gain:.4g} k_d, and {lost}"
-    return Certificate(True, needed, dc_error, gain, weights, theorem, reason)
+    floor = 1 / (1 - design.k1)
+    reason = f"{theorem.reason}; (18) promises no RMS error below {floor:.4g} k_d, and {lost}"
+    return Certificate(True, needed, dc_error, weights, theorem, reason)
 
 
 def _dc_error(damping: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> float:
@@ -294,53 +292,24 @@ def _dc_error(damping: Matrix, fault_matrix: Matrix, K1: Matrix, K2: Matrix) -> 
         return float("nan")
 
 
-def _tightest(design: _Design) -> tuple[float, float, float, float, float] | None:
-    """Weights that minimise epsilon3 / rho1, or None if no weights satisfy Theorem 1."""
-    from scipy.optimize import minimize
-
+def _weights(design: _Design) -> tuple[float, float, float, float, float] | None:
+    """Weights that satisfy Theorem 1; None if none do, or only in the last digits of a float."""
     if design.excess <= design.threshold:
         return None
+    # The last to survive as Lambda is lowered, with the others at zero: m = ||K2|| / sqrt(b),
+    # 1 + b / gamma4 = (1 + m) / (k1^2 + m), gamma1 = m (1 - k1^2) / (k1^2 (1 + m)).
     square = max(design.k1, 1e-6) ** 2  # K1 = 0 leaves gamma_1 without an upper bound
-
-    def largest_factor(g1: float, g2: float, g3: float, g4: float) -> float:
-        """The largest 1 + rho1 + spread / gamma4 that both conditions allow."""
-        alpha1, alpha2, _ = _alphas(g1, g2, g3)
-        rate = (2 * design.excess - g4) / (alpha2 * design.k2**2)
-        return float(min(1 / (square * alpha1), rate) * (1 - 1e-9))
-
-    def ratio(logarithms: NDArray[np.float64]) -> float:
-        g1, g2, g3, g4 = np.exp(logarithms)
-        factor = largest_factor(g1, g2, g3, g4)
-        rho1 = factor - 1 - design.spread / g4
-        return _alphas(g1, g2, g3)[2] * factor / rho1 if rho1 > 0 else float("inf")
-
-    # The last weights to survive as the damping is lowered; they need no slack for the others.
     m = design.k2 / float(np.sqrt(design.spread))
     factor = (1 + m) / (square + m)
     room = 1 / (square * factor) - 1
-    for slack in 0.5 ** np.arange(1, 50):
-        start = (room * (1 - slack), room * slack / 2, slack, design.spread / (factor - 1))
-        if np.isfinite(ratio(np.log(start))):
-            break
-    else:
-        return None
-    options = {"maxiter": 4000, "maxfev": 4000, "xatol": 1e-8, "fatol": 1e-8}
-    found = minimize(ratio, np.log(start), method="Nelder-Mead", options=options)
-    g1, g2, g3, g4 = (float(weight) for weight in np.exp(found.x))
-    # A percent off rho1 lifts both conditions off their limits.
-    return g1, g2, g3, g4, 0.99 * (largest_factor(g1, g2, g3, g4) - 1 - design.spread / g4)
-
-
-@dataclass(frozen=True)
-class Bound18:
-    """Both sides of the bound of the mean, and ``ratio`` = right / left.
-
-    Chen & Saif 2007, (18).
-    """
-
-    left: float
-    right: float
-    ratio: float
+    for slack in 0.5 ** np.arange(1, 50):  # as far inside the conditions as halving it finds
+        gamma1, gamma2 = room * (1 - slack), room * slack / 2
+        # Nearly all that the condition on K1 leaves, k1^2 alpha1 (1 + rho1 + b / gamma4) <= 1
+        rho1 = 0.99 * (1 / (square * (1 + gamma1 + gamma2)) - factor)
+        weights = (gamma1, gamma2, float(slack), design.spread / (factor - 1), rho1)
+        if rho1 > 0 and design.evaluate(*weights).holds:
+            return weights
+    return None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
@@ -352,7 +321,7 @@ def bound18(
     *,
     duration: float = float("inf"),
     initial_value: float = 0.0,
-) -> Bound18:
+) -> tuple[float, float]:
     """Both sides: the mean of epsilon1 |w~|^2 + rho1 |e|^2, and epsilon3 k_d^2.
 
     Chen & Saif 2007, (18).
@@ -384,4 +353,4 @@ def bound18(
     right = theorem.epsilon3 * k_d * k_d + initial_value / duration
     if not np.isfinite([left, right]).all():
         raise InputError("rate_error, error, k_d", "have squares beyond floating-point numbers")
-    return Bound18(left, right, right / left if left > 0 else float("inf"))
+    return left, right
