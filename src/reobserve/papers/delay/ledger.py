@@ -25,7 +25,7 @@ def _study(job: Job) -> None:
     if isinstance(job.study, keys.Tradeoff):
         stride(job.plant, job.study.sampling_period)
         for name in job.observers:
-            named(job.observers, name, keys.Extended)
+            named(job.observers, name, (keys.Extended, keys.Standard))
 
 
 def _figure(job: Job) -> None:

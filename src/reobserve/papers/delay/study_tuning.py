@@ -57,5 +57,5 @@ def _scores(rules: keys.Metrics, plant: Series, found: Series) -> Iterator[tuple
     for _, start, end in constant_segments(plant, rules.late):
         resting |= window(found.time, start, end)
     yield "resting_rms_delay_error", float(root_mean_square(error[resting]))
-    moving = window(found.time, *rules.varying)
+    moving = window(found.time, rules.varying_from, rules.varying_until)
     yield "varying_rms_delay_error", float(root_mean_square(error[moving]))
