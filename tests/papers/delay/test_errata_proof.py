@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from reobserve.observers.levant import LevantDifferentiator
 from reobserve.papers.delay.theory_gains import lag_per_rate
@@ -169,6 +170,17 @@ def test_the_constant_of_the_jacobian_is_not_the_one_of_the_expansion() -> None:
     for rho in (1.0, 5.0):
         scaled = shrinking(3, rho) @ jacobian @ np.linalg.inv(shrinking(3, rho))
         assert np.linalg.norm(scaled, 2) == pytest.approx(np.hypot(G_OVER_L / rho, A))
+
+
+def test_the_proof_asks_for_a_rho_far_above_those_of_the_figures() -> None:
+    """c3 > 0 with c1 the norm of (24) at the hanging pendulum and a constant xi, so that nu = 0."""
+    spread = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0))
+
+    def c3(rho: float) -> float:
+        c1 = np.hypot(G_OVER_L / rho, A)
+        return float((rho * spread[0] - 2 * c1 * spread[-1]) / spread[-1])
+
+    assert brentq(c3, 1, 1e4) == pytest.approx(186.4, rel=1e-3)
 
 
 def test_the_radius_of_the_proof_does_not_fall_with_rho() -> None:
