@@ -78,31 +78,18 @@ def build_estimator(job: Job) -> DelayEstimator:
     """
     observer: keys.Estimator = job.observer
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
-    common = (rate, gain, delay_bounds(job.plant))
-    period = observer.sampling_period
+    common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
     match observer:
         case keys.LeastSquares():
             return LeastSquaresDelayEstimator(
-                *common,
-                initial_covariance=observer.initial_covariance,
-                forgetting=observer.forgetting,
-                sampling_period=period,
+                *common, observer.initial_covariance, observer.forgetting
             )
         case keys.Adaptive():
             return AdaptiveDelayEstimator(
-                *common,
-                filter_time=observer.filter_time,
-                forgetting=observer.forgetting,
-                adaptation_gain=observer.adaptation_gain,
-                sampling_period=period,
+                *common, observer.filter_time, observer.forgetting, observer.adaptation_gain
             )
         case keys.Relay():
-            return VariableStructureDelayEstimator(
-                *common,
-                relay_gain=observer.relay_gain,
-                relay_on=observer.relay_on,
-                sampling_period=period,
-            )
+            return VariableStructureDelayEstimator(*common, observer.relay_gain, observer.relay_on)
 
 
 def build(settings: Settings) -> Any:
@@ -171,12 +158,9 @@ def _estimator(job: Job, plant: Series, every: int) -> Found:
         rate, gain = build_model(job.plant, "lag").parameters
         x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
     past, control = records.past_and_present(job, plant, every)
-    start = built.init(
-        float(x[0, 0]), observer.initial_delay, past[::2],
-        middle=np.concatenate([past[:1], past[1::2]]),
-    )  # fmt: skip
-    run = run_on_halves(built, x[::every], control, state=start)
-    return {"delay": Channel(run["delay"], "s")}
+    start = built.start(float(x[0, 0]), observer.initial_delay)
+    run = built.run(x[::every], past, control, start)
+    return {"delay": Channel(run[:, 0].copy(), "s")}
 
 
 _RUNS: dict[str, Callable[[Job, Series, int], Found]] = {
