@@ -111,11 +111,12 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     for number, start, end in constant_segments(plant, rules.late):
         late = off[window(time, start, end)]
         yield f"late_delay_error_{number}", float(np.max(np.abs(late))), "s"
-    yield "delay_radius", float(np.max(np.abs(off[window(time, *rules.radius)]))), "s"
-    size, distance = peaks(plant, time, off)
-    if np.isfinite(size):
-        yield "peak_delay_error", size, "s"
-        yield "peak_distance", distance, "1"
+    if data.job.scenario.model == "pendulum":
+        yield "delay_radius", float(np.max(np.abs(off[window(time, *rules.radius)]))), "s"
+        size, distance = peaks(plant, time, off)
+        if np.isfinite(size):
+            yield "peak_delay_error", size, "s"
+            yield "peak_distance", distance, "1"
     on = estimate["off"] == 0 if "off" in estimate.channels else np.ones(len(time), dtype=bool)
     for number, _, jump in constant_segments(plant, rules.ripple):
         chosen = np.flatnonzero(on & (time < jump - 1e-9))[-round(rules.ripple / estimate.step) :]
