@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.papers.delay.theory_gains import lag_per_rate
+from reobserve.papers.delay.theory_gains import steady_ramp_error
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
 from tests.papers.delay.test_errata import delay_error, seconds
@@ -227,7 +227,7 @@ def test_the_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: 
 
 def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
     """Section 4.1 and Table I give 5 to both observers, the caption of Fig. 2 has 2.5."""
-    hanging = {rho: abs(lag_per_rate(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
+    hanging = {rho: abs(steady_ramp_error(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
     assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
     assert hanging[2.5] == pytest.approx((11.25 + 18.75 + 19.62) / 15.625)
     assert hanging[2.5] > 3 * hanging[5.0]

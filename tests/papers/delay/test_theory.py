@@ -92,7 +92,7 @@ def test_the_lag_is_the_error_at_rest_under_a_steady_rate() -> None:
     """0 = M e + (0, 0, -xi tau'): the last error over xi is the lag."""
     matrix = error_matrix(5.0, G_OVER_L, A)
     error = np.linalg.solve(matrix, [0, 0, 1.0])
-    assert theory_gains.lag_per_rate(5.0, G_OVER_L, A) == pytest.approx(error[2])
+    assert theory_gains.steady_ramp_error(5.0, G_OVER_L, A) == pytest.approx(error[2])
 
 
 def test_the_predicted_lag_is_that_of_the_run() -> None:

@@ -42,7 +42,7 @@ MEANINGS = {
     "varying_rms_delay_error": "root mean square error of the delay where it varies",
     "varying_rms_error_<component>": "root mean square error of a state where the delay varies",
     "delay_radius": "largest error of the delay once the last jump is forgotten",
-    "predicted_delay_radius": "the same by the lag of the linear error system",
+    "predicted_delay_radius rho=<level>": "the same by the lag of the linear error system",
     "ripple_<jump>": (
         "of the estimate in the last seconds with the gain on before a jump, its slope taken out"
     ),

@@ -28,7 +28,7 @@ DIFFERENCE = 1e-5  # of states and delay, where derivatives are taken by central
 def measure(job: Job, ramp: Series, sine: Series) -> Iterator[Metric]:
     """Numbers on the conditions, and on the expansion.
 
-    Lechappe et al. 2018, (3), (4), (6), Theorem 1, Assumptions 3 and 4.
+    Lechappe et al. 2018, (3), (4), after (4), (6), Theorem 1, Assumptions 3 and 4.
     """
     yield from _pendulum(job)
     yield Metric("delay", "least_delay", float(np.min(sine["delay"])), "s")

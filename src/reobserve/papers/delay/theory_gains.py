@@ -24,34 +24,34 @@ FIGURES = ("order2", "order2_noise")  # the observers of Figs 1 and 2
 @part
 def measure(job: Job, ramp: Series) -> Iterator[Metric]:
     """Poles, and the lag behind a varying delay."""
-    stiffness, friction, _ = build_model(job.plant, "pendulum").parameters
+    g_over_l, friction, _ = build_model(job.plant, "pendulum").parameters
     for name in FIGURES:
         rho = job.observers[name].rho
         for when, turn in (("", 1.0), ("_upright", -1.0)):
-            poles = np.linalg.eigvals(error_matrix(rho, turn * stiffness, friction))
+            poles = np.linalg.eigvals(error_matrix(rho, turn * g_over_l, friction))
             yield Metric(name, f"slow_pole{when}", float(np.max(poles.real)), "1/s")
     chosen = window(ramp.time, *job.metrics.radius)
     slope = np.gradient(ramp["delay"], ramp.time)
     for rho in job.theory.rhos:
-        turn = stiffness * np.cos(ramp["state"][:, 0])
-        lag = lag_per_rate(rho, turn, friction) * slope
+        turn = g_over_l * np.cos(ramp["state"][:, 0])
+        lag = steady_ramp_error(rho, turn, friction) * slope
         peak = float(np.max(np.abs(lag[chosen])))
         yield Metric.at("order2", ("predicted_delay_radius", peak, "s"), rho=rho)
 
 
-def error_matrix(rho: float, stiffness: float, friction: float) -> Array:
+def error_matrix(rho: float, g_over_l: float, friction: float) -> Array:
     """Of the errors of x1, x2 and xi tau, shape (3, 3), for a constant xi.
 
     Lechappe et al. 2018, (14).
 
-    ``stiffness`` is g/l cos x1 [1/s^2], ``friction`` k/m [1/s].
+    ``g_over_l`` is g/l cos x1 [1/s^2], ``friction`` k/m [1/s].
     """
     matrix = np.eye(3, k=1)
     matrix[:, 0] -= high_gain(3, rho)
-    matrix[1, :2] -= stiffness, friction
+    matrix[1, :2] -= g_over_l, friction
     return matrix
 
 
-def lag_per_rate(rho: float, stiffness: Any, friction: float) -> Any:
+def steady_ramp_error(rho: float, g_over_l: Any, friction: float) -> Any:
     """The error of the delay over its rate [s], at rest: of the linear error system."""
-    return -(3 * rho * friction + 3 * rho**2 + stiffness) / rho**3
+    return -(3 * rho * friction + 3 * rho**2 + g_over_l) / rho**3
