@@ -48,7 +48,7 @@ def draw(data: FigureData) -> Figure:
         time_axis(axes, plant.time)
     delay.set_xlabel("")
     jump = max(plant.events["jumps"], key=lambda at: plant["delay"][round(at / plant.step) - 1])
-    close.set(xlabel="time [s]", xlim=(jump - CLOSE, jump - plant.step), ylim=(-0.015, 0.015))
+    close.set(xlabel="time [s]", xlim=(jump - CLOSE, jump - 4 * plant.step), ylim=(-0.015, 0.015))
     close.set_ylabel("error [s]")
     close.set_title("(c) error before the jump from the largest constant delay")
     add_note(
