@@ -37,7 +37,7 @@ TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.ge
 # what a constant moves it moves there, too, for a fraction of the time.
 FEW_LEVELS: dict[str, dict[str, Any]] = {
     "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_units": []},
-    "tradeoff": {"rhos": [7.0]},
+    "tradeoff": {"rhos": [5.0]},
     "ensemble": {"orders": [2]},
 }
 

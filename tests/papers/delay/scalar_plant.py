@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.observers.fixed_step import run_on_halves
-from reobserve.observers.run import Run
-from reobserve.papers.delay.estimator import DelayEstimator, State
+from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
 from reobserve.papers.delay.estimator_variable_structure import VariableStructureDelayEstimator
@@ -69,13 +66,6 @@ def plant(u: Input, delay: Delay, time: Array, a: float, b: float, x0: float = 0
     return x
 
 
-def past_of(halves: Array, before: Array | None = None) -> dict[str, Any]:
-    """The past of an input for `DelayEstimator.init`, from samples at half a period."""
-    left = halves if before is None else before
-    middle = np.concatenate([halves[:1], halves[1::2]])
-    return {"past_u": halves[::2], "before": left[::2], "middle": middle}
-
-
 def record(
     estimator: DelayEstimator, u: Input, delay: Delay, end: float, x0: float = 0.0
 ) -> tuple[Array, Array, Array]:
@@ -84,35 +74,32 @@ def record(
     time = half_steps(h, end)
     x = plant(u, delay, time, a, b, x0)
     columns = [x, b * u(time - delay(time))[:, 0] - a * x][: estimator.measurements]
-    back = 0.5 * h * np.arange(-2 * estimator.history_steps, 1)
+    back = 0.5 * h * np.arange(-2 * int(np.ceil(BOUNDS[1] / h)), 1)
     return np.stack(columns, axis=1), u(time), u(back)
 
 
 def observed(
     estimator: DelayEstimator, rows: tuple[Array, Array, Array], first: float = 0.3, x0: float = 0.0
-) -> Run[State]:
-    """A run over what `record` gives, from a first estimate."""
+) -> Array:
+    """The values over what `record` gives, from a first estimate."""
     output, control, past = rows
-    start = estimator.init(x0, first, **past_of(past))
-    return run_on_halves(estimator, output, control, state=start)
+    return estimator.run(output, past, control, estimator.start(x0, first))
 
 
-def run(
-    estimator: DelayEstimator, u: Input, delay: Delay, end: float, first: float = 0.3
-) -> Run[State]:
+def run(estimator: DelayEstimator, u: Input, delay: Delay, end: float, first: float = 0.3) -> Array:
     return observed(estimator, record(estimator, u, delay, end), first)
 
 
 def least_squares(h: float, covariance: float, forgetting: float) -> LeastSquaresDelayEstimator:
-    return LeastSquaresDelayEstimator(A, B, BOUNDS, covariance, forgetting, sampling_period=h)
+    return LeastSquaresDelayEstimator(A, B, BOUNDS, h, covariance, forgetting)
 
 
 def adaptive(h: float, k: float, forgetting: float, gain: float) -> AdaptiveDelayEstimator:
-    return AdaptiveDelayEstimator(A, B, BOUNDS, k, forgetting, gain, sampling_period=h)
+    return AdaptiveDelayEstimator(A, B, BOUNDS, h, k, forgetting, gain)
 
 
 def relay(h: float, gain: float, on: str) -> VariableStructureDelayEstimator:
-    return VariableStructureDelayEstimator(A, B, BOUNDS, gain, on, sampling_period=h)
+    return VariableStructureDelayEstimator(A, B, BOUNDS, h, gain, on)
 
 
 FAST = Input(0.7)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from reobserve.observers.levant import LevantDifferentiator
-from reobserve.papers.delay.theory_gains import lag_per_rate
+from reobserve.papers.delay.theory_gains import steady_ramp_error
 from reobserve.synthesis.high_gain import high_gain, lyapunov_matrix
 from tests.observers.test_extended_high_gain import G_OVER_L, GAIN, A
 from tests.papers.delay.test_errata import delay_error, seconds
@@ -171,6 +172,17 @@ def test_the_constant_of_the_jacobian_is_not_the_one_of_the_expansion() -> None:
         assert np.linalg.norm(scaled, 2) == pytest.approx(np.hypot(G_OVER_L / rho, A))
 
 
+def test_the_proof_asks_for_a_rho_far_above_those_of_the_figures() -> None:
+    """c3 > 0 with c1 the norm of (24) at the hanging pendulum and a constant xi, so that nu = 0."""
+    spread = np.linalg.eigvalsh(lyapunov_matrix(3, 1.0))
+
+    def c3(rho: float) -> float:
+        c1 = np.hypot(G_OVER_L / rho, A)
+        return float((rho * spread[0] - 2 * c1 * spread[-1]) / spread[-1])
+
+    assert brentq(c3, 1, 1e4) == pytest.approx(186.4, rel=1e-3)
+
+
 def test_the_radius_of_the_proof_does_not_fall_with_rho() -> None:
     """r of (31), back from the scaled error by rho^n / alpha: in proportion to rho for n = 2.
 
@@ -215,7 +227,7 @@ def test_the_initial_matrix_of_table_1_does_not_solve_the_printed_equation(rho: 
 
 def test_one_rho_for_all_and_another_in_the_caption_are_not_the_same() -> None:
     """Section 4.1 and Table I give 5 to both observers, the caption of Fig. 2 has 2.5."""
-    hanging = {rho: abs(lag_per_rate(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
+    hanging = {rho: abs(steady_ramp_error(rho, G_OVER_L, A)) for rho in (2.5, 5.0)}
     assert hanging[5.0] == pytest.approx((22.5 + 75 + 19.62) / 125)
     assert hanging[2.5] == pytest.approx((11.25 + 18.75 + 19.62) / 15.625)
     assert hanging[2.5] > 3 * hanging[5.0]

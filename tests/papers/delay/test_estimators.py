@@ -11,7 +11,6 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from reobserve.observers.fixed_step import run_on_halves
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -31,7 +30,6 @@ from tests.papers.delay.scalar_plant import (
     least_squares,
     observed,
     paper_delay,
-    past_of,
     plant,
     record,
     relay,
@@ -76,8 +74,8 @@ def reference(
 
     ``pieces`` are the ends of the pieces of the delay and the delay in them.
     """
-    size, bounds = len(estimator._values(0.0, first)), estimator.delay_bounds
-    values = np.append(estimator._values(0.0, first), 0.0)
+    size, bounds = len(estimator.start(0.0, first)), estimator.delay_bounds
+    values = np.append(estimator.start(0.0, first), 0.0)
     rows, t, changes, held = [values[:size]], 0.0, 0, 0
     for end, delay in pieces:
         raw = slope(estimator, u, delay)
@@ -137,7 +135,7 @@ def known(kind: str, narrow: bool) -> tuple[Array, int]:
 
 def error(kind: str, narrow: bool, h: float) -> float:
     """The largest error of a value after the first jump of the delay."""
-    ours = run((NARROW if narrow else SMOOTH)[kind](h), FAST, short_delay, 10.0, 0.8)["values"]
+    ours = run((NARROW if narrow else SMOOTH)[kind](h), FAST, short_delay, 10.0, 0.8)
     return float(np.max(np.abs(ours[:: round(0.1 / h)] - known(kind, narrow)[0])[31:]))
 
 
@@ -159,7 +157,7 @@ def test_order_four_with_jumps_of_the_delay_and_at_the_bounds(kind: str, narrow:
 
 @pytest.mark.parametrize("kind", SMOOTH)
 def test_the_estimate_never_leaves_its_bounds(kind: str) -> None:
-    delay = run(NARROW[kind](0.05), FAST, short_delay, 10.0, 0.8)["delay"]
+    delay = run(NARROW[kind](0.05), FAST, short_delay, 10.0, 0.8)[:, 0]
     assert np.min(delay) == 0.7
     assert np.max(delay) == 1.0
 
@@ -177,9 +175,9 @@ def on_a_ramp(estimator: DelayEstimator, first: float, delay: Delay, values: Arr
     slope = STEADY * (1 - rate)
     x0 = float((-B * RAMP.frequency * delay(np.array([0.0]))[0] - slope) / A)
     _, control, past = record(estimator, RAMP, delay, 20.0)
-    state = estimator.init(x0, first, **past_of(past))
-    start = replace(state, values=np.where(np.isnan(values), state.values, values))
-    return run_on_halves(estimator, x0 + slope * t, control, state=start)["delay"]
+    start = estimator.start(x0, first)
+    start = np.where(np.isnan(values), start, values)
+    return estimator.run((x0 + slope * t)[:, None], past, control, start)[:, 0]
 
 
 @pytest.mark.parametrize("forgetting", [0.1, A / 4, 2.0])
@@ -202,7 +200,7 @@ def test_the_adaptive_law_converges_with_gamma_p_from_a_cold_start(x0: float) ->
     time = half_steps(0.005, 10.0)
     x = plant(RAMP, constant(0.8), time, A, B, x0)
     _, control, past = record(estimator, RAMP, constant(0.8), 10.0)
-    ours = observed(estimator, (x, control, past), x0=x0)
+    ours = observed(estimator, (x[:, None], control, past), x0=x0)
     pushed = (B * RAMP.frequency) ** 2
 
     def information(t: float) -> float:
@@ -213,8 +211,8 @@ def test_the_adaptive_law_converges_with_gamma_p_from_a_cold_start(x0: float) ->
 
     for t in (1.0, 4.0, 10.0):
         total = quad(information, 0, t, epsabs=1e-12)[0]
-        assert ours["values"][round(t / 0.005), 4] == pytest.approx(information(t), rel=1e-7)
-        left = 0.8 - ours["delay"][round(t / 0.005)]
+        assert ours[round(t / 0.005), 4] == pytest.approx(information(t), rel=1e-7)
+        left = 0.8 - ours[round(t / 0.005), 0]
         assert left == pytest.approx(0.5 * np.exp(-gain * total), rel=1e-6, abs=1e-11)
 
 
@@ -233,7 +231,7 @@ def test_a_running_delay_is_followed_by_the_lags_of_the_docstrings() -> None:
 def test_a_wrong_start_disturbs_least_squares_until_it_is_forgotten() -> None:
     estimator = least_squares(0.01, 100.0, 0.0)
     rows = record(estimator, Input(), constant(0.6), 20.0)
-    right, wrong = (observed(estimator, rows, x0=x0)["delay"] for x0 in (0.0, 0.5))
+    right, wrong = (observed(estimator, rows, x0=x0)[:, 0] for x0 in (0.0, 0.5))
     assert abs(right[-1] - 0.6) < 0.02
     assert np.max(np.abs(wrong[:500] - right[:500])) > 0.4
 
@@ -244,7 +242,7 @@ def test_a_wrong_start_disturbs_least_squares_until_it_is_forgotten() -> None:
 @pytest.mark.parametrize("on", ["delay", "inverse"])
 def test_the_relay_arrives_when_it_should(on: str) -> None:
     time = half_steps(0.001, 2.0)[::2]
-    delay = run(relay(0.001, 0.5, on), RAMP, constant(0.8), 2.0)["delay"]
+    delay = run(relay(0.001, 0.5, on), RAMP, constant(0.8), 2.0)[:, 0]
     straight = 0.3 + 0.5 * time if on == "delay" else 1 / (1 / 0.3 - 0.5 * time)
     arrival = 1.0 if on == "delay" else (1 / 0.3 - 1 / 0.8) / 0.5
     assert np.allclose(delay, np.where(time < arrival, straight, 0.8), atol=7e-4, rtol=0)
@@ -254,7 +252,7 @@ def test_chatter_on_the_delay_is_the_same_for_all_and_on_the_inverse_grows_as_it
     delays, h, gain = (0.6011, 1.2013, 0.3007), 0.01, 0.5
     width = {
         on: [
-            np.ptp(run(relay(h, gain, on), Input(), constant(tau), 7.5)["delay"][600:])
+            np.ptp(run(relay(h, gain, on), Input(), constant(tau), 7.5)[:, 0][600:])
             for tau in delays
         ]
         for on in ("delay", "inverse")
@@ -270,7 +268,7 @@ def test_a_relay_that_outruns_the_singular_instant_can_lose_the_delay(on: str, s
 
     def worst(gain: float) -> float:
         estimator = replace(relay(0.01, gain, on), decay=1.0, input_gain=1.0)
-        delay = observed(estimator, scenario(on))["delay"]
+        delay = observed(estimator, scenario(on))[:, 0]
         time = 0.01 * np.arange(len(delay))
         return float(np.max(np.abs(delay - paper_delay(time))[6600:]))
 
@@ -280,7 +278,7 @@ def test_a_relay_that_outruns_the_singular_instant_can_lose_the_delay(on: str, s
 
 @cache
 def scenario(on: str) -> tuple[Array, Array, Array]:
-    estimator = VariableStructureDelayEstimator(1.0, 1.0, BOUNDS, 1.0, on, sampling_period=0.01)
+    estimator = VariableStructureDelayEstimator(1.0, 1.0, BOUNDS, 0.01, 1.0, on)
     return record(estimator, Input(), paper_delay, 120.0)
 
 
@@ -314,7 +312,7 @@ def test_a_delay_that_leaves_and_returns_within_a_step_is_held_in_between(
 ) -> None:
     """Its highest, or lowest, point is beyond the bound by that much, all within one step."""
     free, upper = SMOOTH["least squares"](h), pieces is PIECES
-    fine = run(SMOOTH["least squares"](0.001), FAST, delay, 10.0, first)["delay"]
+    fine = run(SMOOTH["least squares"](0.001), FAST, delay, 10.0, first)[:, 0]
     bounds = (0.0, fine.max() - beyond) if upper else (fine.min() + beyond, 1.5)
     over = 0.001 * np.flatnonzero((fine < bounds[0]) | (fine > bounds[1]))
     step = h * np.floor(instant / h)
@@ -324,7 +322,7 @@ def test_a_delay_that_leaves_and_returns_within_a_step_is_held_in_between(
     assert changes == 2, "held and let go once"
     ours, unbounded = (
         np.max(np.abs(found[:: round(0.2 / h)] - expected[:, 0])[31:])
-        for found in (run(one, FAST, delay, 10.0, first)["delay"] for one in (narrow, free))
+        for found in (run(one, FAST, delay, 10.0, first)[:, 0] for one in (narrow, free))
     )
     assert ours < 2e-7
     assert unbounded > 0.5 * beyond, "what is cut off shows"

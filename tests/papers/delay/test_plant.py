@@ -54,16 +54,31 @@ def test_noise_is_held_and_has_its_deviation() -> None:
         assert np.std(held[:, 0]) == pytest.approx(0.05, rel=0.05)
 
 
-def test_noise_that_changes_within_a_step_enters_by_its_mean() -> None:
-    """The mean of five independent numbers has the deviation of one over the root of five."""
-    stated = job(noise_period=1e-3).plant
-    assert noise.hold(stated) == (2, pytest.approx(1 / np.sqrt(5)))
-    assert noise.hold(stated, 4) == (4, pytest.approx(1 / np.sqrt(10)))
-    assert noise.hold(job(noise_period=5e-3).plant) == (2, 1.0)
-    assert noise.hold(job(noise_period=1e-2).plant) == (4, 1.0)
-    value, before = noise.drawn(stated, random_stream(1, "noise"), 40_001)
-    assert np.std(value) == pytest.approx(1 / np.sqrt(5), rel=0.02)
+@pytest.mark.parametrize(("period", "variance"), [(1e-3, 1 / 5), (2e-3, 9 / 25)])
+def test_noise_that_changes_within_a_step_enters_by_its_mean(
+    period: float, variance: float
+) -> None:
+    """The mean over 5 ms of five numbers, or of three of which one counts half as much.
+
+    A differentiator reads single numbers.
+    """
+    stated = job(noise_period=period).plant
+    value, before, read = noise.drawn(stated, random_stream(1, "noise"), 40_001)
     assert np.array_equal(value[:-1], before[1:])
+    assert np.array_equal(value[:-1:2], value[1::2])
+    assert np.std(value) == pytest.approx(np.sqrt(variance), rel=0.02)
+    assert np.std(read) == pytest.approx(1, rel=0.02)
+    fast = random_stream(1, "noise").standard_normal(1000)
+    assert read[:300] == pytest.approx(fast[np.floor(2.5e-3 * np.arange(300) / period).astype(int)])
+    first = fast[:5].mean() if period == 1e-3 else fast[:3] @ [0.4, 0.4, 0.2]
+    assert value[0] == pytest.approx(first)
+
+
+def test_slower_noise_is_read_as_it_is_held() -> None:
+    series = record(noise_period=5e-3)
+    assert "read_input" not in series.channels
+    fast = record(noise_period=1e-3)
+    assert np.std(fast["read_input"] - fast["input"]) == pytest.approx(0.05, rel=0.02)
 
 
 def test_noise_of_the_input_that_is_applied_reaches_the_pendulum() -> None:

@@ -30,28 +30,25 @@ estimate stands still: unlike least squares with forgetting this law does not wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.matrices import as_positive
-from reobserve.core.value import converter
-from reobserve.observers.fixed_step import Samples, check_rate
+from reobserve.observers.fixed_step import check_rate
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_loop import law, run_law
-from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class AdaptiveDelayEstimator(DelayEstimator):
     """Adaptive identification of a delay; a reconstruction, see the module.
 
     Lechappe et al. 2018, after (39).
 
-    Its values are theta, x_f, g_f, phi_f, P and Q. It is integrated by the classical Runge-Kutta
+    It is integrated by the classical Runge-Kutta
     method.
 
     Parameters
@@ -66,23 +63,22 @@ class AdaptiveDelayEstimator(DelayEstimator):
     Raises
     ------
     InputError
-        As `DelayEstimator`; if a parameter is not greater than zero, or 1 / k or l is too fast for
-        the step.
+        If 1 / k or l is too fast for the step.
     """
 
-    filter_time: float = field(metadata=converter(as_positive))
-    forgetting: float = field(metadata=converter(as_positive))
-    adaptation_gain: float = field(metadata=converter(as_positive))
+    filter_time: float
+    forgetting: float
+    adaptation_gain: float
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         check_rate("filter_time", 1.0 / self.filter_time, self.sampling_period)
         check_rate("forgetting", self.forgetting, self.sampling_period)
 
-    def _values(self, x: float, delay: float) -> Array:
+    def start(self, x: float, delay: float) -> Array:
+        """theta, x_f, g_f, phi_f, P and Q."""
         return np.array([delay, x, self.decay * x, 0.0, 0.0, 0.0])
 
-    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
+    def _fill(self, output: Array, inputs: Array, first: int, rows: Array) -> int:
         parameters = [
             self.decay,
             self.input_gain,
@@ -90,7 +86,7 @@ class AdaptiveDelayEstimator(DelayEstimator):
             self.forgetting,
             self.adaptation_gain,
         ]
-        return run_law(_law, parameters, self, output, history, rows)
+        return run_law(_law, parameters, self, output, inputs, first, rows)
 
 
 def _derivative(

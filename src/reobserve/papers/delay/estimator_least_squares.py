@@ -34,29 +34,25 @@ which agrees with the paper's remark that [9] needs perfectly known initial cond
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_positive, as_scalar
-from reobserve.core.value import converter
-from reobserve.observers.fixed_step import Samples, check_rate
+from reobserve.observers.fixed_step import check_rate
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_loop import law, run_law
-from reobserve.papers.delay.input_history import InputHistory
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class LeastSquaresDelayEstimator(DelayEstimator):
     """Output-error recursive least squares for a delay; a reconstruction, see the module.
 
     Lechappe et al. 2018, after (39).
 
-    Its values are theta, x_m, phi and R. It is integrated by the classical Runge-Kutta method.
+    It is integrated by the classical Runge-Kutta method.
 
     Parameters
     ----------
@@ -68,27 +64,23 @@ class LeastSquaresDelayEstimator(DelayEstimator):
     Raises
     ------
     InputError
-        As `DelayEstimator`; if P(0) or the decay is not greater than zero, the forgetting
-        negative, or one of the two rates too fast for the step.
+        If the decay or the forgetting is too fast for the step.
     """
 
-    initial_covariance: float = field(metadata=converter(as_positive))
-    forgetting: float = field(metadata=converter(as_scalar))
+    initial_covariance: float
+    forgetting: float
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        as_positive("decay", self.decay)
-        if self.forgetting < 0:
-            raise InputError("forgetting", f"{self.forgetting:g} must be zero or more")
         check_rate("decay", self.decay, self.sampling_period)
         check_rate("forgetting", self.forgetting, self.sampling_period)
 
-    def _values(self, x: float, delay: float) -> Array:
+    def start(self, x: float, delay: float) -> Array:
+        """theta, x_m, phi and R."""
         return np.array([delay, x, 0.0, 1.0 / self.initial_covariance])
 
-    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
+    def _fill(self, output: Array, inputs: Array, first: int, rows: Array) -> int:
         parameters = [self.decay, self.input_gain, self.forgetting]
-        return run_law(_law, parameters, self, output, history, rows)
+        return run_law(_law, parameters, self, output, inputs, first, rows)
 
 
 def _derivative(

@@ -17,10 +17,7 @@ from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
 from reobserve.core.kernel import FunctionPointer, kernel
-from reobserve.core.value import for_loop
-from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator
-from reobserve.papers.delay.input_history import InputHistory, past_input
 
 Array = NDArray[np.float64]
 
@@ -34,15 +31,13 @@ BISECTIONS = 60
 
 
 class Task(NamedTuple):
-    """What the loop reads: ``first`` is the row of the input at which the record starts."""
+    """What the loop reads: ``first`` is the row of the inputs at which the record starts."""
 
     parameters: Array
     bounds: tuple[float, float]
     step: float
     output: Array
-    output_before: Array
-    right: Array
-    left: Array
+    inputs: Array
     first: int
 
 
@@ -63,26 +58,54 @@ def run_law(
     law: FunctionPointer,
     parameters: list[float],
     estimator: DelayEstimator,
-    output: Samples,
-    history: InputHistory,
+    output: Array,
+    inputs: Array,
+    first: int,
     rows: Array,
 ) -> int:
-    """Fill ``rows``, one for each end of a step, from its first; return how many are finite.
+    """`DelayEstimator._fill` by a law that is handed ``parameters``."""
+    bounds, step = estimator.delay_bounds, estimator.sampling_period
+    return _run(law.compiled, Task(np.array(parameters), bounds, step, output, inputs, first), rows)
 
-    ``parameters`` are what the law is handed, ``history`` goes on to the end of the record.
+
+@kernel
+def past_input(
+    inputs: Array, now: int, fraction: float, lag: float, step: float
+) -> tuple[float, float]:
+    """Values of u and u', ``lag`` steps before a part of the step that starts in row ``now``.
+
+    The inputs are samples of u and u' at both ends and in the middle of each step. Within a step
+    both are read from the polynomial of degree five through these, which gives u to order 6 and u'
+    to order 5 of the step: a cubic between two samples would cost the Runge-Kutta method its order.
+
+    The part is ``fraction``, from 0 to 1; where the instant is not a number, the values are none.
+    It counts back from the present step, so that the same samples give the same bits wherever they
+    stand in the arrays. Before the first row and after the present step the polynomials are
+    continued by one step: an integrator looks a little beyond the bounds of a delay before it
+    finds that it must not.
     """
-    first = 2 * estimator.history_steps
-    task = Task(
-        np.array(parameters),
-        estimator.delay_bounds,
-        estimator.sampling_period,
-        output.right,
-        output.left,
-        for_loop(history.right),
-        for_loop(history.left),
-        first,
-    )
-    return _run(law.compiled, task, rows)
+    place = fraction - lag
+    if not np.isfinite(place):  # must not become an index
+        return np.nan, np.nan
+    cell = 0
+    if place < 0.0:
+        oldest = -(now // 2)
+        cell = oldest if place <= oldest else int(np.floor(place))
+    row = now + 2 * cell
+    s = 2.0 * (place - cell) - 1.0  # -1, 0 and 1 at the three samples of the step
+    s = min(max(s, -3.0), 3.0)
+    half = 0.5 * step
+    value, slope = inputs[row + 1, 0], half * inputs[row + 1, 1]
+    first, last = half * inputs[row, 1], half * inputs[row + 2, 1]
+    bend = 0.5 * (inputs[row + 2, 0] + inputs[row, 0]) - value
+    rest = 0.5 * (inputs[row + 2, 0] - inputs[row, 0]) - slope
+    c4 = 0.25 * (last - first) - bend
+    c2 = bend - c4
+    c5 = 0.5 * (0.5 * (last + first) - slope - 3.0 * rest)
+    c3 = rest - c5
+    u = value + s * (slope + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    rate = slope + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
+    return u, rate / half
 
 
 @kernel
@@ -90,10 +113,9 @@ def _slope(law: Any, task: Task, k: int, fraction: float, values: Array, out: Ar
     """The derivative at a part of step ``k``, before the projection."""
     x = 2.0 * (fraction - 0.5) * (fraction - 1.0) * task.output[2 * k, 0]
     x += 4.0 * fraction * (1.0 - fraction) * task.output[2 * k + 1, 0]
-    x += 2.0 * fraction * (fraction - 0.5) * task.output_before[2 * k + 2, 0]
-    u, rate = past_input(
-        task.right, task.left, task.first + 2 * k, fraction, values[0] / task.step, task.step
-    )
+    x += 2.0 * fraction * (fraction - 0.5) * task.output[2 * k + 2, 0]
+    lag = values[0] / task.step
+    u, rate = past_input(task.inputs, task.first + 2 * k, fraction, lag, task.step)
     call(law, (values, task.parameters, x, u, rate, out))
 
 

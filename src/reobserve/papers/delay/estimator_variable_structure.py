@@ -36,27 +36,21 @@ right-hand side, and its stages would average over the sign and blur the chatter
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError
 from reobserve.core.kernel import kernel
-from reobserve.core.matrices import as_positive
-from reobserve.core.value import converter, for_loop
-from reobserve.observers.fixed_step import Samples
-from reobserve.papers.delay.estimator import DelayEstimator, State
-from reobserve.papers.delay.input_history import InputHistory, past_input
+from reobserve.papers.delay.estimator import DelayEstimator
+from reobserve.papers.delay.estimator_loop import past_input
 
 Array = NDArray[np.float64]
 
-RELAYS = ("delay", "inverse")
 
-
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class VariableStructureDelayEstimator(DelayEstimator):
     """A relay that moves a delay; a reconstruction, see the module.
 
@@ -71,76 +65,51 @@ class VariableStructureDelayEstimator(DelayEstimator):
         M, greater than zero; [1] for the relay on the delay, [1/s^2] for that on its inverse.
     relay_on
         ``delay`` or ``inverse``. The second was chosen because it matches the paper's text.
-
-    Raises
-    ------
-    InputError
-        As `DelayEstimator`; if M is not greater than zero or the relay is another.
     """
 
-    relay_gain: float = field(metadata=converter(as_positive))
-    relay_on: str = field(metadata=converter(as_word, RELAYS))
+    relay_gain: float
+    relay_on: str
 
     measurements: ClassVar[int] = 2
 
-    def init(
-        self,
-        state: float,
-        delay: float,
-        past_u: ArrayLike,
-        *,
-        before: ArrayLike | None = None,
-        middle: ArrayLike | None = None,
-    ) -> State:
-        """As `DelayEstimator.init`; the relay has no use for ``state``.
+    def start(self, x: float, delay: float) -> Array:
+        """The delay alone.
 
         Raises
         ------
         InputError
-            As there; and for the relay on the inverse if the delay is zero.
+            For the relay on the inverse if the delay is zero.
         """
-        begun = super().init(state, delay, past_u, before=before, middle=middle)
-        if self.relay_on == "inverse" and begun.values[0] == 0:
-            raise InputError("delay", "0 s must be greater than zero for a relay on its inverse")
-        return begun
-
-    def _values(self, x: float, delay: float) -> Array:
+        if self.relay_on == "inverse" and delay == 0:
+            raise InputError(
+                "initial_delay", "0 s must be greater than zero for a relay on its inverse"
+            )
         return np.array([delay])
 
-    def _run(self, output: Samples, history: InputHistory, rows: Array) -> int:
-        return _run(
-            self.decay,
-            self.input_gain,
-            self.relay_gain,
-            self.relay_on == "inverse",
-            self.delay_bounds,
-            self.sampling_period,
-            output.right,
-            for_loop(history.right),
-            for_loop(history.left),
-            2 * self.history_steps,
-            rows,
-        )
+    def _fill(self, output: Array, inputs: Array, first: int, rows: Array) -> int:
+        plant = self.decay, self.input_gain
+        relay = self.relay_gain, self.relay_on == "inverse"
+        bounds, step = self.delay_bounds, self.sampling_period
+        return _run(plant, relay, bounds, step, output, inputs, first, rows)
 
 
 @kernel
 def _run(
-    decay: float,
-    input_gain: float,
-    relay_gain: float,
-    inverse: bool,
+    plant: tuple[float, float],
+    relay: tuple[float, bool],
     bounds: tuple[float, float],
     step: float,
     output: Array,
-    right: Array,
-    left: Array,
+    inputs: Array,
     first: int,
     rows: Array,
 ) -> int:
     """Fill ``rows`` from its first one; return how many are finite."""
+    decay, input_gain = plant
+    relay_gain, inverse = relay
     for k in range(len(rows) - 1):
         theta = rows[k, 0]
-        u, rate = past_input(right, left, first + 2 * k, 0.0, theta / step, step)
+        u, rate = past_input(inputs, first + 2 * k, 0.0, theta / step, step)
         w = output[2 * k, 1] + decay * output[2 * k, 0]
         s = np.sign((w / input_gain - u) * rate)
         if not np.isfinite(s):

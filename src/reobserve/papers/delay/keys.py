@@ -56,6 +56,7 @@ class Plant:
     step: Positive
     noise_period: Positive
     noise_size: Literal["deviation", "peak"]
+    noise_peak: Positive
     noise_amplitude: Literal["swing", "wrapped", "turns"]
     swing: Positive
     noisy_input: Literal["measured", "applied"]
@@ -99,6 +100,7 @@ class Extended:
     lambdas: Annotated[Levels, vector(3)] | None = None
     L: Positive | None = None
     sampling: Positive | None = None
+    initial_derivatives: Literal["zero", "exact"] = "zero"
     label: str = ""
 
     def levant(self) -> Levant:
@@ -170,7 +172,6 @@ class Tradeoff(job.Study):
     method: Literal["tradeoff"]
     rhos: Levels
     runs: Annotated[int, within(1, 100_000)]
-    away: NotNegative
     sampling_period: Positive
 
 
@@ -189,13 +190,14 @@ Study = Tradeoff | Tuning
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are judged."""
+    """The windows over which errors are computed."""
 
     start: NotNegative
     late: Positive
     ripple: Positive
-    varying: Window
-    away: Positive
+    varying_from: NotNegative
+    varying_until: Positive
+    radius: Window
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from reobserve.core.errors import InputError
 from reobserve.papers.delay import keys, observe, plant
-from reobserve.papers.delay.study_tuning import SWEEPS
+from reobserve.papers.delay.study import SWEEPS
 from reobserve.papers.delay.theory_runs import NEEDED
 from reobserve.replication.parameters.check import Checks
 from reobserve.replication.parameters.job import Job, named
@@ -25,7 +25,7 @@ def _study(job: Job) -> None:
     if isinstance(job.study, keys.Tradeoff):
         stride(job.plant, job.study.sampling_period)
         for name in job.observers:
-            named(job.observers, name, keys.Extended)
+            named(job.observers, name, (keys.Extended, keys.Standard))
 
 
 def _figure(job: Job) -> None:

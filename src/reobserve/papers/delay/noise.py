@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.matrices import as_positive
 from reobserve.core.random_streams import held_normal
 from reobserve.papers.delay import keys
 from reobserve.signals.grid import noise_hold
@@ -13,8 +12,6 @@ from reobserve.signals.inputs import Signal, Term
 from reobserve.signals.signal_shapes import Linear
 
 Array = NDArray[np.float64]
-
-PEAK = 3.0  # standard deviations, which normal noise leaves in three samples of a thousand
 
 
 def deviations(plant: keys.Plant, share: float, angle: Array, u: Array) -> tuple[float, float]:
@@ -29,32 +26,33 @@ def deviations(plant: keys.Plant, share: float, angle: Array, u: Array) -> tuple
         amplitude = float(np.max(np.abs((angle + np.pi) % (2 * np.pi) - np.pi)))
     else:
         amplitude = float(np.max(np.abs(angle)))
-    size = share if plant.noise_size == "deviation" else share / PEAK
+    size = share if plant.noise_size == "deviation" else share / plant.noise_peak
     return size * amplitude, size * float(np.max(np.abs(u)))
 
 
-def hold(plant: keys.Plant, least: int = 2) -> tuple[int, float]:
-    """Samples of the plant for which unit noise is held, and its deviation.
+def drawn(
+    plant: keys.Plant, stream: np.random.Generator, samples: int
+) -> tuple[Array, Array, Array]:
+    """Unit noise at the plant's samples: values, their limits from the left, and single readings.
 
-    Nobody sees noise that changes within ``least`` samples, the step of an observer. Such noise
-    is held for these samples, with the deviation of its mean over them.
+    Noise that changes faster than every second sample, the shortest step of an observer, is
+    replaced by its mean over two samples. A differentiator reads single values of it.
 
     Raises
     ------
     InputError
-        If the period is not positive, or longer and no multiple of two plant steps.
+        If the period is longer than two samples and no multiple of them.
     """
-    shares = as_positive("plant.noise_period", plant.noise_period) / (least * plant.step)
-    return (least, float(np.sqrt(shares))) if shares < 1 else (noise_hold(plant), 1.0)
-
-
-def drawn(
-    plant: keys.Plant, stream: np.random.Generator, samples: int, least: int = 2
-) -> tuple[Array, Array]:
-    """Unit noise at the plant's samples, and its limits from the left; see `hold`."""
-    held, size = hold(plant, least)
-    noise, before = held_normal(stream, samples, held)
-    return size * noise, size * before
+    pair, period = 2 * plant.step, plant.noise_period
+    if period >= pair:
+        values, before = held_normal(stream, samples, noise_hold(plant))
+        return values, before, values
+    index, ends = np.arange(samples), np.arange(samples // 2 + 2) * pair
+    fast = stream.standard_normal(int(np.ceil(ends[-1] / period)) + 1)
+    area = np.concatenate([[0.0], np.cumsum(fast)]) * period
+    means = np.diff(np.interp(ends, period * np.arange(len(area)), area)) / pair
+    readings = fast[np.floor(index * plant.step / period + 1e-9).astype(int)]
+    return means[index // 2], means[np.maximum(index - 1, 0) // 2], readings
 
 
 def on_top(control: Signal, noise: Array, step: float) -> Signal:

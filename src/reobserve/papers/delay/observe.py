@@ -12,7 +12,7 @@ from reobserve.core.matrices import as_vector
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.high_gain import HighGainObserver
-from reobserve.papers.delay import keys, records
+from reobserve.papers.delay import keys, readings
 from reobserve.papers.delay.estimator import DelayEstimator
 from reobserve.papers.delay.estimator_adaptive import AdaptiveDelayEstimator
 from reobserve.papers.delay.estimator_least_squares import LeastSquaresDelayEstimator
@@ -78,31 +78,18 @@ def build_estimator(job: Job) -> DelayEstimator:
     """
     observer: keys.Estimator = job.observer
     rate, gain = map(float, build_model(job.plant, "lag").parameters)
-    common = (rate, gain, delay_bounds(job.plant))
-    period = observer.sampling_period
+    common = (rate, gain, delay_bounds(job.plant), observer.sampling_period)
     match observer:
         case keys.LeastSquares():
             return LeastSquaresDelayEstimator(
-                *common,
-                initial_covariance=observer.initial_covariance,
-                forgetting=observer.forgetting,
-                sampling_period=period,
+                *common, observer.initial_covariance, observer.forgetting
             )
         case keys.Adaptive():
             return AdaptiveDelayEstimator(
-                *common,
-                filter_time=observer.filter_time,
-                forgetting=observer.forgetting,
-                adaptation_gain=observer.adaptation_gain,
-                sampling_period=period,
+                *common, observer.filter_time, observer.forgetting, observer.adaptation_gain
             )
         case keys.Relay():
-            return VariableStructureDelayEstimator(
-                *common,
-                relay_gain=observer.relay_gain,
-                relay_on=observer.relay_on,
-                sampling_period=period,
-            )
+            return VariableStructureDelayEstimator(*common, observer.relay_gain, observer.relay_on)
 
 
 def build(settings: Settings) -> Any:
@@ -111,10 +98,10 @@ def build(settings: Settings) -> Any:
     observer: keys.Observer = job.observer
     if isinstance(observer, keys.Extended):
         built = build_extended(job)
-        records.check_derivatives(job, observer)
+        readings.check_derivatives(job, observer)
         return built
     if isinstance(observer, keys.Standard):
-        records.check_mean_delay(job, observer.mean_delay)
+        readings.check_mean_delay(job, observer.mean_delay)
         return build_standard(job)
     _check_start(job)
     return build_estimator(job)
@@ -136,8 +123,8 @@ Found = dict[str, Channel]
 def _extended(job: Job, plant: Series, every: int) -> Found:
     observer = job.observer
     built = build_extended(job)
-    y, y_before = records.output(plant)
-    u, u_before = records.inputs(job, observer, plant)
+    y, y_before = readings.output(plant)
+    u, u_before = readings.inputs(job, observer, plant)
     run = run_on_halves(
         built, y[::every], u[::every],
         state=built.init(observer.initial_estimate, observer.initial_delay),
@@ -154,8 +141,8 @@ def _extended(job: Job, plant: Series, every: int) -> Found:
 def _standard(job: Job, plant: Series, every: int) -> Found:
     observer = job.observer
     built = build_standard(job)
-    y, y_before = records.output(plant)
-    u, u_before = records.delayed_input(job, plant, observer.mean_delay)
+    y, y_before = readings.output(plant)
+    u, u_before = readings.delayed_input(job, plant, observer.mean_delay)
     run = run_on_halves(
         built, y[::every], u[::every], state=built.init(observer.initial_estimate),
         y_before=y_before[::every], u_before=u_before[::every],
@@ -170,13 +157,10 @@ def _estimator(job: Job, plant: Series, every: int) -> Found:
     if built.measurements == 2:
         rate, gain = build_model(job.plant, "lag").parameters
         x = np.column_stack([x, gain * plant["delayed_input"] - rate * x[:, 0]])
-    past, control = records.past_and_present(job, plant, every)
-    start = built.init(
-        float(x[0, 0]), observer.initial_delay, past[::2],
-        middle=np.concatenate([past[:1], past[1::2]]),
-    )  # fmt: skip
-    run = run_on_halves(built, x[::every], control, state=start)
-    return {"delay": Channel(run["delay"], "s")}
+    past, control = readings.past_and_present(job, plant, every)
+    start = built.start(float(x[0, 0]), observer.initial_delay)
+    run = built.run(x[::every], past, control, start)
+    return {"delay": Channel(run[:, 0].copy(), "s")}
 
 
 _RUNS: dict[str, Callable[[Job, Series, int], Found]] = {

@@ -20,6 +20,7 @@ from reobserve.papers.delay.setup import (
 )
 from reobserve.plants.delayed_input import DelayedInputPlant, check_delay, delayed
 from reobserve.replication.parameters.job import Settings, read_job
+from reobserve.signals.grid import noise_hold
 from reobserve.signals.inputs import Signal
 from reobserve.signals.series import Channel, Series
 
@@ -47,7 +48,8 @@ def build(settings: Settings) -> Setup:
     job = read_job(keys.Ledger, settings)
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
-    noise.hold(plant)
+    if plant.noise_period >= 2 * step:
+        noise_hold(plant)
     with located("plant"):
         delay = Signal.parse("delay", plant.delay, 1)
     check_delay("plant.delay", delay, delay_bounds(plant), step, steps * step)
@@ -74,8 +76,9 @@ def simulate(settings: Settings) -> Series:
     ``input_derivatives`` u' and u''.
     ``past_input`` and ``past_derivatives`` are the same a greatest delay earlier, so that a
     record holds the input before its start. ``measured`` and ``measured_input`` are y and u with
-    their noise, held; ``_before`` marks limits from the left. The event ``jumps`` lists when the
-    delay jumps.
+    their noise, held; ``_before`` marks limits from the left. ``read_input`` is u as it is read at
+    single samples, where its noise is faster than the steps of observers. The event ``jumps`` lists
+    when the delay jumps.
 
     Raises
     ------
@@ -102,8 +105,8 @@ def simulate(settings: Settings) -> Series:
     noises = {}
     for name, size in zip(("measured", "measured_input"), sizes, strict=True):
         if size > 0:
-            one, before = noise.drawn(plant, random_stream(job.seed, "delay", name), len(time))
-            noises[name] = size * one, size * before
+            parts = noise.drawn(plant, random_stream(job.seed, "delay", name), len(time))
+            noises[name] = [size * part for part in parts]
     if noises and plant.noisy_input == "applied":
         state = run(noise.on_top(control, noises["measured_input"][0], step))
     channels = {
@@ -118,7 +121,9 @@ def simulate(settings: Settings) -> Series:
     }
     for name, clean, unit in (("measured", state[:, 0], output), ("measured_input", u, torque)):
         if name in noises:
-            right, left = noises[name]
+            right, left, read = noises[name]
             channels[name] = Channel(clean + right, unit)
             channels[f"{name}_before"] = Channel(clean + left, unit)
+            if name == "measured_input" and plant.noise_period < 2 * step:
+                channels["read_input"] = Channel(u + read, unit)
     return Series(time, channels, {"jumps": tuple(t for t in setup.delay.jumps if t < time[-1])})

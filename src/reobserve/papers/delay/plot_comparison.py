@@ -1,4 +1,4 @@
-"""Fig. 3 of the paper: the delay of the scalar system as four methods see it, and their errors."""
+"""Fig. 3 of the paper: the delay of the scalar system by four methods, and their errors."""
 
 from __future__ import annotations
 
@@ -20,18 +20,21 @@ from reobserve.plotting.figures import (
 from reobserve.replication.metrics.responses import error_of
 from reobserve.replication.parameters.figure_data import FigureData
 
+CLOSE = 4.0  # [s] before a jump, in which an oscillation can be seen
+
 
 def draw(data: FigureData) -> Figure:
-    """The estimates, and the size of their errors."""
+    """The estimates, the size of their errors, and errors before a jump on a larger scale."""
     plant = data.plant
-    figure, (delay, error) = new_figure((2.7, 2.2))
+    figure, (delay, error, close) = new_figure((2.5, 2.0, 1.5), share_time=False)
     delay.plot(*upright(plant), **TRUTH.line(), label="delay of the input")
     for name, estimate in data.estimates.items():
         observer = data.job.observers[name]
         line = {**style_of(observer).line(), "label": observer.label}
         delay.plot(*thin(estimate.time, estimate["delay"]), **line)
-        size = np.abs(error_of(plant, estimate, "delay"))
-        error.semilogy(*envelope(estimate.time, size, BIN), **line)
+        off = error_of(plant, estimate, "delay")
+        error.semilogy(*envelope(estimate.time, np.abs(off), BIN), **line)
+        close.plot(estimate.time, off, **line)
     delay.set_ylabel("delay [s]")
     delay.set_title("(a) delay and its estimates")
     delay.set_ylim(-0.1, 1.6)
@@ -41,7 +44,13 @@ def draw(data: FigureData) -> Figure:
     error.set_title("(b) size of the error (largest in each fifth of a second)")
     error.set_ylim(1e-5, 3)
     decades(error.yaxis)
-    time_axis(error, plant.time)
+    for axes in (delay, error):
+        time_axis(axes, plant.time)
+    delay.set_xlabel("")
+    jump = max(plant.events["jumps"], key=lambda at: plant["delay"][round(at / plant.step) - 1])
+    close.set(xlabel="time [s]", xlim=(jump - CLOSE, jump - 4 * plant.step), ylim=(-0.015, 0.015))
+    close.set_ylabel("error [s]")
+    close.set_title("(c) error before the jump from the largest constant delay")
     add_note(
         figure,
         "The methods of [9], [12] and [26] are reconstructions: the paper cites them without "

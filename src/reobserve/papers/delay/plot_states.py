@@ -45,15 +45,17 @@ def draw(data: FigureData) -> Figure:
         if "delay" in error:
             delay.plot(*thin(estimate.time, estimate["delay"]), **line)
             delay_error.plot(*thin(estimate.time, error["delay"]), **line)
+        else:
+            delay.plot([], [], **line)  # for the legend
         for i, panel in enumerate((angle, rate)):
             panel.plot(*thin(estimate.time, estimate["state"][:, i]), **line)
         for i, panel in enumerate(state_errors):
             size = np.abs(error["state"][:, i])
             panel.semilogy(*envelope(estimate.time, size, BIN), **line)
     delay.set(ylabel="delay [s]", ylim=(-0.1, 1.5))
-    headroom(delay, to=2.3)
+    headroom(delay, to=2.5)
     delay.set_title("(a) delay and its estimates")
-    delay.legend(loc="upper left", ncols=3)
+    delay.legend(loc="upper left", ncols=2)
     angle.set_ylabel("angle x₁ [rad]")
     angle.set_title("(b) angle, not wrapped: a turn adds 2π; grey: the pendulum")
     rate.set_ylabel("rate x₂ [rad/s]")
@@ -67,9 +69,6 @@ def draw(data: FigureData) -> Figure:
         panel.set_ylabel(f"|error| [{unit}]")
         panel.set_title(f"({letter}) size of the error of the {word} {each}")
         decades(panel.yaxis)
-    low, high = state_errors[0].get_ylim()
-    headroom(state_errors[0], factor=(high / low) ** 0.45)
-    state_errors[0].legend(loc="upper right", ncols=3)
     time_axis(state_errors[-1], plant.time)
     _mark_turn(angle, rate, plant)
     _mark_singular(delay_error, (delay, *state_errors), data)
@@ -97,19 +96,20 @@ def _mark_turn(angle: Axes, rate: Axes, plant: Series) -> None:
     if not np.isfinite(turned):
         return
     late = turned > 0.5 * plant.time[-1]
-    text = "turns over"
-    if late:
-        text += f" and ends at {plant['state'][-1, 0]:.0f} rad"
-        for i, axes in enumerate((angle, rate)):
-            before = plant["state"][plant.time <= turned, i]
+    for i, (axes, unit) in enumerate(((angle, "rad"), (rate, "rad/s"))):
+        text = "turns over"
+        if late:
+            states = plant["state"][:, i]
+            before = states[plant.time <= turned]
+            text += f", then up to {np.max(np.abs(states)):.0f} {unit}, off this scale"
             room = 0.15 * float(np.ptp(before))
             axes.set_ylim(float(before.min()) - room, float(before.max()) + room)
-    angle.axvline(turned, color="0.4", linewidth=thick(0.8), linestyle="-.")
-    angle.annotate(
-        text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left",
-        xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=points(7),
-        color="0.3",
-    )  # fmt: skip
+        axes.axvline(turned, color="0.4", linewidth=thick(0.8), linestyle="-.")
+        axes.annotate(
+            text, (turned, 0.06), (-3 if late else 3, 0), ha="right" if late else "left",
+            xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=points(7),
+            color="0.3",
+        )  # fmt: skip
 
 
 def _mark_singular(told: Axes, others: tuple[Axes, ...], data: FigureData) -> None:

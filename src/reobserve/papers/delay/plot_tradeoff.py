@@ -1,4 +1,4 @@
-"""Error of the delay against rho: lag, Taylor remainder and noise, and the orders by each other."""
+"""Errors against rho: lag, Taylor remainder and noise, and the orders by each other."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reobserve.papers.delay import keys
 from reobserve.papers.delay.notes import noise
 from reobserve.papers.delay.styles import style_of
 from reobserve.plotting.figures import add_note, few_ticks, headroom, new_figure
@@ -13,14 +14,14 @@ from reobserve.plotting.look import points, thick
 from reobserve.replication.parameters.figure_data import FigureData
 
 _PANELS = (
-    ("rms_delay_error", "RMS error [s]", "(a) delay"),
-    ("rms_angle_error", "RMS error [rad]", "(b) angle"),
+    ("varying_rms_delay_error", "RMS error [s]", "(a) delay"),
+    ("varying_rms_error_1", "RMS error [rad]", "(b) angle"),
 )
 _KINDS = (("rho", "no noise", "none"), ("noise_rho", "noise", None))  # and how markers are filled
 
 
 def draw(data: FigureData) -> Figure:
-    """Without noise as lines, with noise as the median of the runs and the band of nine in ten."""
+    """Without noise, and with noise the mean of the runs and the band from least to greatest."""
     job, study = data.job, data.study
     figure, panels = new_figure((2.2, 2.0, 1.7), share_time=True)
     for axes, (quantity, unit, title) in zip(panels[:2], _PANELS, strict=True):
@@ -28,11 +29,15 @@ def draw(data: FigureData) -> Figure:
             label, style = _m(data, name), style_of(observer)
             mine = study.where(observer=name, quantity=quantity)
             for sweep, kind, face in _KINDS:
+                filled = {"markerfacecolor": face or style.color, "label": f"{label}, {kind}"}
                 runs = mine.where(sweep=sweep).by_level("level")
+                if not runs:  # of the delay by the standard observer
+                    axes.loglog([], [], **style.points(), **filled)
+                    continue
                 rhos = list(runs)
-                low, middle, high = np.percentile(list(runs.values()), (5, 50, 95), axis=1)
-                filled = {"markerfacecolor": face or style.color}
-                axes.loglog(rhos, middle, **style.points(), **filled, label=f"{label}, {kind}")
+                each = np.array(list(runs.values()))
+                low, middle, high = each.min(axis=1), each.mean(axis=1), each.max(axis=1)
+                axes.loglog(rhos, middle, **style.points(), **filled)
                 if face is None:
                     axes.fill_between(rhos, low, high, color=style.color, alpha=0.2, linewidth=0)
         axes.yaxis.set_major_formatter("{x:g}")
@@ -40,32 +45,33 @@ def draw(data: FigureData) -> Figure:
         axes.set_title(title)
     _compare(panels[2], data)
     few_ticks(panels[2], rhos)
-    panels[0].legend(loc="upper center", ncols=2)
+    panels[0].legend(loc="upper center", ncols=3)
     headroom(panels[0], factor=5)
     panels[-1].set_xlabel("gain parameter ρ [1/s]")
     add_note(
         figure,
         f"{noise(job)}.\n"
-        f"{job.study.runs:g} runs with it; bands hold nine in ten. Derivatives exact. Counted "
-        f"where the delay varies, {job.study.away:g} s from where the input does not change.",
+        f"{job.study.runs:g} runs with it: means, and bands from least to greatest. Counted "
+        f"where the delay varies, from {job.metrics.varying_from:g} to "
+        f"{job.metrics.varying_until:g} s.",
     )
     return figure
 
 
 def _compare(axes: Axes, data: FigureData) -> None:
-    """The error of each observer over that of the last one, run by run; and rho of the figure."""
-    observers = data.job.observers
+    """The error for m = 2 over that for m = 1, means over runs; and rho of the figure."""
+    observers = {k: v for k, v in data.job.observers.items() if isinstance(v, keys.Extended)}
     *others, last = observers
     for name in others:
         style = style_of(observers[name])
         for sweep, kind, face in _KINDS:
             above, below = (
-                data.study.where(observer=one, quantity="rms_delay_error", sweep=sweep).by_level(
-                    "level"
-                )
+                data.study.where(
+                    observer=one, quantity="varying_rms_delay_error", sweep=sweep
+                ).by_level("level")
                 for one in (name, last)
             )
-            ratios = [float(np.median(np.divide(above[rho], below[rho]))) for rho in above]
+            ratios = [float(np.mean(above[rho]) / np.mean(below[rho])) for rho in above]
             filled = {"markerfacecolor": face or style.color}
             axes.loglog(
                 list(above), ratios, **style.points(), **filled, label=f"{_m(data, name)}, {kind}"
@@ -84,12 +90,13 @@ def _compare(axes: Axes, data: FigureData) -> None:
         )
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("")
-    axes.set_yticks([0.2, 0.5, 1.0])
+    axes.set_yticks([0.1, 0.2, 0.5, 1.0])
     axes.set_ylabel("ratio")
     axes.set_title(f"(c) error of the delay over that for {_m(data, last)}")
     axes.legend(loc="lower left")
 
 
 def _m(data: FigureData, name: str) -> str:
-    """What tells an observer from the other: m = 1 or m = 2."""
-    return str(data.job.observers[name].label.rpartition(", ")[2])
+    """What tells an observer from the others: m = 1, m = 2 or standard."""
+    label = str(data.job.observers[name].label)
+    return label.rpartition(", ")[2] if ", " in label else label.split(maxsplit=1)[0]

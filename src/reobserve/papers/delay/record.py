@@ -26,6 +26,7 @@ def plant(job: Job) -> dict[str, Shape]:
         **dict.fromkeys(("input_derivatives", "past_derivatives"), Shape(rates, inputs)),
         **noisy,
         **{f"{name}_before": shape for name, shape in noisy.items()},
+        "read_input": noisy["measured_input"],
     }
 
 

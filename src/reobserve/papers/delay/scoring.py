@@ -1,4 +1,4 @@
-"""Errors of state and delay, and the windows over which they are judged."""
+"""Errors of state and delay, and the windows over which they are computed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.replication.metrics.responses import error_of
+from reobserve.papers.delay import keys
+from reobserve.papers.delay.record import UNITS
+from reobserve.replication.metrics.metrics import Score
+from reobserve.replication.metrics.responses import error_of, root_mean_square, window
 from reobserve.signals.series import Series
 
 Array = NDArray[np.float64]
@@ -23,6 +26,25 @@ def errors(plant: Series, estimate: Series) -> dict[str, Array]:
     }
 
 
+def rms_scores(
+    rules: keys.Metrics, model: keys.Model, plant: Series, estimate: Series
+) -> Iterator[Score]:
+    """RMS errors of the delay and of the pendulum's states, over three windows."""
+    found, units = errors(plant, estimate), UNITS[model][0].split(", ")
+    for name, span in {
+        "rms_{}": (rules.start, np.inf),
+        "rms_{}_from_start": (0.0, np.inf),
+        "varying_rms_{}": (rules.varying_from, rules.varying_until),
+    }.items():
+        chosen = window(estimate.time, *span)
+        if "delay" in found:
+            value = float(root_mean_square(found["delay"][chosen]))
+            yield name.format("delay_error"), value, "s"
+        if "state" in found and model == "pendulum":  # that of the lag is measured
+            for i, value in enumerate(root_mean_square(found["state"][chosen])):
+                yield name.format(f"error_{i + 1}"), float(value), units[i]
+
+
 def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float, float]]:
     """The last ``length`` seconds before each jump of the delay: number, start and end [s]."""
     for number, jump in enumerate(plant.events["jumps"], start=1):
@@ -30,7 +52,9 @@ def constant_segments(plant: Series, length: float) -> Iterator[tuple[int, float
 
 
 def ripple(time: Array, values: Array) -> float:
-    """From lowest to highest of what a straight line leaves."""
+    """From lowest to highest of what a straight line leaves; nan for less than three samples."""
+    if len(time) < 3:
+        return float("nan")
     slope, offset = np.polyfit(time, values, 1)
     return float(np.ptp(values - slope * time - offset))
 
@@ -50,14 +74,31 @@ def singular_instants(plant: Series) -> Array:
     return np.sort(found)
 
 
-def near_and_away(plant: Series, time: Array, away: float) -> tuple[list[Mask], Mask]:
-    """Around each singular instant, and ``away`` [s] from all; the last jump is forgotten by then.
+def half_periods(plant: Series, time: Array) -> Iterator[tuple[float, Mask]]:
+    """Each singular instant after the last jump, with the half of a period around it.
 
-    Of the instants those that lie in the time that is left.
+    The halves reach to the middle between neighbouring instants; of the first and the last instant
+    one side is unknown, so they are left out.
     """
-    settled = time > max(plant.events["jumps"], default=0.0) + away
-    near = [settled & (np.abs(time - at) < away) for at in singular_instants(plant)]
-    others = settled.copy()
-    for chosen in near:
-        others &= ~chosen
-    return [chosen for chosen in near if chosen.any()], others
+    instants = singular_instants(plant)
+    middles = 0.5 * (instants[1:] + instants[:-1])
+    for at, first, last in zip(instants[1:-1], middles[:-1], middles[1:], strict=True):
+        if first > max(plant.events["jumps"], default=0.0):
+            yield float(at), window(time, first, last)
+
+
+def peaks(plant: Series, time: Array, error: Array) -> tuple[float, float]:
+    """Of the largest errors in `half_periods`: their mean, and how far they are from the instant.
+
+    The distance is 0 at the singular instant and 1 in the middle between two. `nan` if there is no
+    such half of a period.
+    """
+    sizes, distances = [], []
+    for at, chosen in half_periods(plant, time):
+        place = np.flatnonzero(chosen)[np.argmax(np.abs(error[chosen]))]
+        half = 0.5 * (time[chosen][-1] - time[chosen][0])
+        sizes.append(abs(error[place]))
+        distances.append(abs(time[place] - at) / half)
+    if not sizes:
+        return float("nan"), float("nan")
+    return float(np.mean(sizes)), float(np.mean(distances))

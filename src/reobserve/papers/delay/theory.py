@@ -12,7 +12,6 @@ from reobserve.papers.delay import (
     theory_runs,
     theory_state_gain,
 )
-from reobserve.papers.delay.scoring import near_and_away
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.parameters.job import Settings, read_job
 
@@ -29,11 +28,10 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     """
     job = read_job(keys.Ledger, settings)
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
-    away = near_and_away(sine, sine.time, job.metrics.away)[1]
     return [
         *theory_conditions.measure(job, ramp, sine),
-        *theory_gains.measure(job, ramp, sine),
-        *theory_derivatives.measure(job, sine, away),
+        *theory_gains.measure(job, ramp),
+        *theory_derivatives.measure(job, sine),
         *theory_runs.measure(job, ramp, sine),
         *theory_state_gain.measure(job, ramp),
     ]

@@ -1,4 +1,4 @@
-"""The differentiator (37), as it is printed and with L in its last line, and the Taylor order."""
+"""The differentiator (37), with L in its last line."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SEED = 0
 
 
 @part
-def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
-    """Errors of derivatives, and of the delay that the expansion (6) makes; ``away`` is a mask."""
+def measure(job: Job, sine: Series) -> Iterator[Metric]:
+    """Errors of derivatives, without noise and with it."""
     body = named(job.observers, "order2_noise", keys.Extended).levant()
     period = body.sampling
     time = np.arange(0.0, sine.time[-1] + 0.5 * period, period)
@@ -50,12 +50,6 @@ def measure(job: Job, sine: Series, away: Any) -> Iterator[Metric]:
         power = np.polyfit(np.log(bounds), np.log(np.array(found)[:, i]), 1)[0]
         yield Metric("levant", f"noise_exponent_{i}", float(power), "1")
     yield from _in_noise(job, body, late, signals, time)
-    at, tau = sine.time[away], sine["delay"][away]
-    for order in (1, 2):
-        bias = taylor_delay(signals, at, tau, order) - tau
-        yield Metric(f"order_{order}", "rms_bias", float(root_mean_square(bias)), "s")
-        share = float(root_mean_square(bias / tau))
-        yield Metric(f"order_{order}", "relative_rms_bias", share, "1")
 
 
 def _in_noise(
@@ -64,10 +58,9 @@ def _in_noise(
     """Errors over the derivatives, up to the third, of an input with the noise of Fig. 2."""
     truth = np.column_stack([s(time)[:, 0] for s in signals])
     size = noise.deviations(job.plant, job.theory.noise_share, truth[:, 0], truth[:, 0])[1]
-    held, unit = noise.hold(job.plant)
-    rows = np.arange(len(time)) * round(body.sampling / job.plant.step) // held
+    rows = np.floor(time / job.plant.noise_period + 1e-9).astype(int)
     stream = random_stream(SEED, "delay", "theory", "derivatives")
-    drawn = size * unit * stream.standard_normal(int(rows[-1]) + 1)[rows]
+    drawn = size * stream.standard_normal(int(rows[-1]) + 1)[rows]
     order = keys.MOST_DERIVATIVES + 1
     law = LevantDifferentiator(body.L, order, sampling_period=body.sampling)
     run = law.run(truth[:, 0] + drawn, state=law.init(np.zeros(order + 1)))
@@ -83,27 +76,4 @@ def _errors(body: keys.Levant, truth: Array, noise: Array) -> Array:
     )
     start = law.init(np.zeros(keys.MOST_DERIVATIVES + 1))
     found: Array = law.run(truth[:, 0] + noise, state=start)["derivatives"] - truth
-    return found
-
-
-def taylor_delay(signals: list[Signal], time: Array, delay: Array, order: int) -> Array:
-    """The delay with which the expansion up to an order, 1 or 2, gives u(t - tau) [s].
-
-    Lechappe et al. 2018, (6).
-
-    Of two such delays the one that is nearer to the true one; nan where there is none.
-    """
-    origins = time - delay
-    back = np.argsort(origins, kind="stable")
-    w = np.empty(len(time))
-    w[back] = signals[0](origins[back])[:, 0]
-    u, first = (s(time)[:, 0] for s in signals[:2])
-    if order == 1:
-        found: Array = (u - w) / first
-    else:
-        second = signals[2](time)[:, 0]
-        with np.errstate(invalid="ignore"):
-            root = np.sqrt(first**2 - 2 * second * (u - w))
-        # The roots of second d^2 / 2 - first d + u - w, the nearer one without cancellation.
-        found = 2 * (u - w) / (first + np.sign(first) * root)
     return found

@@ -57,7 +57,7 @@ def simulate(job: Job, share: float, start: list[float], tau: float, end: float)
 @kernel
 def _simulate(inputs: Array, parameters: Array, gains: Array, step: float, states: Array) -> None:
     """Fill ``states`` by classical Runge-Kutta; ``inputs``: u(t - tau), u and u', at half steps."""
-    stiffness, friction, scale, share = parameters
+    g_over_l, friction, scale, share = parameters
     slopes = np.empty((4, 5))
     for k in range(len(states) - 1):
         for stage in range(4):
@@ -70,9 +70,9 @@ def _simulate(inputs: Array, parameters: Array, gains: Array, step: float, state
             gain_ = scale * (1 + share * np.sin(z[3]))
             xi = -gain_ * slope
             slopes[stage, 0] = z[1]
-            slopes[stage, 1] = -stiffness * np.sin(z[0]) - friction * z[1] + gain * late
+            slopes[stage, 1] = -g_over_l * np.sin(z[0]) - friction * z[1] + gain * late
             slopes[stage, 2] = z[3] - gains[0] * off
-            slopes[stage, 3] = -stiffness * np.sin(z[2]) - friction * z[3] + gain_ * now
+            slopes[stage, 3] = -g_over_l * np.sin(z[2]) - friction * z[3] + gain_ * now
             slopes[stage, 3] += xi * z[4] - gains[1] * off
             slopes[stage, 4] = -gains[2] * off / xi
         mean = slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3]

@@ -46,7 +46,8 @@ def inputs(job: Job, observer: keys.Extended, plant: Series) -> Pair:
     if source == "exact":
         rates = plant["input_derivatives"][:, :order]
         return np.column_stack([u, rates]), np.column_stack([before, rates])
-    rates = _differentiated(job, observer, u)[:, :order]
+    readings = plant["read_input"] if "read_input" in plant.channels else u
+    rates = _differentiated(job, observer, readings, plant)[:, :order]
     return np.column_stack([u, rates]), np.column_stack([before, rates])
 
 
@@ -56,7 +57,7 @@ def check_derivatives(job: Job, observer: keys.Extended) -> None:
         differentiator(job, observer)
 
 
-def _differentiated(job: Job, observer: keys.Extended, u: Array) -> Array:
+def _differentiated(job: Job, observer: keys.Extended, u: Array, plant: Series) -> Array:
     """The estimates of u' and u'' at every sample of the plant, shape (k, 2).
 
     Between two of its samples the differentiator runs on without correction: u' along u''.
@@ -64,8 +65,10 @@ def _differentiated(job: Job, observer: keys.Extended, u: Array) -> Array:
     found = differentiator(job, observer)
     every = round(found.sampling_period / job.plant.step)
     samples = u[::every]
-    start = found.init(np.zeros(found.order + 1))
-    estimate = found.run(samples, state=start)["derivatives"]
+    start = np.zeros(found.order + 1)
+    if observer.initial_derivatives == "exact":
+        start = np.append(plant["input"][0], plant["input_derivatives"][0])
+    estimate = found.run(samples, state=found.init(start))["derivatives"]
     index = np.arange(len(u))
     rates = estimate[index // every, 1:].copy()
     rates[:, 0] += rates[:, 1] * (index % every) * job.plant.step
