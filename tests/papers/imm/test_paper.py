@@ -213,17 +213,17 @@ LAYERS = {"position": 0.01, "velocity": 0.01, "acceleration": 30.0, "jerk": 3000
 def observer(algorithm: str, realisation: str) -> Tree:
     names = REALISATIONS[realisation]
     body = {
-        "algorithm": algorithm, "realisation": realisation, "state_frequency": 150.0,
+        "algorithm": algorithm, "realisation": realisation,
         "process_noise": [1e-6] * (5 if realisation == "motion" else 4),
         "measurement_noise": [OUTPUT_NOISE[name] for name in names],
-        "stay": 0.97, "initial_covariance": 0.5, "initial_mode": "unknown", "mixing": True,
-        "quoted": [0.5, 0.5], "quoted_high": False,
+        "self_transition": 0.97, "initial_covariance": 0.5, "initial_mode": "unknown",
+        "mixing": True, "quoted": [0.5, 0.5], "quoted_high": False,
     }  # fmt: skip
     if algorithm == "kalman":
         return body
     layer = [LAYERS[name] for name in names]
     return {
-        **body, "boundary_layer": layer, "layer_unit": 1.0, "layer_factor": 0.5, "memory": 0.2,
+        **body, "boundary_layer": layer, "layer_scale": 1.0, "layer_factor": 0.5, "memory": 0.2,
         "inverse": "pseudo",
     }  # fmt: skip
 
@@ -231,7 +231,7 @@ def observer(algorithm: str, realisation: str) -> Tree:
 def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
     filters: list[Any] = []
     for mode in MODES:
-        one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 150.0)
+        one = ActuatorModel(*ACTUATOR[mode]).sampled(body["realisation"], found.step, 200.0)
         Q, R = np.diag(body["process_noise"]), np.diag(body["measurement_noise"])
         # Inputs are u from each row on, which moves the state, and u up to it, which is measured.
         B, D = np.pad(one.B, ((0, 0), (0, 1))), np.pad(one.D, ((0, 0), (1, 0)))
@@ -265,7 +265,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         if name not in REALISATIONS[realisation]:
             assert name not in estimate.channels
             continue
-        scale = 1 / 150.0 if name == "position" else 1.0
+        scale = 1 / 200.0 if name == "position" else 1.0
         values = estimate[name]
         assert values[0] == 0
         np.testing.assert_allclose(values[1:], scale * run["state"][:, places[name]], rtol=1e-14)
@@ -279,25 +279,25 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
     else:
         layer = 0.5 * np.array(body["boundary_layer"])
         counted = [float((np.abs(row) > layer).sum()) / row.size for row in run["innovation"]]
-        np.testing.assert_allclose(estimate["outside"][1:], counted, rtol=1e-14)
-        assert 0.01 < estimate["outside"].mean() < 0.99
-        assert estimate["outside"][0] == 0
+        np.testing.assert_allclose(estimate["saturated"][1:], counted, rtol=1e-14)
+        assert 0.01 < estimate["saturated"].mean() < 0.99
+        assert estimate["saturated"][0] == 0
         turned = np.zeros_like(run["innovation"])
         for k, (before, row) in enumerate(pairwise(run["innovation"]), start=1):
             turned[k] = (np.sign(row) == -np.sign(before)) & (np.abs(row) > layer)
         np.testing.assert_allclose(estimate["chattering"][1:], turned.mean(axis=(1, 2)), rtol=1e-14)
-        assert 0 < estimate["chattering"].mean() < estimate["outside"].mean()
+        assert 0 < estimate["chattering"].mean() < estimate["saturated"].mean()
 
 
 def test_nothing_is_outside_wide_layers() -> None:
     for figure in ("fig5_plain", "fig7_plain"):
         estimates = evaluator().figure(figure).estimates
         for name, estimate in estimates.items():
-            if "outside" in estimate.channels:
+            if "saturated" in estimate.channels:
                 factor = ledger().section("observers", name, "layer_factor")
-                assert not estimate["outside"].any(), (name, factor)
+                assert not estimate["saturated"].any(), (name, factor)
     thin = ledger({"observers": {"svsf": {"layer_factor": 1e-9}}})
-    share = observe.estimate(thin.settings("observe", "svsf"), record("plain"))["outside"]
+    share = observe.estimate(thin.settings("observe", "svsf"), record("plain"))["saturated"]
     assert share[-1000:].mean() > 0.99
 
 
@@ -567,8 +567,9 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
     "starts between samples": (
         study("closeness", starts=0.0105), "studies.closeness.starts", "the scenario's period",
     ),
-    "a budget for more runs": (
-        study("closeness", budget=0.01), "studies.closeness.budget",
+    "a false_alarm_probability for more runs": (
+        study("closeness", false_alarm_probability=0.01),
+        "studies.closeness.false_alarm_probability",
         "0.01 needs 99 records without a fault or more, there are 39",
     ),
     "causes without an SVSF": (

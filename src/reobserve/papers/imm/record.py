@@ -33,6 +33,6 @@ def estimates(_: Job) -> dict[str, Shape]:
     return {
         "probability": Shape("1", len(MODES)),
         **{name: Shape(UNITS[name], optional=True) for name in ("position", "velocity")},
-        "outside": Shape("1", optional=True),
+        "saturated": Shape("1", optional=True),
         "chattering": Shape("1", optional=True),
     }

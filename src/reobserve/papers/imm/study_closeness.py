@@ -33,7 +33,7 @@ from reobserve.papers.imm.detectors import (
 )
 from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, measured_columns, modes
-from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
+from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_scales
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.grid import multiple
@@ -74,7 +74,7 @@ class Pair:
     share: float
     gap: float
     plant: list[ActuatorModel]
-    hand_over: str
+    switching_condition: str
     columns: list[int]
     banks: Mapping[str, Bank]
     control: Array
@@ -94,7 +94,7 @@ class Pair:
         begin = int(stream.integers(len(self.control) - self.grid.steps + 1))
         held = self.control[begin : begin + rows]
         mode = (np.arange(rows) >= self.grid.begin).astype(np.int64)
-        motion = simulate(self.plant, mode, held, self.grid.period, self.hand_over)
+        motion = simulate(self.plant, mode, held, self.grid.period, self.switching_condition)
         motion = motion[1:, self.columns]
         noise = self.noise * stream.standard_normal(motion.shape)
         if not self.process.any():
@@ -152,7 +152,7 @@ def run(job: Job, plant: Series) -> list[Row]:
 
 def _pairs(job: Job) -> Iterator[Pair]:
     study, period = job.study, job.scenario.period
-    observers, grid = with_units(job.observers, study.layer_units), _grid(study, period)
+    observers, grid = with_scales(job.observers, study.layer_scales), _grid(study, period)
     longest = grid.steps + multiple("starts", study.starts, period, "the scenario's period")
     control = Signal.parse("input", study.input, 1)(np.arange(longest) * period)[:, 0]
     normal, _, leakage = modes(job.plant)
@@ -172,7 +172,7 @@ def _pairs(job: Job) -> Iterator[Pair]:
             spread = np.sqrt(np.diag(first.model.arrays.Q))
             yield Pair(
                 sweep_name(kind, level), share, nu_gap(*(_fraction(one) for one in models)), models,
-                job.scenario.hand_over, columns, banks, control, grid, noise,
+                job.scenario.switching_condition, columns, banks, control, grid, noise,
                 spread if kind == DRIVEN else np.zeros_like(spread), job.seed,
             )  # fmt: skip
 
@@ -201,7 +201,8 @@ def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
 
     peaks = each(greatest, study.faultless_runs)
     limits = {
-        name: threshold(np.array([peak[name] for peak in peaks]), study.budget) for name in peaks[0]
+        name: threshold(np.array([peak[name] for peak in peaks]), study.false_alarm_probability)
+        for name in peaks[0]
     }
     at = pair.sweep, pair.share
     yield "models", *at, 0, "nu_gap", pair.gap, "1"
@@ -240,7 +241,7 @@ def check(job: Job) -> None:
     multiple("starts", study.starts, period, "the scenario's period")
     signal = Signal.parse("input", study.input, 1)
     signal.check_grid("input", period, study.starts + study.horizon)
-    threshold(np.zeros(study.faultless_runs), study.budget)
+    threshold(np.zeros(study.faultless_runs), study.false_alarm_probability)
     normal, _, leakage = modes(job.plant)
     for share in study.shares:
         try:
