@@ -213,4 +213,4 @@ def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
         else:
             ratio = np.abs(found["innovation"][late:, 0]) / layer
             differ = bound[columns] > LEAST_LAYER  # the model alone leaves no other layers
-            yield Metric(name, "layer_ratio", float(ratio[:, differ].max()), "1")
+            yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")
