@@ -12,9 +12,10 @@ and the noisier they are. A d that acts through E alone is seen one sample later
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
-from reobserve.observers.contract import Observer, Record, Rows
-from reobserve.observers.gaussian_filter import State
+from reobserve.observers.contract import Observer, OnDivergence, Record, Rows
+from reobserve.observers.fixed_step import Pair
+from reobserve.observers.gaussian_filter import State, as_covariances
 from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.run import Estimate, Run
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel, as_covariance
 
@@ -44,24 +47,24 @@ class AugmentedKalmanFilter(Observer[State]):
     ----------
     model
         The linear model of the plant without them.
-    input_matrix
+    fault_matrix
         E, shape (n, q): what each unknown input adds to the state in a sampling period.
-    walk
+    random_walk
         W, the covariance of what an unknown input gains a sample: a number, q numbers or (q, q).
-    output_matrix
+    output_fault_matrix
         F, shape (m, q): what it adds to the measurement, zero if left out.
 
     Raises
     ------
     InputError
         If the shapes do not fit, W is no covariance, or a mode of [x, d] that does not decay is
-        hidden from the measurement: two unknown inputs, say, that do the same.
+        unobservable: two unknown inputs, say, that do the same.
     """
 
     model: LinearModel
-    input_matrix: Array
-    walk: Array
-    output_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
+    fault_matrix: Array
+    random_walk: Array
+    output_fault_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
     sampling_period: float = field(init=False)
 
     reads_between: ClassVar[bool] = False
@@ -86,30 +89,30 @@ class AugmentedKalmanFilter(Observer[State]):
         def __init__(
             self,
             model: LinearModel,
-            input_matrix: ArrayLike,
-            walk: ArrayLike,
-            output_matrix: ArrayLike | None = ...,
+            fault_matrix: ArrayLike,
+            random_walk: ArrayLike,
+            output_fault_matrix: ArrayLike | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         model, put = as_kind("model", self.model, LinearModel), self._set
-        E = as_floats("input_matrix", self.input_matrix)
+        E = as_floats("fault_matrix", self.fault_matrix)
         if E.ndim != 2 or len(E) != model.states or not E.size:
-            problem = f"has shape {E.shape}, must have {model.states} rows like A"
-            raise InputError("input_matrix", problem)
+            problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
+            raise InputError("fault_matrix", problem)
         wanted = (model.outputs, E.shape[1])
-        given: Any = self.output_matrix
-        F = np.zeros(wanted) if given is None else as_floats("output_matrix", given)
+        given: Any = self.output_fault_matrix
+        F = np.zeros(wanted) if given is None else as_floats("output_fault_matrix", given)
         if F.shape != wanted:
-            raise InputError("output_matrix", f"has shape {F.shape}, must be {wanted}")
-        put("input_matrix", E)
-        put("output_matrix", F)
-        put("walk", as_covariance("walk", self.walk, E.shape[1]))
+            raise InputError("output_fault_matrix", f"has shape {F.shape}, must be {wanted}")
+        put("fault_matrix", E)
+        put("output_fault_matrix", F)
+        put("random_walk", as_covariance("random_walk", self.random_walk, E.shape[1]))
         put("sampling_period", model.sampling_period)
         hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
         if len(hidden):
             raise InputError(
-                "input_matrix",
+                "fault_matrix",
                 "leaves a mode of state and unknown inputs unobservable that does not decay, of "
                 f"the eigenvalue {hidden[0]:.4g}",
             )
@@ -127,18 +130,19 @@ class AugmentedKalmanFilter(Observer[State]):
     @property
     def unknown_inputs(self) -> int:
         """Their number q."""
-        return int(self.input_matrix.shape[1])
+        return int(self.fault_matrix.shape[1])
 
     @cached_property
     def _kalman(self) -> KalmanFilter:
         """The filter of [x, d]."""
         A, B, C, D, Q, R = self.model.arrays
-        n, q = self.input_matrix.shape
-        whole = np.block([[A, self.input_matrix], [np.zeros((q, n)), np.eye(q)]])
-        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.walk]])
+        n, q = self.fault_matrix.shape
+        whole = np.block([[A, self.fault_matrix], [np.zeros((q, n)), np.eye(q)]])
+        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.random_walk]])
         model = LinearModel(
-            whole, np.vstack([B, np.zeros((q, B.shape[1]))]), np.hstack([C, self.output_matrix]),
-            Q=noise, R=R, D=D, unusual=True, sampling_period=self.sampling_period,
+            whole, np.vstack([B, np.zeros((q, B.shape[1]))]),
+            np.hstack([C, self.output_fault_matrix]), D, noise, R,
+            unusual=True, sampling_period=self.sampling_period,
         )  # fmt: skip
         return KalmanFilter(model)
 
@@ -173,6 +177,62 @@ class AugmentedKalmanFilter(Observer[State]):
         spread[:n, :n] = as_covariance("covariance", covariance, n)
         spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
         return self._kalman.init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
+
+    def step(
+        self,
+        state: State,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        Q: ArrayLike | None = None,
+        R: ArrayLike | None = None,
+        before: Pair | None = None,
+        middle: Pair | None = None,
+    ) -> tuple[State, Estimate]:
+        """Take one sample, as `reobserve.observers.gaussian_filter.GaussianFilter.step`.
+
+        Q and R are the covariances of the noises of the model, in place of its own.
+        """
+        return Observer.step(self._with_noise(Q, R, 1), state, y, u, before=before, middle=middle)
+
+    def run(
+        self,
+        y: ArrayLike,
+        u: ArrayLike | None = None,
+        *,
+        state: State | None = None,
+        time: ArrayLike | None = None,
+        Q: ArrayLike | None = None,
+        R: ArrayLike | None = None,
+        before: Pair | None = None,
+        middle: Pair | None = None,
+        on_divergence: OnDivergence = "raise",
+    ) -> Run[State]:
+        """Estimates of a record, as `reobserve.observers.gaussian_filter.GaussianFilter.run`.
+
+        Q, shape (n, n) or (k, n, n), and R, (m, m) or (k, m, m), are the covariances of the noises
+        of the model, in place of its own, for the whole record or for each row.
+        """
+        changed = Q is not None or R is not None
+        rows = len(self._read_measurements("y", y)) if changed else 0
+        return Observer.run(
+            self._with_noise(Q, R, rows), y, u, state=state, time=time, before=before,
+            middle=middle, on_divergence=on_divergence,
+        )  # fmt: skip
+
+    def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
+        """The same filter with other noise, for one record."""
+        if Q is None and R is None:
+            return self
+        noise, n, q = None, self.model.states, self.unknown_inputs
+        if Q is not None:
+            of_state = as_covariances("Q", Q, n, rows)
+            noise = np.zeros((len(of_state), n + q, n + q))
+            noise[:, :n, :n], noise[:, n:, n:] = of_state, self.random_walk
+            noise = noise if len(noise) == rows else noise[0]
+        other = copy(self)
+        vars(other)["_kalman"] = self._kalman._with_noise(noise, R, rows)
+        return other
 
     def innovation_deviation(self, state: State) -> Array:
         """As `reobserve.observers.linear_filter.LinearFilter.innovation_deviation`."""
