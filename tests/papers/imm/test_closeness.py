@@ -263,8 +263,7 @@ def test_rows_come_by_plant_then_models_then_runs() -> None:
                 for name in DETECTORS:
                     wanted.append((name, sweep, share, run, "alarm_time"))
                     if name in BANKS:
-                        for when in ("before", "after"):
-                            wanted.append((name, sweep, share, run, f"probability_{when}"))
+                        wanted.append((name, sweep, share, run, "probability_after"))
     columns = ("observer", "sweep", "level", "run", "quantity")
     assert [tuple(row[name] for name in columns) for row in few()] == wanted
 
@@ -327,13 +326,6 @@ def test_metrics_are_those_of_the_runs() -> None:
         assert numbers[name, f"alarmed_share {at}"] == whole.value
         limits = [numbers[name, f"alarmed_share_{end} {at}"] for end in ("low", "high")]
         assert limits == pytest.approx(list(whole.interval))
-        rows = found.where(observer=name, sweep="exact_0.03", level=0.4)
-        for quantity, metric in (("after", "correct_share"), ("before", "mistaken_share")):
-            values = rows.where(quantity=f"probability_{quantity}")["value"]
-            key = name, f"{metric} {at} share=0.4"
-            assert (key in numbers) is (name in BANKS)
-            if name in BANKS:
-                assert numbers[key] == np.mean(values > 0.5)
     assert numbers["models", "nu_gap share=0.4"] == curve(found, "glr", "exact_0.3")[-1].gap
 
 

@@ -164,8 +164,6 @@ def test_the_plain_kalman_bank_diagnoses_the_leak() -> None:
     assert found["kalman", "leakage_after"] > 0.999
     assert found["kalman", "normal_after"] < 1e-3
     assert found["kalman", "diagnosed_share"] == 1.0
-    assert found["kalman", "diagnosis_delay"] < 0.1
-    assert found["kalman", "quoted_distance"] > 0.5
 
 
 @pytest.mark.parametrize("figure", ["fig5", "fig6", "fig7", "fig8"])
@@ -178,7 +176,6 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
         if stated["quoted_high"]:
             assert 1 - found[name, "normal_before"] <= band, name
         # The spread over time is small: no average of zeros and ones.
-        assert found[name, "quoted_distance"] <= band
         assert found[name, "leakage_spread"] < 0.1
 
 
@@ -343,11 +340,10 @@ def test_scores_of_known_probabilities() -> None:
         )
     )
     wanted = {
-        "normal_before": 0.98, "friction_before": 0.01, "leakage_before": 0.01,
+        "normal_before": 0.98,
         "normal_after": 0.3, "friction_after": 0.1, "leakage_after": 0.6,
-        "normal_spread": 0.0, "friction_spread": 0.0, "leakage_spread": 0.0,
-        "overshoot": 0.3, "alarm_delay": 0.03, "alarm_samples": 3.0, "diagnosis_delay": 0.2,
-        "diagnosed_share": 1.0, "false_alarm_share": 0.0,
+        "normal_spread": 0.0, "leakage_spread": 0.0,
+        "overshoot": 0.3, "alarm_samples": 3.0, "diagnosed_share": 1.0,
     }  # fmt: skip
     assert found == pytest.approx(wanted, abs=1e-12)
 
@@ -362,26 +358,20 @@ def test_the_overshoot_counts_below_the_plateau_as_well() -> None:
 
 def test_a_change_at_the_onset_itself_is_no_detection() -> None:
     found = scores(constant_pieces((0.0, (1, 0, 0)), (5.0, (0, 0, 1))))
-    assert found["alarm_delay"] == found["diagnosis_delay"] == pytest.approx(0.01)
+    assert found["alarm_samples"] == 1.0
     # The sample at 5 s belongs to what was before.
     assert found["normal_before"] == pytest.approx(1 - 1 / 200)
-    assert found["false_alarm_share"] == pytest.approx(1 / 200)
 
 
 def test_what_never_comes_is_not_a_number() -> None:
     found = scores(constant_pieces((0.0, (0.95, 0.05, 0.0))))
-    assert all(np.isnan(found[name]) for name in ("alarm_delay", "alarm_samples"))
-    assert np.isnan(found["diagnosis_delay"])
+    assert np.isnan(found["alarm_samples"])
     assert found["diagnosed_share"] == 0.0
 
 
-def test_false_alarms_and_another_fault() -> None:
-    rows = constant_pieces((0.0, (0.5, 0.3, 0.2)), (4.0, (0.95, 0.05, 0.0)), (5.5, (0.1, 0.8, 0.1)))
-    found = scores(rows, fault=1)
-    # Of 200 samples after 3 s up to 5 s those before 4 s.
-    assert found["false_alarm_share"] == pytest.approx(99 / 200)
-    assert found["diagnosis_delay"] == pytest.approx(0.5)
-    assert found["diagnosed_share"] == 1.0
+def test_another_fault() -> None:
+    rows = constant_pieces((0.0, (0.95, 0.05, 0.0)), (5.5, (0.1, 0.8, 0.1)))
+    assert scores(rows, fault=1)["diagnosed_share"] == 1.0
     assert scores(rows, fault=2)["diagnosed_share"] == 0.0
 
 

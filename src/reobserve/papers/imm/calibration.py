@@ -154,11 +154,6 @@ def run_neighbourhood(job: Job, plant: Series) -> list[Row]:
         ("search", "kept", 1.0, 0, name, float(getattr(kept, name)), "1")
         for name in ("trials", "tuned", "targets", "distance")
     ]
-    same = all(
-        np.isclose(kept.found[name], value, rtol=1e-9, atol=0.0)
-        for name, value in zip(TUNED, stated, strict=True)
-    )
-    rows.append(("search", "kept", 1.0, 0, "as_found", float(same), "1"))
     tasks = [(None, 1.0)] + [
         (index, level)
         for index in range(len(TUNED))

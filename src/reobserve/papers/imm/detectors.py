@@ -227,15 +227,11 @@ def measure(study: StudyTable, enough: float) -> Iterator[Metric]:
 def _diagnoses(
     rows: StudyTable, name: str, gaps: list[float], enough: float, at: dict[str, float | str]
 ) -> Iterator[Metric]:
-    """Of banks: how often the faulty model is the more probable one after the fault, and before."""
+    """Of banks: the gap from which on the faulty model is the more probable one after the fault."""
     right: list[tuple[float, Share]] = []
-    for quantity, metric in (("after", "correct_share"), ("before", "mistaken_share")):
-        found = rows.where(quantity=f"probability_{quantity}")
-        for (share,), runs in found.groups("level"):
-            one = Share(int(np.count_nonzero(runs["value"] > 0.5)), len(runs["value"]))
-            yield Metric.at(name, (metric, one.value, "1"), **at, share=share)
-            if quantity == "after":
-                right.append((share, one))
+    for (share,), runs in rows.where(quantity="probability_after").groups("level"):
+        correct = int(np.count_nonzero(runs["value"] > 0.5))
+        right.append((share, Share(correct, len(runs["value"]))))
     if right:
         shares = [one for _, one in sorted(right, key=lambda pair: pair[0])]
         yield from _least_gaps("least_gap_of_diagnosis", name, gaps, shares, enough, at)

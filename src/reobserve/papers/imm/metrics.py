@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from reobserve.papers.imm import detectors
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
-from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance
+from reobserve.papers.imm.scoring import check_rules, probabilities
 from reobserve.papers.imm.study_rows import STATED, TUNED
 from reobserve.replication.metrics.metrics import Metric, Score, scores_of
 from reobserve.replication.metrics.responses import root_mean_square, window
@@ -32,20 +32,16 @@ Array = NDArray[np.float64]
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
-    "<mode>_before": "mean probability of a mode before the fault",
+    "normal_before": "mean probability of the normal mode before the fault",
     "<mode>_after": "mean probability of a mode after it",
     "<mode>_spread": "its standard deviation over time, after the fault",
     "overshoot": "how far the normal mode is from its later mean at most, in the window of it",
-    "alarm_delay": "from the fault until the normal mode falls below the level of an alarm",
-    "alarm_samples": "the same in samples",
-    "diagnosis_delay": "from the fault until the right mode is the most probable",
-    "diagnosed_share": "share of the last three seconds in which it is",
-    "false_alarm_share": "share of the time before the fault with the normal mode below that level",
-    "quoted_distance": "root mean square over time from the values that the paper quotes",
-    "rms_position_error": "of the combined estimate after the fault",
+    "alarm_samples": (
+        "samples from the fault until the normal mode falls below the level of an alarm"
+    ),
+    "diagnosed_share": "share of the last three seconds in which the right mode is the likeliest",
     "rms_velocity_error": "of the combined estimate after the fault",
-    "position_error_share": "the former as a share of the position's own root mean square",
-    "velocity_error_share": "the latter as a share of the velocity's",
+    "velocity_error_share": "the same as a share of the velocity's own root mean square",
     "saturation_fraction": "of the innovations after the fault that lie outside the boundary layer",
     "chattering_fraction": "of those after it that lie there and have changed their sign",
     "trials": "of the search, each of three banks",
@@ -53,8 +49,6 @@ MEANINGS = {
     "tuned": "how many numbers the search moved",
     "targets": "how many quoted values it sought",
     "distance": "root mean square over time and values that it left",
-    "as_found": "one if the ledger still has the numbers that the search found",
-    "<quantity>_stated": "with the numbers of the ledger",
     "least_factor": "to a tuned number that keeps all quoted values within the band",
     "greatest_factor": "the greatest such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
@@ -72,12 +66,6 @@ MEANINGS = {
     "least_gap noise=<noise> plant=<plant>": "gap from which on 95 % of the faults are detected",
     "least_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
     "least_gap_high noise=<noise> plant=<plant>": "its upper end",
-    "correct_share noise=<noise> plant=<plant> share=<share>": (
-        "of runs, at whose end the faulty model is the more probable one"
-    ),
-    "mistaken_share noise=<noise> plant=<plant> share=<share>": (
-        "of runs in which it is so before the fault"
-    ),
     "least_gap_of_diagnosis noise=<noise> plant=<plant>": (
         "gap from which on 95 % of the diagnoses at the end are correct"
     ),
@@ -116,22 +104,16 @@ def measure(data: FigureData) -> Iterator[Metric]:
 
 def _scores(data: FigureData, name: str) -> Iterator[Score]:
     job, estimate = data.job, data.estimates[name]
-    rules, observer = job.metrics, job.observers[name]
+    rules = job.metrics
     time, probability = estimate.time, estimate["probability"]
     onset = estimate.events["fault"][0]
     fault = MODES.index(job.scenario.fault)
     yield from probabilities(rules, time, probability, onset, fault)
-    high = bool(observer.quoted_high)
-    off = quoted_distance(rules, time, probability, observer.quoted, high)
-    yield "quoted_distance", off, "1"
     later = window(time, onset, np.inf, closed="right")
-    for what in ("position", "velocity"):
-        if what in estimate.channels:
-            moved = data.plant["motion"][:, list(UNITS).index(what)]
-            error = estimate[what] - moved
-            size = float(root_mean_square(error[later]))
-            yield f"rms_{what}_error", size, UNITS[what]
-            yield f"{what}_error_share", size / float(root_mean_square(moved[later])), "1"
+    moved = data.plant["motion"][:, list(UNITS).index("velocity")]
+    size = float(root_mean_square((estimate["velocity"] - moved)[later]))
+    yield "rms_velocity_error", size, UNITS["velocity"]
+    yield "velocity_error_share", size / float(root_mean_square(moved[later])), "1"
     if "saturated" in estimate.channels:
         yield "saturation_fraction", float(np.mean(estimate["saturated"][later])), "1"
         yield "chattering_fraction", float(np.mean(estimate["chattering"][later])), "1"
@@ -141,9 +123,8 @@ def _neighbourhood(data: FigureData) -> Iterator[Metric]:
     """What the search says of itself, and how far each number may move."""
     study = data.study
     yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
-    for sweep, ending in (("kept", ""), ("stated", "_stated")):
-        for (name, quantity), rows in study.where(sweep=sweep).groups("observer", "quantity"):
-            yield Metric(name, f"{quantity}{ending}", rows.value(), "1")
+    for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
+        yield Metric(name, quantity, rows.value(), "1")
     for parameter in TUNED:
         low, high = reach(data.job, study, parameter)
         yield Metric(parameter, "least_factor", low, "1")

@@ -132,7 +132,7 @@ def run(job: Job, plant: Series) -> list[Row]:
     """For each pair: its gap, thresholds, and by run and detector the time of its alarm [s].
 
     The time counts from the fault: up to zero it is that of a false alarm, and nan is none. Of
-    banks there are the faulty model's mean probabilities before the fault and at the end.
+    banks there is the faulty model's mean probability at the end.
 
     Raises
     ------
@@ -212,9 +212,8 @@ def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
         for name, statistic in found.items():
             yield name, *at, number, "alarm_time", alarm_time(statistic, limits[name], grid), "s"
             if name in pair.banks:
-                for when, end in (("before", grid.begin), ("after", grid.steps)):
-                    mean = float(np.mean(expit(statistic[end - grid.judged : end])))
-                    yield name, *at, number, f"probability_{when}", mean, "1"
+                mean = float(np.mean(expit(statistic[-grid.judged :])))
+                yield name, *at, number, "probability_after", mean, "1"
 
 
 def alarm_time(statistic: Array, limit: float, grid: Grid) -> float:
