@@ -42,8 +42,8 @@ def probabilities(
     yield "normal_before", float(np.mean(first, axis=0)[0]), "1"
     for mode, mean in zip(MODES, np.mean(late, axis=0), strict=True):
         yield f"{mode}_after", float(mean), "1"
-    for mode in (0, 2):
-        yield f"{MODES[mode]}_spread", float(np.std(late, axis=0)[mode]), "1"
+    for index in (0, 2):
+        yield f"{MODES[index]}_spread", float(np.std(late, axis=0)[index]), "1"
     away = np.abs(early[:, 0] - np.mean(late[:, 0]))
     yield "overshoot", float(np.max(away)), "1"
     alarms = (time > onset + 1e-9) & (probability[:, 0] < rules.alarm)
