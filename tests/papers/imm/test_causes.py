@@ -55,6 +55,7 @@ class Recorder:
     def __init__(self, one: SmoothVariableStructureFilter) -> None:
         self.inner, self.model = one, one.model
         self.gains: list[Array] = []
+        self.last: tuple[Array, Array] | tuple[()] = ()
 
     def predict(self, belief: Gaussian, u: Array) -> Gaussian:
         return self.inner.predict(belief, u)
@@ -64,6 +65,32 @@ class Recorder:
         moved = self.model.C @ (found.belief.mean - belief.mean)  # C C^+ = I
         self.gains.append(np.linalg.pinv(self.model.C) * (moved / found.innovation))
         return found
+
+
+class OfMixedState(Recorder):
+    """An SVSF whose e(k|k) is that of the state that it is mixed to, and not its own by (18)."""
+
+    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
+        ahead, error = self.inner.predict(belief, u), belief.error
+        if self.last:
+            y, held = self.last
+            error = y - self.model.C @ belief.mean - self.model.D @ held
+        return Gaussian(ahead.mean, ahead.covariance, error)
+
+    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
+        self.last = y, u
+        return self.inner.correct(belief, y, u)
+
+
+def test_with_the_error_of_the_mixed_state_the_thin_layers_lose_the_leak() -> None:
+    job = read_job(keys.Ledger, deepcopy(settings()))
+    body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
+    one = bank(job.plant, body, plant.step)
+    filters = [OfMixedState(cast(SmoothVariableStructureFilter, each)) for each in one.filters]
+    measurements = plant["measured"][1:, measured_columns(body)]
+    found = run(IMM(filters, one.transition), body, measurements, plant["input"][:-1])
+    late = plant.time[1:] > 7.0
+    assert np.mean(found["probability"][late, 2]) == pytest.approx(0.099, abs=1e-3)
 
 
 def test_mean_gains_are_those_by_which_filters_correct() -> None:

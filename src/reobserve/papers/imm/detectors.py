@@ -45,14 +45,14 @@ class Detectors:
     """Banks of two models, the normal one first, by name; and the tests on the first one's filters.
 
     A record's first ``settling`` rows tell the tests nothing: the filters come from other states.
-    ``rest`` are `rest_likelihoods` of as many rows as a record has or more, and ``foretold`` is the
+    ``rest`` are `rest_likelihoods` of as many rows as a record has or more, and ``expected`` is the
     mean of `distances` over records without a fault: m, if the model's noise is the plant's.
     """
 
     banks: Mapping[str, Bank]
     settling: int
     rest: Array
-    foretold: float
+    expected: float
 
     def statistics(self, measured: Array, held: Array) -> dict[str, Array]:
         """By detector, each shape (k,); -inf from where a bank diverged.
@@ -68,7 +68,7 @@ class Detectors:
         ratios[: self.settling] = far[: self.settling] = np.nan
         found[CUSUM] = cusum(ratios)
         outputs = first[0].measurements
-        found[GLR] = inflation_glr(far * (outputs / self.foretold), outputs, LENGTHS)
+        found[GLR] = inflation_glr(far * (outputs / self.expected), outputs, LENGTHS)
         return found
 
 

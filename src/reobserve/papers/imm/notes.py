@@ -27,7 +27,7 @@ _SWITCHING_CONDITIONS = {
 def note(job: Job) -> str:
     """How curves are drawn, the input, noise, sampling and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
-    noise = "noise as in the ledger" if any(scenario.noise) else "no noise"
+    noise = "noise as in the parameter file" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"
     sentences = (
         f"Vertical line: the leak begins. Curves: means over 30 ms; bands: {how}.",
@@ -38,6 +38,7 @@ def note(job: Job) -> str:
         f"{_REALISATIONS[first.realisation].capitalize()}; modes that stay with a probability of "
         f"{first.self_transition:g} a sample.",
         layers(job),
+        "y: the unit of the models' output, which the paper does not give.",
     )
     return "\n".join(filter(None, sentences))
 

@@ -81,14 +81,14 @@ def _limits(found: list[Judged]) -> tuple[list[float], list[float]]:
 def _detectors(
     observers: Mapping[str, keys.Observer],
 ) -> tuple[dict[str, Style], dict[str, str]]:
-    """Style and label of each detector: banks as everywhere, in other units the same fainter."""
+    """Style and label of each detector: banks as everywhere."""
     styles: dict[str, Style] = {}
     labels: dict[str, str] = {}
     for name, body in observers.items():
         styles[name], labels[name] = style_of(body), body.label
         if "_scale_" in name and isinstance(body, keys.SmoothVariableStructure):
             styles[name] = replace(_GREEN, marker="v")
-            labels[name] = f"SVSF-IMM, unit of ψ × {body.layer_scale:g}"
+            labels[name] = f"SVSF-IMM, ψ × {body.layer_scale:g}"
     first = next(iter(observers.values()))
     styles[UNMIXED] = style_of(replace(first, mixing=False))
     styles[CUSUM], styles[GLR] = _RED, Style("0.55", "-", 1.6, "x")

@@ -189,8 +189,8 @@ def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
         told = likelihoods(first, 0, *faultless[number - 1])
         return float(np.mean(distances(rest, told)[grid.settling :]))
 
-    foretold = float(np.mean(each(far, study.faultless_runs)))
-    detectors = Detectors(pair.banks, grid.settling, rest, foretold)
+    expected = float(np.mean(each(far, study.faultless_runs)))
+    detectors = Detectors(pair.banks, grid.settling, rest, expected)
 
     def greatest(number: int) -> dict[str, float]:
         found = detectors.statistics(*faultless[number - 1])
