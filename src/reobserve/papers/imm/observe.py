@@ -27,12 +27,11 @@ def build(settings: Settings, period: float) -> IMM:
 
 
 def estimate(settings: Settings, plant: Series) -> Series:
-    """Probabilities of the modes and estimates of what is measured, from t = 0 on.
+    """Probabilities of the modes and the estimate of the velocity, from t = 0 on.
 
-    ``probability`` has one component a mode, in the order of `MODES`; ``position`` and ``velocity``
-    are estimates where the realisation measures them. For an SVSF ``saturated`` is the share of
-    all innovations that lie outside the boundary layer, and ``chattering`` that of those there that
-    have changed their sign since the sample before.
+    ``probability`` has one component a mode, in the order of `MODES`. For an SVSF ``saturated`` is
+    the share of all innovations that lie outside the boundary layer, and ``chattering`` that of
+    those there that have changed their sign since the sample before.
 
     Raises
     ------
@@ -50,13 +49,10 @@ def estimate(settings: Settings, plant: Series) -> Series:
         raise DivergenceError(observer.algorithm, found.diverged_at)
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
     channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
-    names = REALISATIONS[observer.realisation]
-    # Neither has a share of the input in it: the same row of C in all modes.
-    rows = chosen.filters[0].model.C
-    for name in ("position", "velocity"):
-        if name in names:
-            values = np.concatenate([[0.0], found["state"] @ rows[names.index(name)]])
-            channels[name] = Channel(values, UNITS[name])
+    # It has no share of the input in it: the same row of C in all modes.
+    row = chosen.filters[0].model.C[REALISATIONS[observer.realisation].index("velocity")]
+    velocity = np.concatenate([[0.0], found["state"] @ row])
+    channels["velocity"] = Channel(velocity, UNITS["velocity"])
     if observer.algorithm == "smooth_variable_structure":
         both = saturation(observer, found["innovation"])
         for name, rows_of in zip(("saturated", "chattering"), both, strict=True):
