@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from reobserve.replication.golden.files import golden_file, read_metrics, read_numbers
 from reobserve.replication.parameters.ledger import Ledger
@@ -95,6 +96,7 @@ def of_imm() -> Iterator[str]:
             values = [found[observer, f"{mode}_after"] for mode in ("normal", "leakage")]
             columns.append(" / ".join(percent(round(value, 8)) for value in values))
         yield f"| `{name}` | {' | '.join(columns)} |"
+    yield f"from {_after()}, after a leak at {_ledger('scenarios', 'plain')['onset']:g} s"
     near = golden_metrics("imm", "fig5_neighbourhood")
     yield f"({near['search', 'trials']:g} trials,"
     low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
@@ -104,10 +106,13 @@ def of_imm() -> Iterator[str]:
     yield "no innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
     gaps = golden_metrics("imm", "fig8_closeness")
-    enough = Ledger.load(ROOT, "imm").section("studies", "closeness")["enough"]
+    enough = _ledger("studies", "closeness")["enough"]
     yield f"With noise of {100 * _NOISE:g} %"
     yield f"suffice for {100 * enough:g} % of the faults"
-    detectors = ("cusum", "kalman", "svsf", "svsf_scale_0.0001", "glr")
+    scale = f"{_ledger('studies', 'closeness')['layer_scales'][0]:g}"
+    yield f"psi × {scale}"
+    yield "in brackets intervals of 95 % over the runs"
+    detectors = ("cusum", "kalman", "svsf", f"svsf_scale_{scale}", "glr")
     plants = {
         "exact": "one of the models exactly",
         "driven": "with the process noise that Q states",
@@ -121,6 +126,16 @@ def of_imm() -> Iterator[str]:
             )
             needed.append(f"{_gap(gap)} ({_gap(low)} to {_gap(high)})")
         yield f"| {told} | {' | '.join(needed)} |"
+
+
+def _ledger(section: str, name: str) -> dict[str, Any]:
+    return Ledger.load(ROOT, "imm").section(section, name)
+
+
+def _after() -> str:
+    """The time over which probabilities are compared."""
+    start, end = Ledger.load(ROOT, "imm").section("metrics")["after"]
+    return f"{start:g} to {end:g} s"
 
 
 def _gap(value: float) -> str:
@@ -144,13 +159,15 @@ def _of_layers_that_switch() -> Iterator[str]:
         "the variance of the measured acceleration by": ("measurement_noise_3", "least"),
         "the velocity may rise by": ("measurement_noise_2", "greatest"),
     }
+    band = _ledger("studies", "switching_neighbourhood")["band"]
+    yield f"before one value is more than {band:g} off"
     for what, (number, end) in room.items():
         yield f"{what} {percent(abs(near[number, f'{end}_factor'] - 1))}"
     leak = [
         causes["svsf_thin_retuned", f"fault_after variant={name}"] for name in ("whole", "frozen")
     ]
     assert abs(leak[0] - leak[1]) < 1e-6
-    yield f"the leak has {percent(leak[1], 3)}, as it has"
+    yield f"from {_after()} the leak has {percent(leak[1], 3)}, as it has"
 
 
 def of_eso() -> Iterator[str]:

@@ -330,7 +330,7 @@ def test_metrics_are_those_of_the_runs() -> None:
 
 
 def test_the_unit_of_the_layers_is_the_one_of_the_study() -> None:
-    """A unit that is the ledger's own gives what the observer gives."""
+    """A unit that is the parameter file's own gives what the observer gives."""
     rows = table(close(layer_scales=[1.0], noise_levels=[0.03], driven_levels=[], shares=[0.4]))
     stated = rows.where(observer="svsf")["value"]
     np.testing.assert_array_equal(rows.where(observer="svsf_scale_1")["value"], stated)

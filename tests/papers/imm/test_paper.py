@@ -1,4 +1,4 @@
-"""The paper's package: what the ledger states is what is built, run and scored."""
+"""The paper's package: what the parameter file states is what is built, run and scored."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
     wide = found({"observers": {"svsf": {"layer_factor": 1e12}}})
     opened = values["model", "open_velocity_error"]
     assert wide["svsf", "single_velocity_error"] == pytest.approx(opened, rel=1e-6)
-    # What the ledger has for the layer does not enter.
+    # What the parameter file has for the layer does not enter.
     assert wide["svsf", "informed_velocity_error"] == values["svsf", "informed_velocity_error"]
     assert values["svsf", "informed_velocity_error"] < opened
 

@@ -71,7 +71,7 @@ class Calibration:
     record: Series
 
     def stated(self) -> Array:
-        """The tuned numbers that the ledger has, in the order of `TUNED`.
+        """The tuned numbers that the parameter file has, in the order of `TUNED`.
 
         Raises
         ------

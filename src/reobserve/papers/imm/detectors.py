@@ -2,10 +2,10 @@
 
 Each makes of a record one number a sample, its statistic, and alarms where that exceeds a
 threshold, which records without a fault decide. Of a bank it is the logarithm of the odds of the
-faulty model. Beside the banks of the ledger there are, on the first one's two filters, each for
-itself: a bank without mixing, Page's cumulative sum of the logarithms of their likelihood ratios,
-and, on the normal model's filter alone, the likelihood ratio for innovations that have become
-larger. The second half counts detected faults, false alarms and delays.
+faulty model. Beside the banks of the parameter file there are, on the first one's two filters,
+each for itself: a bank without mixing, Page's cumulative sum of the logarithms of their likelihood
+ratios, and, on the normal model's filter alone, the likelihood ratio for innovations that have
+become larger. The second half counts detected faults, false alarms and delays.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 

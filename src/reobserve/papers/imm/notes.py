@@ -27,7 +27,7 @@ _SWITCHING_CONDITIONS = {
 def note(job: Job) -> str:
     """How curves are drawn, the input, noise, sampling and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
-    noise = "noise as in the parameter file" if any(scenario.noise) else "no noise"
+    noise = "with noise" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"
     sentences = (
         f"Vertical line: the leak begins. Curves: means over 30 ms; bands: {how}.",

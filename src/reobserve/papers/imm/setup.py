@@ -1,4 +1,4 @@
-"""From the ledger's values to models, signals and banks of filters."""
+"""From the parameter file's values to models, signals and banks of filters."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> Filt
 
 @contextmanager
 def _ledger_keys() -> Iterator[None]:
-    """Name a parameter of the library as the ledger does."""
+    """Name a parameter of the library as the parameter file does."""
     try:
         yield
     except InputError as error:

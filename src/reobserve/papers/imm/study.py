@@ -1,6 +1,6 @@
 """Stage study: many runs behind one figure, as one table.
 
-The ``method`` of a study in the ledger is one of
+The ``method`` of a study in the parameter file is one of
 
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
     changes          the calibrated banks with one thing changed

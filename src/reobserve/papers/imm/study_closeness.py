@@ -9,10 +9,10 @@ go of the interpreter, so two threads make use of two cores; rows come in a fixe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,16 +43,8 @@ from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]
-Result = TypeVar("Result")
 
 THREADS = 2
-
-
-class Each(Protocol):
-    """Calls a function with 1, 2, ... up to a count, and lists what it gave."""
-
-    def __call__(self, call: Callable[[int], Result], count: int) -> list[Result]:
-        """In that order, whoever is done first."""
 
 
 @dataclass(frozen=True)
@@ -139,15 +131,8 @@ def run(job: Job, plant: Series) -> list[Row]:
     InputError
         If a setting cannot be used.
     """
-    rows: list[Row] = []
     with ThreadPoolExecutor(THREADS) as pool:
-
-        def each(call: Callable[[int], Result], count: int) -> list[Result]:
-            return list(pool.map(call, range(1, count + 1)))
-
-        for pair in _pairs(job):
-            rows += _judged(pair, job.study, each)
-    return rows
+        return [row for pair in _pairs(job) for row in _judged(pair, job.study, pool)]
 
 
 def _pairs(job: Job) -> Iterator[Pair]:
@@ -177,29 +162,28 @@ def _pairs(job: Job) -> Iterator[Pair]:
             )  # fmt: skip
 
 
-def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
+def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iterator[Row]:
     grid = pair.grid
     first = next(iter(pair.banks.values()))
     rest = rest_likelihoods(first, grid.steps)
-    faultless = each(
-        lambda number: pair.record("faultless", number, grid.begin), study.faultless_runs
-    )
+    numbers = range(1, study.faultless_runs + 1)
+    faultless = list(pool.map(lambda number: pair.record("faultless", number, grid.begin), numbers))
 
-    def far(number: int) -> float:
-        told = likelihoods(first, 0, *faultless[number - 1])
+    def far(record: tuple[Array, Array]) -> float:
+        told = likelihoods(first, 0, *record)
         return float(np.mean(distances(rest, told)[grid.settling :]))
 
-    expected = float(np.mean(each(far, study.faultless_runs)))
+    expected = float(np.mean(list(pool.map(far, faultless))))
     detectors = Detectors(pair.banks, grid.settling, rest, expected)
 
-    def greatest(number: int) -> dict[str, float]:
-        found = detectors.statistics(*faultless[number - 1])
+    def greatest(record: tuple[Array, Array]) -> dict[str, float]:
+        found = detectors.statistics(*record)
         return {name: float(row[grid.settling :].max()) for name, row in found.items()}
 
     def statistics(number: int) -> dict[str, Array]:
         return detectors.statistics(*pair.record("judged", number, grid.steps))
 
-    peaks = each(greatest, study.faultless_runs)
+    peaks = list(pool.map(greatest, faultless))
     limits = {
         name: threshold(np.array([peak[name] for peak in peaks]), study.false_alarm_probability)
         for name in peaks[0]
@@ -208,7 +192,7 @@ def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
     yield "models", *at, 0, "nu_gap", pair.gap, "1"
     for name, limit in limits.items():
         yield name, *at, 0, "threshold", limit, "1"
-    for number, found in enumerate(each(statistics, study.runs), 1):
+    for number, found in enumerate(pool.map(statistics, range(1, study.runs + 1)), 1):
         for name, statistic in found.items():
             yield name, *at, number, "alarm_time", alarm_time(statistic, limits[name], grid), "s"
             if name in pair.banks:

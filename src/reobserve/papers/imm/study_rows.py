@@ -22,8 +22,8 @@ TUNED = (
     "leave",
 )
 
-# Of causes: variants; in the column of runs, whether the scale of the layers is the ledger's or the
-# study's.
+# Of causes: variants; in the column of runs, whether the scale of the layers is the parameter
+# file's or the study's.
 INTACT, KALMAN, FROZEN, NO_MEMORY = "whole", "kalman", "frozen", "no_memory"
 STATED, SCANNED = 0, 1
 

@@ -50,7 +50,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     Raises
     ------
     InputError
-        If a value of the ledger cannot be used.
+        If a value of the parameter file cannot be used.
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
