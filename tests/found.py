@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from reobserve.replication.golden.files import golden_file, read_metrics, read_numbers
 from reobserve.replication.parameters.ledger import Ledger
@@ -110,43 +112,78 @@ def of_imm() -> Iterator[str]:
             values = [found[observer, f"{mode}_after"] for mode in ("normal", "leakage")]
             columns.append(" / ".join(percent(round(value, 8)) for value in values))
         yield f"| `{name}` | {' | '.join(columns)} |"
+    yield f"from {_after()}, after a leak at {_ledger('scenarios', 'plain')['onset']:g} s"
     near = golden_metrics("imm", "fig5_neighbourhood")
     yield f"({near['search', 'trials']:g} trials,"
     low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
     yield f"by {low * 100:.1g} % and +{high * 100:.2g} %"
-    assert tuned["svsf_thin_tuned", "outside_share"] == tuned["svsf_tuned", "outside_share"] == 0
+    saturated = [tuned[f"{name}_tuned", "saturation_fraction"] for name in ("svsf", "svsf_thin")]
+    assert saturated == [0, 0]
     yield "no innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
     gaps = golden_metrics("imm", "fig8_closeness")
-    enough = Ledger.load(ROOT, "imm").section("studies", "closeness")["enough"]
+    enough = _ledger("studies", "closeness")["enough"]
     yield f"With noise of {100 * _NOISE:g} %"
     yield f"suffice for {100 * enough:g} % of the faults"
-    detectors = ("cusum", "kalman", "svsf", "glr")
+    scale = f"{_ledger('studies', 'closeness')['layer_scales'][0]:g}"
+    yield f"psi × {scale}"
+    yield "in brackets intervals of 95 % over the runs"
+    detectors = ("cusum", "kalman", "svsf", f"svsf_scale_{scale}", "glr")
     plants = {
         "exact": "one of the models exactly",
         "driven": "with the process noise that Q states",
     }
     for plant, told in plants.items():
-        needed = [
-            f"{gaps[name, f'least_gap noise={_NOISE} plant={plant}']:.2g}" for name in detectors
-        ]
+        needed = []
+        for name in detectors:
+            gap, low, high = (
+                gaps[name, f"least_gap{end} noise={_NOISE} plant={plant}"]
+                for end in ("", "_low", "_high")
+            )
+            needed.append(f"{_gap(gap)} ({_gap(low)} to {_gap(high)})")
         yield f"| {told} | {' | '.join(needed)} |"
+
+
+def _ledger(section: str, name: str) -> dict[str, Any]:
+    return Ledger.load(ROOT, "imm").section(section, name)
+
+
+def _after() -> str:
+    """The time over which probabilities are compared."""
+    start, end = Ledger.load(ROOT, "imm").section("metrics")["after"]
+    return f"{start:g} to {end:g} s"
+
+
+def _gap(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.2g}"
 
 
 def _of_layers_that_switch() -> Iterator[str]:
     """The setting in which thin layers are left, and what switching has to do with the lead."""
     found = golden_metrics("imm", "fig5_switching")
-    causes = golden_metrics("imm", "fig8_causes_switching")
-    search = golden_metrics("imm", "fig5_switching_neighbourhood")
-    outside = found["svsf_thin_retuned", "outside_share"]
-    assert found["svsf_retuned", "outside_share"] == 0
+    causes = golden_metrics("imm", "fig8_causes")
+    near = golden_metrics("imm", "fig5_switching_neighbourhood")
+    outside = found["svsf_thin_retuned", "saturation_fraction"]
+    assert found["svsf_retuned", "saturation_fraction"] == 0
+    assert found["svsf_thin_retuned", "chattering_fraction"] == 0
+    assert found["svsf_retuned", "overshoot"] > 0.05 > found["svsf_thin_retuned", "overshoot"]
     yield f"{100 * outside:.2g} % of the innovations lie outside the thin layers and none outside"
-    yield f"({search['search', 'trials']:g} trials,"
-    leak = {name: causes["svsf_thin_retuned", f"fault_after variant={name}"]
-            for name in ("whole", "held")}  # fmt: skip
-    kalman = found["kalman_retuned", "leakage_after"]
-    switching = (leak["whole"] - leak["held"]) / (leak["whole"] - kalman)
-    yield f"{100 * switching:.2g} % of the thin layers' lead over the KF-IMM is due to switching"
+    trials, earlier = (near["search", name] for name in ("trials", "earlier_trials"))
+    yield f"({trials:g} trials, after {earlier:g} of two"
+    room = {
+        "the probability of leaving a mode may fall by": ("leave", "least"),
+        "the variance of the measured acceleration by": ("measurement_noise_3", "least"),
+        "the velocity may rise by": ("measurement_noise_2", "greatest"),
+    }
+    band = _ledger("studies", "switching_neighbourhood")["band"]
+    yield f"before one value is more than {band:g} off"
+    for what, (number, end) in room.items():
+        yield f"{what} {percent(abs(near[number, f'{end}_factor'] - 1))}"
+    leak = [
+        causes["svsf_thin_retuned", f"fault_after variant={name}"] for name in ("whole", "frozen")
+    ]
+    assert abs(leak[0] - leak[1]) < 1e-6
+    yield f"from {_after()} the leak has {percent(leak[1], 3)}, as it has"
 
 
 def of_eso() -> Iterator[str]:

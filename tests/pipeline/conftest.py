@@ -36,7 +36,7 @@ TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.ge
 # Of the dearest studies, levels of which each makes golden numbers of its own, less all but these:
 # what a constant moves it moves there, too, for a fraction of the time.
 FEW_LEVELS: dict[str, dict[str, Any]] = {
-    "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_units": []},
+    "closeness": {"noise_levels": [0.1], "driven_levels": [], "layer_scales": []},
     "tradeoff": {"rhos": [5.0]},
     "ensemble": {"orders": [2]},
 }

@@ -16,11 +16,15 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm import keys, study, study_closeness, study_rows
-from reobserve.papers.imm.detection import Share, curve, enough_gap, judge, measure
 from reobserve.papers.imm.detectors import (
+    Share,
+    curve,
     distances,
+    enough_gap,
+    judge,
     likelihoods,
     log_odds,
+    measure,
     rest_likelihoods,
     threshold,
     unmixed_log_odds,
@@ -38,7 +42,7 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 DETECTORS = (
-    "kalman", "svsf", "svsf_thin", "svsf_unit_0.0001", "unmixed", "cusum", "glr",
+    "kalman", "svsf", "svsf_thin", "svsf_scale_0.0001", "unmixed", "cusum", "glr",
 )  # fmt: skip
 BANKS = DETECTORS[:4]
 
@@ -46,26 +50,27 @@ BANKS = DETECTORS[:4]
 
 
 @pytest.mark.parametrize(
-    ("count", "budget", "place"),
+    ("count", "false_alarm_probability", "place"),
     [(19, 0.05, 19), (39, 0.05, 38), (99, 0.05, 95), (20, 0.05, 20), (9, 0.3, 7)],
 )
 def test_the_threshold_is_the_one_that_so_many_new_records_exceed(
-    count: int, budget: float, place: int
+    count: int, false_alarm_probability: float, place: int
 ) -> None:
     """Of uniform numbers the j-th of n is j / (n + 1) on average, exceeded by the rest."""
     ordered = np.arange(count, dtype=np.float64)
     shuffled = np.random.default_rng(1).permutation(ordered)
-    assert threshold(shuffled, budget) == ordered[place - 1]
+    assert threshold(shuffled, false_alarm_probability) == ordered[place - 1]
     drawn = np.random.default_rng(2).uniform(size=(4000, count))
-    exceeded = 1.0 - np.array([threshold(row, budget) for row in drawn])
+    exceeded = 1.0 - np.array([threshold(row, false_alarm_probability) for row in drawn])
     wanted = 1.0 - place / (count + 1)
-    assert wanted <= budget + 1e-12 < 1.0 - (place - 1) / (count + 1)
+    assert wanted <= false_alarm_probability + 1e-12 < 1.0 - (place - 1) / (count + 1)
     assert exceeded.mean() == pytest.approx(wanted, abs=4 * exceeded.std() / np.sqrt(len(drawn)))
 
 
-def test_too_few_records_for_a_budget() -> None:
+def test_too_few_records_for_a_probability() -> None:
     with pytest.raises(
-        InputError, match=r"^budget: 0.05 needs 19 records without .*, there are 18$"
+        InputError,
+        match=r"^false_alarm_probability: 0.05 needs 19 .*, there are 18$",
     ):
         threshold(np.zeros(18), 0.05)
     assert threshold(np.zeros(19), 0.05) == 0.0
@@ -214,7 +219,7 @@ def test_noise_of_the_states_has_the_covariance_of_the_model_at_rest() -> None:
 
 FEW: Tree = {
     "shares": [0.05, 0.4], "noise_levels": [0.03, 0.3], "driven_levels": [0.1], "runs": 4,
-    "faultless_runs": 9, "budget": 0.1,
+    "faultless_runs": 9, "false_alarm_probability": 0.1,
 }  # fmt: skip
 
 
@@ -258,8 +263,7 @@ def test_rows_come_by_plant_then_models_then_runs() -> None:
                 for name in DETECTORS:
                     wanted.append((name, sweep, share, run, "alarm_time"))
                     if name in BANKS:
-                        for when in ("before", "after"):
-                            wanted.append((name, sweep, share, run, f"probability_{when}"))
+                        wanted.append((name, sweep, share, run, "probability_after"))
     columns = ("observer", "sweep", "level", "run", "quantity")
     assert [tuple(row[name] for name in columns) for row in few()] == wanted
 
@@ -322,22 +326,15 @@ def test_metrics_are_those_of_the_runs() -> None:
         assert numbers[name, f"alarmed_share {at}"] == whole.value
         limits = [numbers[name, f"alarmed_share_{end} {at}"] for end in ("low", "high")]
         assert limits == pytest.approx(list(whole.interval))
-        rows = found.where(observer=name, sweep="exact_0.03", level=0.4)
-        for quantity, metric in (("after", "correct_share"), ("before", "mistaken_share")):
-            values = rows.where(quantity=f"probability_{quantity}")["value"]
-            key = name, f"{metric} {at} share=0.4"
-            assert (key in numbers) is (name in BANKS)
-            if name in BANKS:
-                assert numbers[key] == np.mean(values > 0.5)
     assert numbers["models", "nu_gap share=0.4"] == curve(found, "glr", "exact_0.3")[-1].gap
 
 
 def test_the_unit_of_the_layers_is_the_one_of_the_study() -> None:
-    """A unit that is the ledger's own gives what the observer gives."""
-    rows = table(close(layer_units=[1.0], noise_levels=[0.03], driven_levels=[], shares=[0.4]))
+    """A unit that is the parameter file's own gives what the observer gives."""
+    rows = table(close(layer_scales=[1.0], noise_levels=[0.03], driven_levels=[], shares=[0.4]))
     stated = rows.where(observer="svsf")["value"]
-    np.testing.assert_array_equal(rows.where(observer="svsf_unit_1")["value"], stated)
-    thinner = table(few()).where(observer="svsf_unit_0.0001", sweep="exact_0.03", level=0.4)[
+    np.testing.assert_array_equal(rows.where(observer="svsf_scale_1")["value"], stated)
+    thinner = table(few()).where(observer="svsf_scale_0.0001", sweep="exact_0.03", level=0.4)[
         "value"
     ]
     assert not np.array_equal(thinner, stated)

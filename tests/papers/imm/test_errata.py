@@ -220,7 +220,7 @@ def test_20_over_the_c_of_each_mode_would_leave_likelihoods_and_no_probabilities
 # --- (2) and (14) have no D u -------------------------------------------------------------------
 
 
-def test_without_feedthrough_the_acceleration_is_foretold_wrong_by_all_of_d_u() -> None:
+def test_without_feedthrough_the_acceleration_is_predicted_wrong_by_all_of_d_u() -> None:
     u = np.full((1, 1), 1.5)
     z = simulated(MOTION, u)
     without = motion_model("normal", feedthrough=False)

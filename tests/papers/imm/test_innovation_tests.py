@@ -122,7 +122,7 @@ def test_the_ratio_is_the_one_of_normal_densities() -> None:
 
 @pytest.mark.parametrize("factor", [1.0, 1.5, 4.0, 0.2])
 def test_the_ratio_of_innovations_of_one_size(factor: float) -> None:
-    """n m (c - 1 - ln c) / 2 over n samples, zero where they are smaller than foretold."""
+    """n m (c - 1 - ln c) / 2 over n samples, zero where they are smaller than expected."""
     n = np.arange(1, 33)
     wanted = 0.5 * n * M * max(0.0, factor - 1 - np.log(factor)) * (factor > 1)
     found = inflation_glr(np.full(32, factor * M), M, n)

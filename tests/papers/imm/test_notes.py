@@ -8,7 +8,7 @@ from tests.papers.imm.test_paper import ledger
 
 
 def test_boundary_layers_are_stated_in_the_units_of_the_outputs() -> None:
-    changes = {"observers": {"svsf": {"layer_unit": 1e-3}}}
+    changes = {"observers": {"svsf": {"layer_scale": 1e-3}}}
     job = read_job(keys.Ledger, ledger(changes).settings("plot", "fig5_plain"))
     assert notes.layers(job) == "Boundary layers of [0.1, 1, 10] y s, y and y/s."
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.papers.imm import keys, plant, search
+from reobserve.papers.imm.calibration import Calibration, Trial, switches
 from reobserve.papers.imm.study_rows import TUNED
-from reobserve.papers.imm.tuning import Calibration, Trial, switches
 from reobserve.replication.parameters.job import read_job
 from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.steps import signed
@@ -207,11 +207,17 @@ def test_bad_bounds_are_refused_before_any_trial(
 # --- The search that was run --------------------------------------------------------------------
 
 
-# Keys that came after the search `calibrated`, with the values that leave it as it was.
+# Keys that came after the search `calibrated`, with the values that leave it as it was, and the
+# names that keys had at the time of the searches.
 SINCE = {
     "layer_unit": 1.0, "inverse": "pseudo", "initial_mode": "unknown", "hand_over": "motion",
     "input_unit": "V",
 }  # fmt: skip
+NAMED = {
+    "layer_scale": "layer_unit",
+    "switching_condition": "hand_over",
+    "self_transition": "stay",
+}
 
 SEARCHES = {"calibrated": "step", "switching": "velocity_step"}  # with their scenarios
 
@@ -267,12 +273,13 @@ def test_the_kept_search_is_the_one_that_the_ledger_states(name: str) -> None:
     for part in ("plant", "search", "seed"):
         assert was[part] == now[part], part
     for key, value in now["scenario"].items():
-        assert {**SINCE, **was["scenario"]}[key] == value, key
+        assert {**SINCE, **was["scenario"]}[NAMED.get(key, key)] == value, key
     assert len(kept(name)["search"]["history"]) == now["search"]["generations"]
     for observer, body in now["observers"].items():
         for key, value in body.items():
-            if key not in ("process_noise", "measurement_noise", "stay"):
-                assert {**SINCE, **was["observers"][observer]}[key] == value, (observer, key)
+            if key not in ("process_noise", "measurement_noise", "self_transition"):
+                known = {**SINCE, **was["observers"][observer]}
+                assert known[NAMED.get(key, key)] == value, (observer, key)
 
 
 def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:

@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.papers.imm import keys, study, study_changes, study_neighbourhood, study_rows
+from reobserve.papers.imm import calibration, keys, study, study_rows
+from reobserve.papers.imm.calibration import QUANTITIES, Calibration, Trial, read_kept
 from reobserve.papers.imm.metrics import reach
-from reobserve.papers.imm.study_neighbourhood import QUANTITIES, read_kept
 from reobserve.papers.imm.study_rows import TUNED
-from reobserve.papers.imm.tuning import Calibration, Trial, within
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import Job, read_job
 from tests.papers.imm.test_paper import ROOT, Tree, ledger, measured, record
@@ -127,15 +126,6 @@ def test_numbers_that_are_outside_as_stated_may_not_move() -> None:
     assert reach(RULES, table(rows), "leave") == (1.0, 1.0)
 
 
-def test_within_is_what_reach_asks_for() -> None:
-    means = {"loud": (0.45, 0.52, 0.95), "quiet": (0.2, 0.8, 0.3)}
-    observers = RULES.observers
-    assert within(Trial(means, 0.0), observers, 0.081)
-    assert not within(Trial(means, 0.0), observers, 0.079)
-    assert not within(Trial({**means, "loud": (0.4, 0.6, 0.88)}, 0.0), observers, 0.1)
-    assert not within(Trial({}, float("nan")), observers, 0.1)
-
-
 def kept_text(**changes: Any) -> str:
     stored = json.loads(KEPT.read_text(encoding="utf-8"))["search"]
     return json.dumps({"search": {**stored, **changes}})
@@ -180,17 +170,10 @@ def neighbourhood(changes: Tree | None = None, factors: Sequence[float] = ()) ->
 
 def test_the_ledger_has_what_the_search_found() -> None:
     found = values(neighbourhood())
-    assert found["search", "kept", 1.0, "as_found"] == 1.0
     kept = json.loads(KEPT.read_text(encoding="utf-8"))["search"]
     for name in ("trials", "tuned", "targets", "distance"):
         assert found["search", "kept", 1.0, name] == kept[name]
     assert found["all", "stated", 1.0, "distance"] == pytest.approx(kept["distance"], rel=1e-9)
-
-
-def test_other_numbers_in_the_ledger_are_not_as_found() -> None:
-    stay = settings_of("neighbourhood")["observers"]["kalman_tuned"]["stay"]
-    found = values(neighbourhood({"stay": stay - 1e-4}))
-    assert found["search", "kept", 1.0, "as_found"] == 0.0
 
 
 def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +184,7 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
         return Trial({}, 0.0)
 
     monkeypatch.setattr(Calibration, "try_out", try_out)
-    monkeypatch.setattr(study_neighbourhood, "THREADS", 1)
+    monkeypatch.setattr(calibration, "THREADS", 1)
     rows = neighbourhood(factors=[2.0, 5.0])
     wanted = [[1.0] * 9]
     for index in range(9):
@@ -216,7 +199,7 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_banks_that_are_tuned_together_share_their_numbers() -> None:
     settings = deepcopy(settings_of("neighbourhood"))
-    settings["observers"]["svsf_thin_tuned"]["stay"] = 0.9
+    settings["observers"]["svsf_thin_tuned"]["self_transition"] = 0.9
 
     def calibration() -> Calibration:
         job = read_job(keys.Ledger, settings)
@@ -303,9 +286,9 @@ def test_a_study_refuses_before_it_runs_what_it_cannot_use(monkeypatch: pytest.M
 
 
 def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(study_changes, "THREADS", 1)
+    monkeypatch.setattr(calibration, "THREADS", 1)
     settings = deepcopy(settings_of("changes"))
     settings["study"].update({"periods": [0.01], "shares": [0.9], "layer_factors": [0.1]})
     alone = study.run(settings, record("step"))
-    monkeypatch.setattr(study_changes, "THREADS", 2)
+    monkeypatch.setattr(calibration, "THREADS", 2)
     assert study.run(settings, record("step")) == alone

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+import scipy.linalg
 from numpy.typing import NDArray
 
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
-from reobserve.papers.imm.theory import (
-    corrected_radius,
-)
-from reobserve.plants.hydraulic_actuator import REALISATIONS, ActuatorModel, simulate
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
+from reobserve.papers.imm import observe
+from reobserve.papers.imm.setup import stacked_inputs
+from reobserve.papers.imm.theory import corrected_radius
+from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import lookup
 from reobserve.signals.inputs import Signal
@@ -38,37 +41,54 @@ def stated() -> dict[tuple[str, str], float]:
     return found()
 
 
-def scalar(A: float, Q: float, R: float) -> LinearModel:
-    return LinearModel([[A]], np.empty((1, 0)), [[1.0]], Q=Q, R=R)
-
-
 # --- The full correction ------------------------------------------------------------------------
 
 
+def two_states(C: Any, R: float = 1.0) -> LinearModel:
+    A = [[0.5, 0.3], [-0.2, 0.7]]
+    return LinearModel(A, np.empty((2, 0)), C, Q=[0.2, 0.5], R=R)
+
+
 def test_what_no_output_sees_moves_by_its_own_block() -> None:
-    A = np.array([[0.5, 0.3], [-0.2, 0.7]])
-    assert corrected_radius(A, np.array([[1.0, 0.0]])) == pytest.approx(0.7)
-    assert corrected_radius(A, np.array([[0.0, 3.0]])) == pytest.approx(0.5)
+    assert corrected_radius(two_states([[1.0, 0.0]]), "pseudo") == pytest.approx(0.7)
+    assert corrected_radius(two_states([[0.0, 3.0]]), "pseudo") == pytest.approx(0.5)
     # In the direction (1, 1) / sqrt(2), what is left is along d = (1, -1) / sqrt(2): d' A d.
-    assert corrected_radius(A, np.array([[1.0, 1.0]])) == pytest.approx((0.5 - 0.3 + 0.2 + 0.7) / 2)
-    assert corrected_radius(A, np.eye(2)) == 0.0
+    along = (0.5 - 0.3 + 0.2 + 0.7) / 2
+    assert corrected_radius(two_states([[1.0, 1.0]]), "pseudo") == pytest.approx(along)
+
+
+def test_the_weighted_inverse_is_the_kalman_gain_without_measurement_noise() -> None:
+    """The first state is known, and tells of the second by a12 x2 and noise of variance q1."""
+    p = scipy.linalg.solve_discrete_are([[0.7]], [[0.3]], [[0.5]], [[0.2]])[0, 0]
+    left = 0.7 - 0.7 * p * 0.3 / (0.3 * p * 0.3 + 0.2) * 0.3
+    found = corrected_radius(two_states([[1.0, 0.0]], R=1e-14), "weighted")
+    assert found == pytest.approx(left, rel=1e-9)
 
 
 @pytest.mark.parametrize("mode", ACTUATOR)
 def test_radii_of_the_actuator_are_those_of_blocks(mode: str) -> None:
-    A, _, H = velocity_model(mode).arrays[:3]
-    block = np.abs(np.linalg.eigvals(A[1:, 1:])).max()
-    assert corrected_radius(A, H) == pytest.approx(block, rel=1e-9)
-    A, _, H = motion_model(mode).arrays[:3]
-    block = np.abs(np.linalg.eigvals(A[3:, 3:])).max()
-    assert corrected_radius(A, H) == pytest.approx(block, rel=1e-9)
+    for model, measured in ((velocity_model(mode), 1), (motion_model(mode), 3)):
+        block = np.abs(np.linalg.eigvals(model.arrays.A[measured:, measured:])).max()
+        assert corrected_radius(model, "pseudo") == pytest.approx(block, rel=1e-9)
 
 
-def test_the_radius_is_that_of_the_slowest_mode() -> None:
+def test_the_radius_is_that_of_the_slowest_mode_and_of_the_inverse() -> None:
     largest = max(
         np.abs(np.linalg.eigvals(velocity_model(mode).arrays.A[1:, 1:])).max() for mode in ACTUATOR
     )
-    assert stated()["svsf_law", "corrected_radius_velocity"] == pytest.approx(largest, rel=1e-9)
+    radii = {
+        (realisation, inverse): found(
+            {"observers": {"svsf": {"realisation": realisation, "inverse": inverse}}}
+        )["svsf", "corrected_radius"]
+        for realisation, inverse in (
+            ("velocity", "pseudo"),
+            ("observer_canonical", "pseudo"),
+            ("observer_canonical", "weighted"),
+        )
+    }
+    assert radii["velocity", "pseudo"] == pytest.approx(largest, rel=1e-9)
+    assert radii["observer_canonical", "pseudo"] == pytest.approx(1.0038, abs=1e-4)
+    assert radii["observer_canonical", "weighted"] < 0.95
 
 
 # --- A wrong model ------------------------------------------------------------------------------
@@ -120,12 +140,29 @@ def test_a_bank_that_never_leaves_its_first_mode_is_its_filter() -> None:
 # --- The layers ---------------------------------------------------------------------------------
 
 
-def test_thinner_layers_are_a_larger_part_of_the_error_and_left_by_none() -> None:
-    values = stated()
-    assert 0 < values["svsf", "layer_share"] < values["svsf_thin", "layer_share"] < 1
-    # Far inside the layer the errors are the model's own, and the share is as the width.
-    ten = found({"observers": {"svsf": {"layer_factor": 10.0}}})
-    assert ten["svsf", "layer_share"] == pytest.approx(values["svsf", "layer_share"] / 10, rel=0.05)
+def test_a_priori_errors_may_leave_layers_and_a_posteriori_ones_do_not() -> None:
+    """By a filter that is run by hand; |e| (1 - |e| / psi) is a quarter of psi at most."""
+    rules = fixed_ledger("imm").section("theory")
+    period = rules["period"]
+    steps, begin = (round(rules[name] / period) for name in ("horizon", "onset"))
+    control = Signal.parse("input", rules["input"], 1)(np.arange(steps) * period)[:, 0]
+    normal, leakage = (ActuatorModel(*ACTUATOR[mode]) for mode in ("normal", "leakage"))
+    leaks = np.arange(steps) >= begin
+    leaking, healthy = (
+        simulate([normal, leakage], mode.astype(np.int64), control, period)[1:, :3]
+        for mode in (leaks, np.zeros(steps))
+    )
+    layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
+    settings = fixed_ledger("imm").settings("observe", "svsf")
+    model = cast(LinearFilter, observe.build(settings, period).filters[0]).model
+    one = SmoothVariableStructureFilter(model, layer, 0.1)
+    run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))
+    late = slice((begin + steps) // 2, None)
+    ratio = np.abs(run["innovation"][late]) / layer
+    assert stated()["svsf", "layer_ratio"] == pytest.approx(ratio.max(), rel=1e-6)
+    inputs = stacked_inputs(control)
+    after = leaking - run["state"] @ model.C.T - inputs @ model.D.T
+    assert np.abs(after[late] / layer).max() < 0.3
 
 
 def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
@@ -133,18 +170,9 @@ def test_a_layer_as_wide_as_the_model_is_wrong_corrects_it() -> None:
     wide = found({"observers": {"svsf": {"layer_factor": 1e12}}})
     opened = values["model", "open_velocity_error"]
     assert wide["svsf", "single_velocity_error"] == pytest.approx(opened, rel=1e-6)
-    # What the ledger has for the layer does not enter.
+    # What the parameter file has for the layer does not enter.
     assert wide["svsf", "informed_velocity_error"] == values["svsf", "informed_velocity_error"]
     assert values["svsf", "informed_velocity_error"] < opened
-
-
-def test_the_own_radius_is_that_of_the_realisation() -> None:
-    for realisation in REALISATIONS:
-        one = found({"observers": {"svsf": {"realisation": realisation}}})
-        assert one["svsf", "corrected_radius"] == one["svsf_law", f"corrected_radius_{realisation}"]
-    assert stated()["svsf_law", "corrected_radius_observer_canonical"] == pytest.approx(
-        1.0038, abs=1e-4
-    )
 
 
 # --- The stage ----------------------------------------------------------------------------------

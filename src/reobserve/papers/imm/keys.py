@@ -1,9 +1,9 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -29,7 +29,7 @@ from reobserve.replication.parameters.job import signal
 Coefficients = Annotated[list[float], vector(4)]
 TestInput = Annotated[Terms, signal(1)]
 Motion = Annotated[list[NotNegative], vector(4)]
-HandOver = Literal["motion", "states", "outputs"]
+SwitchingCondition = Literal["motion", "states", "outputs"]
 Probability = Annotated[float, within(0, 1)]
 
 
@@ -80,7 +80,7 @@ class Scenario:
     fault: Literal["friction", "leakage"]
     share: NotNegative
     onset: Positive
-    hand_over: HandOver
+    switching_condition: SwitchingCondition
     noise: Motion
     title: str = ""
 
@@ -88,10 +88,9 @@ class Scenario:
 @dataclass(frozen=True)
 class _Bank:
     realisation: Literal["velocity", "derivatives", "motion", "observer_canonical"]
-    state_frequency: Positive
     process_noise: Variances
     measurement_noise: Variances
-    stay: Annotated[float, Field(gt=0, le=1)]
+    self_transition: Annotated[float, Field(gt=0, le=1)]
     initial_covariance: Variances
     initial_mode: Literal["unknown", "normal"]
     mixing: bool
@@ -113,7 +112,7 @@ class SmoothVariableStructure(_Bank):
 
     algorithm: Literal["smooth_variable_structure"]
     boundary_layer: Annotated[list[Positive], items(1, 4)]
-    layer_unit: Positive
+    layer_scale: Positive
     layer_factor: Positive
     memory: NotNegative
     inverse: Literal["pseudo", "weighted"]
@@ -150,6 +149,7 @@ class Neighbourhood(job.Study):
     kept: str
     band: Share
     factors: Changed
+    earlier_trials: Annotated[list[int], items(0)] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,12 +178,12 @@ class Closeness(job.Study):
     onset: Positive
     settling: Positive
     judged: Positive
-    budget: Share
+    false_alarm_probability: Share
     enough: Share
     shares: Levels
     noise_levels: Levels
     driven_levels: Changed
-    layer_units: Changed
+    layer_scales: Changed
     faultless_runs: Annotated[int, within(1, 100_000)]
     runs: Annotated[int, within(1, 100_000)]
 
@@ -193,7 +193,7 @@ class Causes(job.Study):
     """Banks of SVSFs with one cause of what they do changed."""
 
     method: Literal["causes"]
-    units: Changed
+    scales: Changed
 
 
 Study = Neighbourhood | Changes | Closeness | Causes
@@ -219,7 +219,8 @@ class Theory:
     input: TestInput
     horizon: Positive
     onset: Positive
-    hand_over: HandOver
+    switching_condition: SwitchingCondition
+    layer_share: Annotated[float, Field(gt=0, lt=1)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ What stands at a coordinate belongs to a study: of changes, at what is changed a
 closeness, at the noise, the plant (`exact`, or `driven` by process noise) and the share of the
 leak, and the observer column holds a detector. For the neighbourhood the observer column holds
 the tuned number, `search`, or `all` banks. In `theory.metrics.csv` it holds a bank,
-`svsf_law` for the SVSF's gain, or `model` for the normal one. `nan` means that it never happens.
+or `model` for the normal one. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.papers.imm import detection
+from reobserve.papers.imm import detectors
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
-from reobserve.papers.imm.scoring import check_rules, probabilities, quoted_distance
-from reobserve.papers.imm.study_rows import MISMATCHED, STATED, TUNED
+from reobserve.papers.imm.scoring import check_rules, probabilities
+from reobserve.papers.imm.study_rows import STATED, TUNED
 from reobserve.replication.metrics.metrics import Metric, Score, scores_of
 from reobserve.replication.metrics.responses import root_mean_square, window
 from reobserve.replication.metrics.study_table import StudyTable
@@ -32,28 +32,23 @@ Array = NDArray[np.float64]
 
 # What each number is, those of the theory included; `<word>` stands for what differs.
 MEANINGS = {
-    "<mode>_before": "mean probability of a mode before the fault",
+    "normal_before": "mean probability of the normal mode before the fault",
     "<mode>_after": "mean probability of a mode after it",
     "<mode>_spread": "its standard deviation over time, after the fault",
     "overshoot": "how far the normal mode is from its later mean at most, in the window of it",
-    "alarm_delay": "from the fault until the normal mode falls below the level of an alarm",
-    "alarm_samples": "the same in samples",
-    "diagnosis_delay": "from the fault until the right mode is the most probable",
-    "diagnosed_share": "share of the last three seconds in which it is",
-    "false_alarm_share": "share of the time before the fault with the normal mode below that level",
-    "quoted_distance": "root mean square over time from the values that the paper quotes",
-    "rms_position_error": "of the combined estimate after the fault",
+    "alarm_samples": (
+        "samples from the fault until the normal mode falls below the level of an alarm"
+    ),
+    "diagnosed_share": "share of the last three seconds in which the right mode is the likeliest",
     "rms_velocity_error": "of the combined estimate after the fault",
-    "position_error_share": "the former as a share of the position's own root mean square",
-    "velocity_error_share": "the latter as a share of the velocity's",
-    "outside_share": "of the innovations after the fault that lie outside the boundary layer",
-    "chattering_share": "of those after it that lie there and have changed their sign",
+    "velocity_error_share": "the same as a share of the velocity's own root mean square",
+    "saturation_fraction": "of the innovations after the fault that lie outside the boundary layer",
+    "chattering_fraction": "of those after it that lie there and have changed their sign",
     "trials": "of the search, each of three banks",
+    "earlier_trials": "of searches before it, whose numbers are not used",
     "tuned": "how many numbers the search moved",
     "targets": "how many quoted values it sought",
     "distance": "root mean square over time and values that it left",
-    "as_found": "one if the ledger still has the numbers that the search found",
-    "<quantity>_stated": "with the numbers of the ledger",
     "least_factor": "to a tuned number that keeps all quoted values within the band",
     "greatest_factor": "the greatest such factor",
     "<quantity> <change>=<level>": "the same as without it, after one change, to which level",
@@ -69,25 +64,23 @@ MEANINGS = {
         "from the fault to the alarm, over the runs without a false one; nan if most have none"
     ),
     "least_gap noise=<noise> plant=<plant>": "gap from which on 95 % of the faults are detected",
-    "correct_share noise=<noise> plant=<plant> share=<share>": (
-        "of runs, at whose end the faulty model is the more probable one"
-    ),
-    "mistaken_share noise=<noise> plant=<plant> share=<share>": (
-        "of runs in which it is so before the fault"
-    ),
+    "least_gap_low noise=<noise> plant=<plant>": "lower end of its interval of 95 % (bootstrap)",
+    "least_gap_high noise=<noise> plant=<plant>": "its upper end",
     "least_gap_of_diagnosis noise=<noise> plant=<plant>": (
         "gap from which on 95 % of the diagnoses at the end are correct"
     ),
+    "least_gap_of_diagnosis_low noise=<noise> plant=<plant>": "lower end of its interval",
+    "least_gap_of_diagnosis_high noise=<noise> plant=<plant>": "its upper end",
     "normal_after variant=<variant>": "of an SVSF-IMM with one cause changed, or none: `whole`",
     "fault_after variant=<variant>": "the same of the faulty mode",
-    "outside_share variant=<variant>": "of the innovations after the fault, outside the layers",
-    "corrected_radius_<realisation>": (
-        "largest radius of (I - H^+ H) A: what full correction of all outputs leaves"
+    "saturation_fraction variant=whole": "of the innovations after the fault, outside the layers",
+    "chattering_fraction variant=whole": "of those that lie there and have changed their sign",
+    "corrected_radius": (
+        "largest radius of (I - W C) A: what full correction of all outputs leaves"
     ),
-    "corrected_radius": "the same with an SVSF's own realisation",
     "single_velocity_error": "RMS after a leak, of the normal model's filter alone",
     "bank_velocity_error": "the same of the bank",
-    "layer_share": "largest a posteriori output error of that filter over the boundary layer",
+    "layer_ratio": "largest a priori output error over a layer that the model alone leaves",
     "open_velocity_error": "of the normal model that nothing corrects",
     "informed_velocity_error": "of that filter with layers as wide as the model is wrong",
 }
@@ -111,33 +104,27 @@ def measure(data: FigureData) -> Iterator[Metric]:
 
 def _scores(data: FigureData, name: str) -> Iterator[Score]:
     job, estimate = data.job, data.estimates[name]
-    rules, observer = job.metrics, job.observers[name]
+    rules = job.metrics
     time, probability = estimate.time, estimate["probability"]
     onset = estimate.events["fault"][0]
     fault = MODES.index(job.scenario.fault)
     yield from probabilities(rules, time, probability, onset, fault)
-    high = bool(observer.quoted_high)
-    off = quoted_distance(rules, time, probability, observer.quoted, high)
-    yield "quoted_distance", off, "1"
     later = window(time, onset, np.inf, closed="right")
-    for what in ("position", "velocity"):
-        if what in estimate.channels:
-            moved = data.plant["motion"][:, list(UNITS).index(what)]
-            error = estimate[what] - moved
-            size = float(root_mean_square(error[later]))
-            yield f"rms_{what}_error", size, UNITS[what]
-            yield f"{what}_error_share", size / float(root_mean_square(moved[later])), "1"
-    if "outside" in estimate.channels:
-        yield "outside_share", float(np.mean(estimate["outside"][later])), "1"
-        yield "chattering_share", float(np.mean(estimate["chattering"][later])), "1"
+    moved = data.plant["motion"][:, list(UNITS).index("velocity")]
+    size = float(root_mean_square((estimate["velocity"] - moved)[later]))
+    yield "rms_velocity_error", size, UNITS["velocity"]
+    yield "velocity_error_share", size / float(root_mean_square(moved[later])), "1"
+    if "saturated" in estimate.channels:
+        yield "saturation_fraction", float(np.mean(estimate["saturated"][later])), "1"
+        yield "chattering_fraction", float(np.mean(estimate["chattering"][later])), "1"
 
 
 def _neighbourhood(data: FigureData) -> Iterator[Metric]:
     """What the search says of itself, and how far each number may move."""
     study = data.study
-    for sweep, ending in (("kept", ""), ("stated", "_stated")):
-        for (name, quantity), rows in study.where(sweep=sweep).groups("observer", "quantity"):
-            yield Metric(name, f"{quantity}{ending}", rows.value(), "1")
+    yield Metric("search", "earlier_trials", float(sum(data.job.study.earlier_trials)), "1")
+    for (name, quantity), rows in study.where(sweep="kept").groups("observer", "quantity"):
+        yield Metric(name, quantity, rows.value(), "1")
     for parameter in TUNED:
         low, high = reach(data.job, study, parameter)
         yield Metric(parameter, "least_factor", low, "1")
@@ -192,22 +179,15 @@ def _changes(data: FigureData) -> Iterator[Metric]:
 
 def _closeness(data: FigureData) -> Iterator[Metric]:
     """Detected faults and false alarms by detector, plant, noise and share; the least gaps."""
-    yield from detection.measure(data.study, data.job.study.enough)
+    yield from detectors.measure(data.study, data.job.study.enough)
 
 
 def _causes(data: FigureData) -> Iterator[Metric]:
-    """What an SVSF-IMM as stated gives with one cause changed.
-
-    A filter whose gain and covariance are of two kinds misjudges its errors, and a bank of them may
-    flip between modes by the last bits of its record: no number then.
-    """
-    stated, band = data.study.where(run=STATED), data.job.metrics.band
-    for (name, variant), rows in stated.groups("observer", "sweep"):
-        unsettled = variant in MISMATCHED and not rows.value(quantity="fault_spread") <= band
-        for (quantity,), row in rows.groups("quantity"):
-            if quantity != "fault_spread":
-                value = float("nan") if unsettled else row.value()
-                yield Metric.at(name, (quantity, value, "1"), variant=variant)
+    """What an SVSF-IMM as stated gives with one cause changed."""
+    for (name, variant, quantity), row in data.study.where(run=STATED).groups(
+        "observer", "sweep", "quantity"
+    ):
+        yield Metric.at(name, (quantity, row.value(), "1"), variant=variant)
 
 
 _SUMMARIES = {

@@ -1,11 +1,15 @@
-"""What stands under a figure over time: settings that decide it, from the ledger."""
+"""What stands under a figure over time, settings that decide it, and the style of each bank."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from reobserve.papers.imm import keys
+from reobserve.plotting.figures import STYLES, Style
 from reobserve.replication.parameters.job import Job
+
+KALMAN, SVSF, THIN, UNMIXED = STYLES[:4]
+INPUT, VELOCITY = Style("0.8", "-", 0.6), Style("0.35", "-", 1.0)
 
 _REALISATIONS = {
     "velocity": "the velocity as output",
@@ -13,7 +17,7 @@ _REALISATIONS = {
     "motion": "position, velocity and acceleration as outputs",
     "observer_canonical": "the velocity as output, observer-canonical form",
 }
-_HAND_OVERS = {
+_SWITCHING_CONDITIONS = {
     "motion": "the motion goes on through the leak",
     "states": "the models' states go on through the leak",
     "outputs": "outputs switched at the leak",
@@ -23,16 +27,18 @@ _HAND_OVERS = {
 def note(job: Job) -> str:
     """How curves are drawn, the input, noise, sampling and the banks."""
     scenario, first = job.scenario, next(iter(job.observers.values()))
-    noise = "noise as in the ledger" if any(scenario.noise) else "no noise"
+    noise = "with noise" if any(scenario.noise) else "no noise"
     how = "from the least to the greatest value, if these differ"
     sentences = (
         f"Vertical line: the leak begins. Curves: means over 30 ms; bands: {how}.",
-        "◂ and dotted: quoted by the paper.",
+        "◂ and pale bars: quoted by the paper.",
         f"{stimulus(scenario.input, scenario.input_unit)}, samples every "
-        f"{1000 * scenario.period:g} ms, {noise}; {_HAND_OVERS[scenario.hand_over]}.",
+        f"{1000 * scenario.period:g} ms, {noise}; "
+        f"{_SWITCHING_CONDITIONS[scenario.switching_condition]}.",
         f"{_REALISATIONS[first.realisation].capitalize()}; modes that stay with a probability of "
-        f"{first.stay:g} a sample.",
+        f"{first.self_transition:g} a sample.",
         layers(job),
+        "y: the unit of the models' output, which the paper does not give.",
     )
     return "\n".join(filter(None, sentences))
 
@@ -55,7 +61,7 @@ def layers(job: Job) -> str:
     """The widths of the boundary layers, of the first SVSF that has the paper's."""
     for body in job.observers.values():
         if isinstance(body, keys.SmoothVariableStructure):
-            widths = ", ".join(_digits(body.layer_unit * width) for width in body.boundary_layer)
+            widths = ", ".join(_digits(body.layer_scale * width) for width in body.boundary_layer)
             thinner = f" × {body.layer_factor:g}" if body.layer_factor != 1 else ""
             return f"Boundary layers of [{widths}]{thinner} y s, y and y/s."
     return ""
@@ -64,3 +70,10 @@ def layers(job: Job) -> str:
 def _digits(value: float) -> str:
     """Three of them, and no power of ten where none is needed."""
     return f"{float(f'{value:.3g}'):g}"
+
+
+def style_of(observer: keys.Observer) -> Style:
+    """The style of a bank: Kalman filters, SVSFs, or SVSFs with thinner layers."""
+    if isinstance(observer, keys.Kalman):
+        return KALMAN if observer.mixing else UNMIXED
+    return THIN if observer.layer_factor < 1 else SVSF

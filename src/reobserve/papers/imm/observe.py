@@ -11,9 +11,9 @@ from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.setup import (
     bank,
-    boundary_layer,
     measured_columns,
     run,
+    saturation,
 )
 from reobserve.plants.hydraulic_actuator import REALISATIONS
 from reobserve.replication.parameters.job import Settings, read_job
@@ -27,12 +27,11 @@ def build(settings: Settings, period: float) -> IMM:
 
 
 def estimate(settings: Settings, plant: Series) -> Series:
-    """Probabilities of the modes and estimates of what is measured, from t = 0 on.
+    """Probabilities of the modes and the estimate of the velocity, from t = 0 on.
 
-    ``probability`` has one component a mode, in the order of `MODES`; ``position`` and ``velocity``
-    are estimates where the realisation measures them. For an SVSF ``outside`` is the share of all
-    innovations that lie outside the boundary layer, and ``chattering`` of those there that have
-    changed their sign since the sample before.
+    ``probability`` has one component a mode, in the order of `MODES`. For an SVSF ``saturated`` is
+    the share of all innovations that lie outside the boundary layer, and ``chattering`` that of
+    those there that have changed their sign since the sample before.
 
     Raises
     ------
@@ -50,21 +49,13 @@ def estimate(settings: Settings, plant: Series) -> Series:
         raise DivergenceError(observer.algorithm, found.diverged_at)
     start = np.full((1, len(MODES)), 1.0 / len(MODES))
     channels = {"probability": Channel(np.vstack([start, found["probability"]]), "1")}
-    names = REALISATIONS[observer.realisation]
-    # Neither has a share of the input in it: the same row of C in all modes.
-    rows = chosen.filters[0].model.C
-    for name in ("position", "velocity"):
-        if name in names:
-            values = np.concatenate([[0.0], found["state"] @ rows[names.index(name)]])
-            channels[name] = Channel(values, UNITS[name])
+    # It has no share of the input in it: the same row of C in all modes.
+    row = chosen.filters[0].model.C[REALISATIONS[observer.realisation].index("velocity")]
+    velocity = np.concatenate([[0.0], found["state"] @ row])
+    channels["velocity"] = Channel(velocity, UNITS["velocity"])
     if observer.algorithm == "smooth_variable_structure":
-        layer = boundary_layer(observer, len(columns))
-        innovation = found["innovation"]
-        outside = np.abs(innovation) > layer
-        before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
-        for name, chosen_ones in (
-            ("outside", outside), ("chattering", outside & (innovation * before < 0)),
-        ):  # fmt: skip
-            share = np.mean(chosen_ones, axis=(1, 2))
+        both = saturation(observer, found["innovation"])
+        for name, rows_of in zip(("saturated", "chattering"), both, strict=True):
+            share = np.mean(rows_of, axis=(1, 2))
             channels[name] = Channel(np.concatenate([[0.0], share]), "1")
     return Series(plant.time, channels, plant.events)

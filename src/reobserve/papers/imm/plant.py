@@ -34,7 +34,7 @@ def simulate(settings: Settings) -> Series:
     """
     job = read_job(keys.Ledger, settings)
     setup = build(job)
-    motion = move(setup.models, setup.mode, setup.control, setup.period, setup.hand_over)
+    motion = move(setup.models, setup.mode, setup.control, setup.period, setup.switching_condition)
     stream = random_stream(job.seed, "imm", "noise")
     measured = motion + setup.noise * stream.standard_normal(motion.shape)
     time = np.arange(len(motion), dtype=np.float64) * setup.period

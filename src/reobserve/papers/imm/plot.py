@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from reobserve.papers.imm import (
-    plot_causes,
-    plot_changes,
-    plot_closeness,
-    plot_neighbourhood,
-    plot_probability,
-)
+from reobserve.papers.imm import plot_closeness, plot_probability, plot_studies
 
 LAYOUTS = {
     "normal": plot_probability.draw,
     "leakage": plot_probability.draw,
     "switching": plot_probability.draw_switching,
-    "neighbourhood": plot_neighbourhood.draw,
-    "changes": plot_changes.draw,
+    "neighbourhood": plot_studies.draw_neighbourhood,
+    "changes": plot_studies.draw_changes,
     "closeness": plot_closeness.draw,
-    "causes": plot_causes.draw,
+    "causes": plot_studies.draw_causes,
 }

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.detection import Judged, curve
-from reobserve.papers.imm.study_rows import CUSUM, DRIVEN, GLR, UNMIXED, sweep_kind, with_units
-from reobserve.papers.imm.styles import style_of
+from reobserve.papers.imm.detectors import Judged, curve
+from reobserve.papers.imm.notes import style_of
+from reobserve.papers.imm.study_rows import CUSUM, DRIVEN, GLR, UNMIXED, sweep_kind, with_scales
 from reobserve.plotting.figures import STYLES, Style, add_note, blank
 from reobserve.plotting.look import mark, points, thick
 from reobserve.replication.parameters.figure_data import FigureData
@@ -25,7 +25,7 @@ ROWS = ("detected share", "false alarms", "median delay [ms]")
 def draw(data: FigureData) -> Figure:
     """A column a plant and noise: detected faults, false alarms, and median delays."""
     job, study = data.job, data.study
-    styles, labels = _detectors(with_units(job.observers, job.study.layer_units))
+    styles, labels = _detectors(with_scales(job.observers, job.study.layer_scales))
     sweeps = study.levels("sweep")
     figure = blank(6.3)
     panels = figure.subplots(
@@ -54,7 +54,9 @@ def draw(data: FigureData) -> Figure:
         )  # fmt: skip
         shares.axhline(job.study.enough, color="0.4", linewidth=thick(0.8), linestyle=":")
         for axes in (shares, alarms):
-            axes.axhline(job.study.budget, color="0.4", linewidth=thick(0.8), linestyle=":")
+            axes.axhline(
+                job.study.false_alarm_probability, color="0.4", linewidth=thick(0.8), linestyle=":"
+            )
         panels[-1, column].set_xlabel("ν-gap")
     panels[0, 0].set_ylim(-0.04, 1.04)
     panels[1, 0].set_ylim(-0.015, None)
@@ -79,14 +81,14 @@ def _limits(found: list[Judged]) -> tuple[list[float], list[float]]:
 def _detectors(
     observers: Mapping[str, keys.Observer],
 ) -> tuple[dict[str, Style], dict[str, str]]:
-    """Style and label of each detector: banks as everywhere, in other units the same fainter."""
+    """Style and label of each detector: banks as everywhere."""
     styles: dict[str, Style] = {}
     labels: dict[str, str] = {}
     for name, body in observers.items():
         styles[name], labels[name] = style_of(body), body.label
-        if "_unit_" in name and isinstance(body, keys.SmoothVariableStructure):
+        if "_scale_" in name and isinstance(body, keys.SmoothVariableStructure):
             styles[name] = replace(_GREEN, marker="v")
-            labels[name] = f"SVSF-IMM, unit of ψ × {body.layer_unit:g}"
+            labels[name] = f"SVSF-IMM, ψ × {body.layer_scale:g}"
     first = next(iter(observers.values()))
     styles[UNMIXED] = style_of(replace(first, mixing=False))
     styles[CUSUM], styles[GLR] = _RED, Style("0.55", "-", 1.6, "x")
@@ -103,8 +105,9 @@ def _note(study: keys.Closeness) -> str:
     return (
         f"A fault is detected if its alarm comes within {window:g} s; {study.runs:g} runs a point, "
         "bars are Wilson's intervals of 95 %. Thresholds are those that\n"
-        f"{study.budget:.0%} of runs without a fault exceed in {study.onset - study.settling:g} s "
-        f"(dotted below), from {study.faultless_runs:g} other runs each. Dotted above: "
+        f"{study.false_alarm_probability:.0%} of runs without a fault exceed in "
+        f"{study.onset - study.settling:g} s (dotted below), from {study.faultless_runs:g} other "
+        "runs each. Dotted above: "
         f"{study.enough:.0%}. Delays stand where\nmost faults are detected. Points of one ν-gap "
         "stand side by side."
     )

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
-from reobserve.papers.imm.notes import note
-from reobserve.papers.imm.styles import INPUT, VELOCITY, style_of
+from reobserve.papers.imm.notes import INPUT, VELOCITY, note, style_of
 from reobserve.plotting.figures import PaperFigure, add_note, new_figure, thin, time_axis
 from reobserve.plotting.look import points, thick
 from reobserve.replication.parameters.figure_data import FigureData
@@ -43,9 +43,9 @@ def draw_switching(data: FigureData) -> Figure:
         _probabilities(axes, data, mode, letter)
         _quoted(axes, data, mode)
     for name, estimate in data.estimates.items():
-        if "outside" in estimate.channels:
+        if "saturated" in estimate.channels:
             style = style_of(data.job.observers[name])
-            outside.plot(*binned(estimate.time, estimate["outside"])[::2], **style.line())
+            outside.plot(*binned(estimate.time, estimate["saturated"])[::2], **style.line())
     outside.set_ylabel("share outside")
     outside.set_title("(c) innovations outside the boundary layer")
     return _finished(figure, data)
@@ -66,15 +66,16 @@ def _probabilities(axes: Axes, data: FigureData, mode: str, letter: str) -> None
 
 
 def _quoted(axes: Axes, data: FigureData, mode: str) -> None:
-    """What the paper quotes of each bank, where it is compared, and again in the margin."""
+    """What the paper quotes of each bank: a pale bar where it is compared, and in the margin."""
     start, end = data.job.metrics.after
     for name in data.estimates:
         body = data.job.observers[name]
         value = body.quoted[("normal", "leakage").index(mode)]
         color = style_of(body).color
         axes.plot(
-            (start, end), (value, value), color=color, linewidth=thick(1.6), linestyle=(0, (1, 1))
-        )
+            (start, end), (value, value), color=color, linewidth=thick(6), alpha=0.3,
+            solid_capstyle="butt", zorder=1,
+        )  # fmt: skip
         axes.annotate(
             f"◂ {value:g}", (1.0, value), xycoords=("axes fraction", "data"),
             xytext=(2, 0), textcoords="offset points", va="center", color=color,
@@ -90,6 +91,9 @@ def _finished(figure: PaperFigure, data: FigureData) -> Figure:
     first.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     time_axis(figure.axes[-1], data.plant.time)
     add_note(figure, note(data.job))
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(w_pad=0.1)  # [in] room beside the values in the margin
     return figure
 
 

@@ -29,10 +29,10 @@ def plant(job: Job) -> dict[str, Shape]:
 
 
 def estimates(_: Job) -> dict[str, Shape]:
-    """The channels of a bank's estimates: position and velocity where they are measured."""
+    """The channels of a bank's estimates."""
     return {
         "probability": Shape("1", len(MODES)),
-        **{name: Shape(UNITS[name], optional=True) for name in ("position", "velocity")},
-        "outside": Shape("1", optional=True),
+        "velocity": Shape(UNITS["velocity"]),
+        "saturated": Shape("1", optional=True),
         "chattering": Shape("1", optional=True),
     }

@@ -31,30 +31,26 @@ def check_rules(rules: keys.Metrics, horizon: float) -> None:
 def probabilities(
     rules: keys.Metrics, time: Array, probability: Array, onset: float, fault: int
 ) -> Iterator[Score]:
-    """Means over the windows, their spread, alarm and diagnosis, and the overshoot.
+    """Means over the windows, their spread, the alarm, the diagnosis and the overshoot.
 
     That is how far the normal mode is at most from its later mean, above or below.
     ``fault`` is the index of the mode that begins at ``onset`` [s].
     """
-    for when in ("before", "after"):
-        chosen = probability[window(time, *getattr(rules, when), closed="right")]
-        for mode, mean in zip(MODES, np.mean(chosen, axis=0), strict=True):
-            yield f"{mode}_{when}", float(mean), "1"
-    late = probability[window(time, *rules.after, closed="right")]
-    for mode, spread in zip(MODES, np.std(late, axis=0), strict=True):
-        yield f"{mode}_spread", float(spread), "1"
+    first = probability[window(time, *rules.before, closed="right")]
     early = probability[window(time, *rules.overshoot, closed="right")]
-    yield "overshoot", float(np.max(np.abs(early[:, 0] - np.mean(late[:, 0])))), "1"
-    faulty = time > onset + 1e-9
-    healthy = ~faulty & (time > rules.before[0])
-    alarm = _since(time, faulty & (probability[:, 0] < rules.alarm), onset)
-    yield "alarm_delay", alarm, "s"
-    yield "alarm_samples", round(alarm / (time[1] - time[0]), 6), "1"
-    right = np.argmax(probability, axis=1) == fault
-    yield "diagnosis_delay", _since(time, faulty & right, onset), "s"
-    yield "diagnosed_share", float(np.mean(right[window(time, *rules.after, closed="right")])), "1"
-    false = probability[healthy, 0] < rules.alarm
-    yield "false_alarm_share", float(np.mean(false)), "1"
+    late = probability[window(time, *rules.after, closed="right")]
+    yield "normal_before", float(np.mean(first, axis=0)[0]), "1"
+    for mode, mean in zip(MODES, np.mean(late, axis=0), strict=True):
+        yield f"{mode}_after", float(mean), "1"
+    for index in (0, 2):
+        yield f"{MODES[index]}_spread", float(np.std(late, axis=0)[index]), "1"
+    away = np.abs(early[:, 0] - np.mean(late[:, 0]))
+    yield "overshoot", float(np.max(away)), "1"
+    alarms = (time > onset + 1e-9) & (probability[:, 0] < rules.alarm)
+    delay = time[np.argmax(alarms)] - onset if alarms.any() else np.nan
+    yield "alarm_samples", round(float(delay) / (time[1] - time[0]), 6), "1"
+    right = np.argmax(late, axis=1) == fault
+    yield "diagnosed_share", float(np.mean(right)), "1"
 
 
 def quoted_distance(
@@ -72,8 +68,3 @@ def quoted_distance(
         early = probability[window(time, *rules.before, closed="right")]
         squares.append(np.mean((early[:, 0] - 1.0) ** 2))
     return float(np.sqrt(np.mean(squares)))
-
-
-def _since(time: Array, chosen: NDArray[np.bool_], onset: float) -> float:
-    """How long after the onset the first chosen sample is [s]; nan for none."""
-    return float(time[np.argmax(chosen)] - onset) if chosen.any() else float("nan")

@@ -8,7 +8,7 @@ have more than one state of rest, and where one of them ends the quoted values c
 last digit, by numbers that must not move by a hundredth.
 
 With ``switching`` a choice in which the thin layers do not switch, or the nominal ones do, counts
-as farther away than any that is right: see `tuning.switches`.
+as farther away than any that is right: see `calibration.switches`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError
 from reobserve.core.random_streams import random_stream
 from reobserve.papers.imm import keys
+from reobserve.papers.imm.calibration import Calibration, switches
 from reobserve.papers.imm.study_rows import OUTPUTS, STATES, TUNED
-from reobserve.papers.imm.tuning import Calibration, switches
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.series import Series
 

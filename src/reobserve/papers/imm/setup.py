@@ -1,4 +1,4 @@
-"""From the ledger's values to models, signals and banks of filters."""
+"""From the parameter file's values to models, signals and banks of filters."""
 
 from __future__ import annotations
 
@@ -29,11 +29,14 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 5_000_000  # of a plant's record
 
+# [rad/s] States are divided by its powers. Q and P0 are given in these units, so that it is no
+# choice: with both in other units a bank gives the same probabilities.
+STATE_FREQUENCY = 200.0
+
 # The ledger's keys for what the library calls otherwise.
 _KEYS = {
     "Q": "process_noise",
     "R": "measurement_noise",
-    "frequency": "state_frequency",
     "covariance": "initial_covariance",
 }
 
@@ -58,7 +61,7 @@ class Experiment:
 
     ``models`` are two, before and after the fault; ``mode`` is the index of one, shape (k,), and
     ``control``, (k,), the input; ``noise``, (4,), of `MOTION`; ``onset`` [s];
-    ``hand_over`` as `reobserve.plants.hydraulic_actuator.simulate` has it.
+    ``switching_condition`` as `reobserve.plants.hydraulic_actuator.simulate` has it.
     """
 
     models: tuple[ActuatorModel, ActuatorModel]
@@ -67,7 +70,7 @@ class Experiment:
     noise: Array
     period: float
     onset: float
-    hand_over: str
+    switching_condition: str
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
@@ -99,7 +102,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
         noise,
         period,
         onset,
-        scenario.hand_over,
+        scenario.switching_condition,
     )
 
 
@@ -119,12 +122,12 @@ def bank(
     known = modes(plant) if models is None else models
     with _ledger_keys():
         filters = [_filter(observer, mode, period) for mode in known]
-    transition = _transition(observer.stay, len(known))
+    transition = _transition(observer.self_transition, len(known))
     return IMM(filters, transition, observer.mixing)
 
 
 def _filter(observer: keys.Observer, mode: ActuatorModel, period: float) -> LinearFilter:
-    one = mode.sampled(observer.realisation, period, observer.state_frequency)
+    one = mode.sampled(observer.realisation, period, STATE_FREQUENCY)
     # A number stands for all states, or all outputs.
     noise = observer.process_noise, observer.measurement_noise
     Q = _picked(noise[0], range(ORDER + 1), range(ORDER + 1 - len(one.A), ORDER + 1))
@@ -165,7 +168,20 @@ def _picked(variances: Any, all_of: Sequence[Any], places: Sequence[int]) -> Any
 def boundary_layer(observer: keys.SmoothVariableStructure, outputs: int) -> Array:
     """Psi of each output, the first of those printed; `InputError` if it cannot be used."""
     printed = as_vector("boundary_layer", observer.boundary_layer[:outputs], outputs)
-    return observer.layer_factor * observer.layer_unit * printed
+    return observer.layer_factor * observer.layer_scale * printed
+
+
+def saturation(
+    observer: keys.SmoothVariableStructure, innovation: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which innovations, (k, r, m), lie outside the boundary layer, and which of these chatter.
+
+    A gain is saturated outside of the layer; it chatters where the innovation has another sign than
+    the sample before.
+    """
+    saturated = np.abs(innovation) > boundary_layer(observer, innovation.shape[-1])
+    before = np.concatenate([np.zeros_like(innovation[:1]), innovation[:-1]])
+    return saturated, saturated & (innovation * before < 0)
 
 
 def run(chosen: IMM, observer: keys.Observer, measured: Array, held: Array) -> Run[State]:
@@ -200,7 +216,7 @@ def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> Filt
 
 @contextmanager
 def _ledger_keys() -> Iterator[None]:
-    """Name a parameter of the library as the ledger does."""
+    """Name a parameter of the library as the parameter file does."""
     try:
         yield
     except InputError as error:

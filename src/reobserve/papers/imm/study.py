@@ -1,6 +1,6 @@
 """Stage study: many runs behind one figure, as one table.
 
-The ``method`` of a study in the ledger is one of
+The ``method`` of a study in the parameter file is one of
 
     neighbourhood    how far each tuned number may move before a quoted value leaves its band
     changes          the calibrated banks with one thing changed
@@ -13,25 +13,19 @@ from __future__ import annotations
 from typing import Any
 
 from reobserve.core.errors import located
-from reobserve.papers.imm import (
-    keys,
-    study_causes,
-    study_changes,
-    study_closeness,
-    study_neighbourhood,
-)
+from reobserve.papers.imm import calibration, keys, study_causes, study_closeness
 from reobserve.papers.imm.study_rows import HEADER
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.signals.series import Series
 
 METHODS = {
-    "neighbourhood": study_neighbourhood.run,
-    "changes": study_changes.run,
+    "neighbourhood": calibration.run_neighbourhood,
+    "changes": calibration.run_changes,
     "closeness": study_closeness.run,
     "causes": study_causes.run,
 }
 _CHECKS = {
-    "changes": study_changes.check,
+    "changes": calibration.check_changes,
     "closeness": study_closeness.check,
     "causes": study_causes.check,
 }

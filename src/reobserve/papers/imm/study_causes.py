@@ -1,9 +1,8 @@
 """Why the SVSF-IMM's probabilities differ from the KF-IMM's: one cause changed at a time.
 
-Of an SVSF the gain moves the means or makes the covariances, and Kalman's does the other; or the
-gain is held where it is on average, so that nothing switches; or it knows no edge of the layer, or
-nothing but what is outside; or it has no memory. All that for each SVSF as it is stated, and for
-the first one with its layers in other units.
+The gains of an SVSF-IMM are frozen where they are on average while its probabilities are judged, so
+that nothing switches; or it has no memory; or it is a KF-IMM. All that for each SVSF as it is
+stated, and for the first one with its layers at other scales.
 """
 
 from __future__ import annotations
@@ -11,33 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.observers.fixed_gain import FixedGainObserver
+from reobserve.observers.gaussian_filter import ModeFilter
 from reobserve.observers.imm import IMM
-from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.kalman import KalmanFilter
+from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.papers.imm import keys
-from reobserve.papers.imm.hybrid_bank import KALMAN, LAW, HybridRun, run_hybrid
 from reobserve.papers.imm.keys import MODES
-from reobserve.papers.imm.setup import (
-    bank,
-    boundary_layer,
-    measured_columns,
-    stacked_inputs,
-    start,
-)
+from reobserve.papers.imm.setup import bank, measured_columns, saturation
 from reobserve.papers.imm.setup import run as run_bank
-from reobserve.papers.imm.study_rows import (
-    HELD,
-    INSIDE,
-    NO_MEMORY,
-    OUTSIDE,
-    SCANNED,
-    STATED,
-)
+from reobserve.papers.imm.study_rows import FROZEN, INTACT, KALMAN, NO_MEMORY, SCANNED, STATED
 from reobserve.replication.metrics.responses import window
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.series import Series
@@ -47,25 +35,14 @@ Row = tuple[str, str, float, int, str, float, str]
 
 THREADS = 2
 
-# Whose gain moves the means, and whose covariance tells the likelihoods.
-HALVES = {
-    "whole": (LAW, LAW),
-    "gain": (LAW, KALMAN),
-    "covariance": (KALMAN, LAW),
-    "kalman": (KALMAN, KALMAN),
-}
-VARIANTS = (*HALVES, HELD, INSIDE, OUTSIDE, NO_MEMORY)
-
-_NO_LAYER = 1e-12  # of a layer: what is left of it where all innovations are to be outside
-
 
 def run(job: Job, plant: Series) -> list[Row]:
-    """For each SVSF and unit: mean probabilities after the fault by variant, and what is outside.
+    """For each SVSF and scale: mean probabilities after the fault by variant, and the saturation.
 
     Raises
     ------
     InputError
-        If there is no SVSF.
+        If there is no SVSF, or one has another inverse than the pseudo-inverse.
     """
     tasks = list(_tasks(job))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -74,7 +51,7 @@ def run(job: Job, plant: Series) -> list[Row]:
 
 
 def check(job: Job) -> None:
-    """Refuse observers without an SVSF; `InputError` names them."""
+    """Refuse observers that cannot be frozen; `InputError` names them."""
     list(_tasks(job))
 
 
@@ -87,76 +64,83 @@ def _tasks(job: Job) -> Iterator[tuple[str, keys.SmoothVariableStructure, int]]:
     if not found:
         raise InputError("observers", "must have an SVSF")
     for name, body in found.items():
+        if body.inverse != "pseudo":
+            raise InputError(f"observers.{name}.inverse", "must be pseudo, to freeze the gain")
         yield name, body, STATED
     name, body = next(iter(found.items()))
-    for unit in job.study.units:
-        yield name, replace(body, layer_unit=unit), SCANNED
+    for scale in job.study.scales:
+        yield name, replace(body, layer_scale=scale), SCANNED
 
 
 def _rows(
     job: Job, plant: Series, name: str, body: keys.SmoothVariableStructure, number: int
 ) -> Iterator[Row]:
-    columns = measured_columns(body)
-    measured, held = plant["measured"][1:, columns], plant["input"][:-1]
+    measured, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]
     time, fault = plant.time[1:], MODES.index(job.scenario.fault)
     late = window(time, *job.metrics.after, closed="right")
     since = window(time, plant.events["fault"][0], np.inf, closed="right")
-    layer = boundary_layer(body, len(columns))
-    for variant, found in variants(job.plant, body, plant.step, measured, held):
-        numbers: dict[str, float] = dict.fromkeys(
-            ("normal_after", "fault_after", "fault_spread"), np.nan
-        )
-        if found is not None and len(found.probability) == len(measured):
-            judged = found.probability[late]
-            numbers = {
-                "normal_after": float(judged[:, 0].mean()),
-                "fault_after": float(judged[:, fault].mean()),
-                "fault_spread": float(judged[:, fault].std()),
-            }
-        if found is not None and variant == "whole":
-            outside = np.abs(found.innovation[since[: len(found.innovation)]]) > layer
-            numbers["outside_share"] = float(np.mean(outside))
+
+    def rows(variant: str, **numbers: float) -> Iterator[Row]:
         for quantity, value in numbers.items():
-            yield name, variant, body.layer_unit, number, quantity, value, "1"
+            yield name, variant, body.layer_scale, number, quantity, value, "1"
+
+    banks = variants(bank(job.plant, body, plant.step))
+    whole = run_bank(banks[INTACT], body, measured, held)
+    complete = whole.diverged_at is None
+    if complete:
+        gains = mean_gains(banks[INTACT], whole["innovation"], late)
+        try:
+            filters = [
+                FixedGainObserver(cast(KalmanFilter, one).model, gain)
+                for one, gain in zip(banks[INTACT].filters, gains, strict=True)
+            ]
+            banks[FROZEN] = IMM(filters, banks[INTACT].transition, banks[INTACT].mixing)
+        except InputError:  # its error would not decay
+            pass
+    for variant in (INTACT, KALMAN, FROZEN, NO_MEMORY):
+        found = whole if variant == INTACT else None
+        if found is None and variant in banks:
+            found = run_bank(banks[variant], body, measured, held)
+        if found is None or found.diverged_at is not None:
+            yield from rows(variant, normal_after=np.nan, fault_after=np.nan)
+            continue
+        mean = found["probability"][late].mean(axis=0)
+        yield from rows(variant, normal_after=float(mean[0]), fault_after=float(mean[fault]))
+    saturated, chattering = saturation(body, whole["innovation"])
+    where = since[: len(saturated)]
+    yield from rows(
+        INTACT,
+        saturation_fraction=float(np.mean(saturated[where])),
+        chattering_fraction=float(np.mean(chattering[where])),
+    )
 
 
-def variants(
-    plant: keys.Plant,
-    body: keys.SmoothVariableStructure,
-    period: float,
-    measured: Array,
-    held: Array,
-) -> Iterator[tuple[str, HybridRun | None]]:
-    """Runs of all `VARIANTS` of an SVSF-IMM in their order; None for one that cannot be had."""
-    chosen = bank(plant, body, period)
-    state = start(chosen, body, float(held[0]))
-    inputs = np.vstack([[held[0], 0.0], stacked_inputs(held)])
-    whole = run_hybrid(chosen, LAW, LAW, state, measured, inputs)
-    for variant, (gain, covariance) in HALVES.items():
-        same = (gain, covariance) == (LAW, LAW)
-        yield (
-            variant,
-            whole if same else run_hybrid(chosen, gain, covariance, state, measured, inputs),
-        )
-    yield HELD, held_gains(chosen, body, whole.mean_gain, measured, held)
-    layer = boundary_layer(body, chosen.measurements)
-    yield INSIDE, run_hybrid(chosen, LAW, LAW, state, measured, inputs, unsaturated=layer)
-    for variant, changed in (
-        (OUTSIDE, replace(body, layer_factor=_NO_LAYER * body.layer_factor)),
-        (NO_MEMORY, replace(body, memory=0.0)),
-    ):
-        other = bank(plant, changed, period)
-        yield variant, run_hybrid(other, LAW, LAW, state, measured, inputs)
+def variants(whole: IMM) -> dict[str, IMM]:
+    """A bank of SVSFs, and those that differ from it in one cause and need no run of it."""
+    filters = [cast(SmoothVariableStructureFilter, one) for one in whole.filters]
+    changed: dict[str, list[ModeFilter]] = {
+        KALMAN: [KalmanFilter(one.model) for one in filters],
+        NO_MEMORY: [replace(one, memory=0.0) for one in filters],
+    }
+    return {
+        INTACT: whole,
+        **{name: IMM(new, whole.transition, whole.mixing) for name, new in changed.items()},
+    }
 
 
-def held_gains(
-    chosen: IMM, body: keys.Observer, gains: Array, measured: Array, held: Array
-) -> HybridRun | None:
-    """The bank with constant gains, (r, n, m), if they are stable."""
-    models = [one.model for one in chosen.filters if isinstance(one, LinearFilter)]
-    try:
-        filters = [FixedGainObserver(*pair) for pair in zip(models, gains, strict=True)]
-    except InputError:
-        return None
-    found = run_bank(IMM(filters, chosen.transition, chosen.mixing), body, measured, held)
-    return HybridRun(found["probability"], found["innovation"], gains)
+def mean_gains(bank: IMM, innovation: Array, rows: NDArray[np.bool_]) -> list[Array]:
+    """The mean gain of each filter over some rows, (r, n, m), from all its innovations, (k, r, m).
+
+    (15) with the pseudo-inverse corrects the share s of an innovation, which leaves (1 - s) e.
+    """
+    found = []
+    for j, one in enumerate(bank.filters):
+        svsf = cast(SmoothVariableStructureFilter, one)
+        # s = (|e(k+1|k)| + gamma |e(k|k)|) / max(|e(k+1|k)|, psi), e(k+1|k+1) = (1 - s) e(k+1|k)
+        left, shares = np.zeros(bank.measurements), np.empty(innovation[:, j].shape)
+        for k, error in enumerate(innovation[:, j]):
+            size = np.abs(error)
+            shares[k] = (size + svsf.memory * left) / np.maximum(size, svsf.boundary_layer)
+            left = np.abs((1.0 - shares[k]) * error)
+        found.append(np.linalg.pinv(svsf.model.C) * shares[rows].mean(axis=0))
+    return found

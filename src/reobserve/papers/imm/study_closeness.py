@@ -9,10 +9,10 @@ go of the interpreter, so two threads make use of two cores; rows come in a fixe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from reobserve.papers.imm.detectors import (
 )
 from reobserve.papers.imm.nu_gap import nu_gap
 from reobserve.papers.imm.setup import bank, measured_columns, modes
-from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_units
+from reobserve.papers.imm.study_rows import DRIVEN, EXACT, sweep_name, with_scales
 from reobserve.plants.hydraulic_actuator import ActuatorModel, simulate
 from reobserve.replication.parameters.job import Job
 from reobserve.signals.grid import multiple
@@ -43,16 +43,8 @@ from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 Row = tuple[str, str, float, int, str, float, str]
-Result = TypeVar("Result")
 
 THREADS = 2
-
-
-class Each(Protocol):
-    """Calls a function with 1, 2, ... up to a count, and lists what it gave."""
-
-    def __call__(self, call: Callable[[int], Result], count: int) -> list[Result]:
-        """In that order, whoever is done first."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +66,7 @@ class Pair:
     share: float
     gap: float
     plant: list[ActuatorModel]
-    hand_over: str
+    switching_condition: str
     columns: list[int]
     banks: Mapping[str, Bank]
     control: Array
@@ -94,7 +86,7 @@ class Pair:
         begin = int(stream.integers(len(self.control) - self.grid.steps + 1))
         held = self.control[begin : begin + rows]
         mode = (np.arange(rows) >= self.grid.begin).astype(np.int64)
-        motion = simulate(self.plant, mode, held, self.grid.period, self.hand_over)
+        motion = simulate(self.plant, mode, held, self.grid.period, self.switching_condition)
         motion = motion[1:, self.columns]
         noise = self.noise * stream.standard_normal(motion.shape)
         if not self.process.any():
@@ -132,27 +124,20 @@ def run(job: Job, plant: Series) -> list[Row]:
     """For each pair: its gap, thresholds, and by run and detector the time of its alarm [s].
 
     The time counts from the fault: up to zero it is that of a false alarm, and nan is none. Of
-    banks there are the faulty model's mean probabilities before the fault and at the end.
+    banks there is the faulty model's mean probability at the end.
 
     Raises
     ------
     InputError
         If a setting cannot be used.
     """
-    rows: list[Row] = []
     with ThreadPoolExecutor(THREADS) as pool:
-
-        def each(call: Callable[[int], Result], count: int) -> list[Result]:
-            return list(pool.map(call, range(1, count + 1)))
-
-        for pair in _pairs(job):
-            rows += _judged(pair, job.study, each)
-    return rows
+        return [row for pair in _pairs(job) for row in _judged(pair, job.study, pool)]
 
 
 def _pairs(job: Job) -> Iterator[Pair]:
     study, period = job.study, job.scenario.period
-    observers, grid = with_units(job.observers, study.layer_units), _grid(study, period)
+    observers, grid = with_scales(job.observers, study.layer_scales), _grid(study, period)
     longest = grid.steps + multiple("starts", study.starts, period, "the scenario's period")
     control = Signal.parse("input", study.input, 1)(np.arange(longest) * period)[:, 0]
     normal, _, leakage = modes(job.plant)
@@ -172,48 +157,47 @@ def _pairs(job: Job) -> Iterator[Pair]:
             spread = np.sqrt(np.diag(first.model.arrays.Q))
             yield Pair(
                 sweep_name(kind, level), share, nu_gap(*(_fraction(one) for one in models)), models,
-                job.scenario.hand_over, columns, banks, control, grid, noise,
+                job.scenario.switching_condition, columns, banks, control, grid, noise,
                 spread if kind == DRIVEN else np.zeros_like(spread), job.seed,
             )  # fmt: skip
 
 
-def _judged(pair: Pair, study: keys.Closeness, each: Each) -> Iterator[Row]:
+def _judged(pair: Pair, study: keys.Closeness, pool: ThreadPoolExecutor) -> Iterator[Row]:
     grid = pair.grid
     first = next(iter(pair.banks.values()))
     rest = rest_likelihoods(first, grid.steps)
-    faultless = each(
-        lambda number: pair.record("faultless", number, grid.begin), study.faultless_runs
-    )
+    numbers = range(1, study.faultless_runs + 1)
+    faultless = list(pool.map(lambda number: pair.record("faultless", number, grid.begin), numbers))
 
-    def far(number: int) -> float:
-        told = likelihoods(first, 0, *faultless[number - 1])
+    def far(record: tuple[Array, Array]) -> float:
+        told = likelihoods(first, 0, *record)
         return float(np.mean(distances(rest, told)[grid.settling :]))
 
-    foretold = float(np.mean(each(far, study.faultless_runs)))
-    detectors = Detectors(pair.banks, grid.settling, rest, foretold)
+    expected = float(np.mean(list(pool.map(far, faultless))))
+    detectors = Detectors(pair.banks, grid.settling, rest, expected)
 
-    def greatest(number: int) -> dict[str, float]:
-        found = detectors.statistics(*faultless[number - 1])
+    def greatest(record: tuple[Array, Array]) -> dict[str, float]:
+        found = detectors.statistics(*record)
         return {name: float(row[grid.settling :].max()) for name, row in found.items()}
 
     def statistics(number: int) -> dict[str, Array]:
         return detectors.statistics(*pair.record("judged", number, grid.steps))
 
-    peaks = each(greatest, study.faultless_runs)
+    peaks = list(pool.map(greatest, faultless))
     limits = {
-        name: threshold(np.array([peak[name] for peak in peaks]), study.budget) for name in peaks[0]
+        name: threshold(np.array([peak[name] for peak in peaks]), study.false_alarm_probability)
+        for name in peaks[0]
     }
     at = pair.sweep, pair.share
     yield "models", *at, 0, "nu_gap", pair.gap, "1"
     for name, limit in limits.items():
         yield name, *at, 0, "threshold", limit, "1"
-    for number, found in enumerate(each(statistics, study.runs), 1):
+    for number, found in enumerate(pool.map(statistics, range(1, study.runs + 1)), 1):
         for name, statistic in found.items():
             yield name, *at, number, "alarm_time", alarm_time(statistic, limits[name], grid), "s"
             if name in pair.banks:
-                for when, end in (("before", grid.begin), ("after", grid.steps)):
-                    mean = float(np.mean(expit(statistic[end - grid.judged : end])))
-                    yield name, *at, number, f"probability_{when}", mean, "1"
+                mean = float(np.mean(expit(statistic[-grid.judged :])))
+                yield name, *at, number, "probability_after", mean, "1"
 
 
 def alarm_time(statistic: Array, limit: float, grid: Grid) -> float:
@@ -240,7 +224,7 @@ def check(job: Job) -> None:
     multiple("starts", study.starts, period, "the scenario's period")
     signal = Signal.parse("input", study.input, 1)
     signal.check_grid("input", period, study.starts + study.horizon)
-    threshold(np.zeros(study.faultless_runs), study.budget)
+    threshold(np.zeros(study.faultless_runs), study.false_alarm_probability)
     normal, _, leakage = modes(job.plant)
     for share in study.shares:
         try:

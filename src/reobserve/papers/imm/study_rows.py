@@ -22,10 +22,9 @@ TUNED = (
     "leave",
 )
 
-# Of causes: variants of which the means and the covariances are of two kinds, and others;
-# in the column of runs, whether the unit of the layers is the ledger's or the study's.
-MISMATCHED = ("gain", "covariance")
-HELD, INSIDE, OUTSIDE, NO_MEMORY = "held", "always_inside", "always_outside", "no_memory"
+# Of causes: variants; in the column of runs, whether the scale of the layers is the parameter
+# file's or the study's.
+INTACT, KALMAN, FROZEN, NO_MEMORY = "whole", "kalman", "frozen", "no_memory"
 STATED, SCANNED = 0, 1
 
 # Of closeness: detectors beside the banks, and plants without process noise and with that of the
@@ -45,13 +44,14 @@ def sweep_kind(sweep: str) -> tuple[str, float]:
     return kind, float(level)
 
 
-def with_units(
-    observers: Mapping[str, keys.Observer], units: list[float]
+def with_scales(
+    observers: Mapping[str, keys.Observer], scales: list[float]
 ) -> dict[str, keys.Observer]:
-    """The observers, and the first SVSF with its boundary layers in other units."""
+    """The observers, and the first SVSF with its boundary layers at other scales."""
     more: dict[str, keys.Observer] = dict(observers)
     for name, body in observers.items():
         if isinstance(body, keys.SmoothVariableStructure):
-            more |= {f"{name}_unit_{unit:g}": replace(body, layer_unit=unit) for unit in units}
+            for scale in scales:
+                more[f"{name}_scale_{scale:g}"] = replace(body, layer_scale=scale)
             break
     return more

@@ -9,23 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import DivergenceError, InputError, located, nearest
-from reobserve.observers.imm import IMM
+from reobserve.core.matrices import spectral_radius
+from reobserve.observers.imm import IMM, State
+from reobserve.observers.linear_filter import LinearFilter
+from reobserve.observers.run import Run
 from reobserve.papers.imm import keys
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.setup import (
     bank,
-    boundary_layer,
     measured_columns,
     modes,
     run,
-    stacked_inputs,
 )
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel, simulate
 from reobserve.replication.metrics.metrics import Metric
@@ -34,10 +35,12 @@ from reobserve.replication.metrics.responses import root_mean_square
 from reobserve.replication.parameters.job import Job, Settings, read_job
 from reobserve.signals.grid import multiple
 from reobserve.signals.inputs import Signal
+from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
 
 LEAST_LAYER = 1e-12  # where the models agree
+MOST_UPDATES = 10_000  # of a covariance, until it comes to rest
 Observers = dict[str, keys.Observer]
 
 
@@ -47,18 +50,16 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     Raises
     ------
     InputError
-        If a value of the ledger cannot be used.
+        If a value of the parameter file cannot be used.
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
     job = read_job(keys.Ledger, settings)
     chosen = check(job.theory, job.observers)
     return [
-        *_corrections(job),
-        *_own_corrections(job, chosen),
+        *_corrections(job, chosen),
         *_mismatches(job, chosen),
         *_layers(job, chosen),
-        *_informed(job, chosen),
     ]
 
 
@@ -83,36 +84,35 @@ def _grid(theory: keys.Theory) -> tuple[int, int, Signal]:
     return steps, begin, signal
 
 
-def corrected_radius(A: Array, C: Array) -> float:
-    """Spectral radius of (I - C^+ C) A: outside the layers errors move so, but for gamma.
+def corrected_radius(model: LinearModel, inverse: str) -> float:
+    """Spectral radius of (I - W C) A: outside the layers errors move so, but for gamma.
 
-    Where every output is corrected in full, (15) with the pseudo-inverse, what is left of the
-    error is what no output sees. Above one it grows, however the layers are chosen.
+    Where every output is corrected in full, by the right inverse W of C, what is left of the error
+    is what no output sees. Above one it grows, however the layers are chosen. W is the
+    pseudo-inverse, or the one weighted by the covariance that full correction comes to.
     """
-    left = (np.eye(len(A)) - np.linalg.pinv(C) @ C) @ A
-    return float(np.abs(np.linalg.eigvals(left)).max())
+    A, _, C, _, Q, R = model.arrays
+    W = np.linalg.pinv(C)
+    if inverse == "weighted":
+        P = Q
+        for _ in range(MOST_UPDATES):
+            # P = A P A' + Q, W = P C' (C P C')^-1, P = (I - W C) P (I - W C)' + W R W'
+            P, before = A @ P @ A.T + Q, W
+            W = np.linalg.solve(C @ P @ C.T, C @ P).T
+            left = np.eye(len(A)) - W @ C
+            P = left @ P @ left.T + W @ R @ W.T
+            if np.abs(W - before).max() <= 1e-12 * np.abs(W).max():
+                break
+    return spectral_radius((np.eye(len(A)) - W @ C) @ A)
 
 
 @part
-def _corrections(job: Job) -> Iterator[Metric]:
-    """The largest radius of all modes, for each realisation."""
-    for realisation in REALISATIONS:
-        radius = _largest_radius(job, realisation)
-        yield Metric("svsf_law", f"corrected_radius_{realisation}", radius, "1")
-
-
-@part
-def _own_corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """The same for the realisation that each SVSF has."""
-    for name, body in _smooth(chosen):
-        yield Metric(name, "corrected_radius", _largest_radius(job, body.realisation), "1")
-
-
-def _largest_radius(job: Job, realisation: str) -> float:
-    """Of all modes; no unit of states matters."""
-    period = job.theory.period
-    sampled = (mode.sampled(realisation, period, 1.0 / period) for mode in modes(job.plant))
-    return max(corrected_radius(one.A, one.C) for one in sampled)
+def _corrections(job: Job, chosen: Observers) -> Iterator[Metric]:
+    """The largest radius of all modes, for the first SVSF: layers do not matter."""
+    name, body = next(_smooth(chosen))
+    filters = cast("list[LinearFilter]", bank(job.plant, body, job.theory.period).filters)
+    radius = max(corrected_radius(one.model, body.inverse) for one in filters)
+    yield Metric(name, "corrected_radius", radius, "1")
 
 
 def _smooth(chosen: Observers) -> Iterator[tuple[str, keys.SmoothVariableStructure]]:
@@ -142,7 +142,7 @@ def _leak(job: Job) -> _Leak:
     leaks = (np.arange(steps) >= begin).astype(np.int64)
     two = [known[0], known[MODES.index("leakage")]]
     motion, healthy = (
-        simulate(two, mode, control, rules.period, rules.hand_over)[1:]
+        simulate(two, mode, control, rules.period, rules.switching_condition)[1:]
         for mode in (leaks, np.zeros_like(leaks))
     )
     return _Leak(known, motion, healthy, control, begin)
@@ -150,14 +150,14 @@ def _leak(job: Job) -> _Leak:
 
 def _filtered(
     job: Job, name: str, body: keys.Observer, leak: _Leak, models: list[ActuatorModel]
-) -> tuple[Array, IMM]:
-    """States of a bank on the leaking actuator, and the bank."""
+) -> tuple[Run[State], IMM]:
+    """Estimates of a bank on the leaking actuator, and the bank."""
     with located(f"observers.{name}"):
         filters = bank(job.plant, body, job.theory.period, models)
         found = run(filters, body, leak.motion[:, measured_columns(body)], leak.control)
     if found.diverged_at is not None:
         raise DivergenceError(name, found.diverged_at)
-    return found["state"], filters
+    return found, filters
 
 
 def _velocity_error(body: keys.Observer, leak: _Leak, states: Array, filters: IMM) -> float:
@@ -172,50 +172,45 @@ def _mismatches(job: Job, chosen: Observers) -> Iterator[Metric]:
     """Errors of the velocity after a leak: of the normal model's filter alone, and of the bank."""
     leak = _leak(job)
     for name, body in chosen.items():
-        alone = replace(body, stay=1.0)  # a bank of one
+        alone = replace(body, self_transition=1.0)  # a bank of one
         for what, told, models in (
             ("single", alone, leak.models[:1]), ("bank", body, leak.models),
         ):  # fmt: skip
-            size = _velocity_error(told, leak, *_filtered(job, name, told, leak, models))
+            found, filters = _filtered(job, name, told, leak, models)
+            size = _velocity_error(told, leak, found["state"], filters)
             yield Metric(name, f"{what}_velocity_error", size, UNITS["velocity"])
 
 
 @part
 def _layers(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """The largest a posteriori output error, over the layer, in the second half of the leak.
+    """What the first SVSF makes of layers that are narrower than its model is wrong, and as wide.
 
-    Of the normal model's filter alone: the existence subspace is where it is one or less.
+    The filter of the normal model runs alone on the leaking actuator, whose outputs are up to b
+    apart from those of the model. Layers of a share of b are left by the model where nothing
+    corrects it. ``layer_ratio`` is the largest a priori output error over such a layer in the
+    second half of the leak: the existence subspace is where it is one or less. A posteriori it is a
+    quarter or so by construction. With layers of b, an upper bound on the dynamics that are not
+    modelled, errors of the velocity are compared with those of the model.
     """
-    leak = _leak(job)
-    late = (leak.begin + len(leak.motion)) // 2
-    for name, body in _smooth(chosen):
-        alone = replace(body, stay=1.0)
-        states, filters = _filtered(job, name, alone, leak, leak.models[:1])
-        model = filters.filters[0].model
-        told = states @ model.C.T + stacked_inputs(leak.control) @ model.D.T
-        error = leak.motion[:, measured_columns(body)] - told
-        share = np.abs(error[late:]) / boundary_layer(body, error.shape[1])
-        yield Metric(name, "layer_share", float(share.max()), "1")
-
-
-@part
-def _informed(job: Job, chosen: Observers) -> Iterator[Metric]:
-    """Errors of the velocity with layers that are as wide as the model is wrong, and of the model.
-
-    As wide as the largest difference between the outputs of the leaking and the normal actuator:
-    an upper bound on the dynamics that are not modelled.
-    """
-    leak = _leak(job)
+    leak, velocity = _leak(job), MOTION.index("velocity")
     apart = np.abs(leak.motion - leak.healthy)[leak.begin :]
-    velocity = MOTION.index("velocity")
-    yield Metric(
-        "model", "open_velocity_error", float(root_mean_square(apart[:, velocity])),
-        UNITS["velocity"],
-    )  # fmt: skip
-    for name, body in _smooth(chosen):
-        bound = np.maximum(apart.max(axis=0), LEAST_LAYER)[measured_columns(body)]
-        told = replace(
-            body, stay=1.0, boundary_layer=bound.tolist(), layer_unit=1.0, layer_factor=1.0
-        )
-        size = _velocity_error(told, leak, *_filtered(job, name, told, leak, leak.models[:1]))
-        yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])
+    open_error = float(root_mean_square(apart[:, velocity]))
+    yield Metric("model", "open_velocity_error", open_error, UNITS["velocity"])
+    late = (leak.begin + len(leak.motion)) // 2
+    bound = np.maximum(apart.max(axis=0), LEAST_LAYER)
+    name, body = next(_smooth(chosen))
+    columns = measured_columns(body)
+    for share in (job.theory.layer_share, 1.0):
+        layer = share * bound[columns]
+        alone = replace(
+            body, self_transition=1.0, boundary_layer=layer.tolist(), layer_scale=1.0,
+            layer_factor=1.0,
+        )  # fmt: skip
+        found, filters = _filtered(job, name, alone, leak, leak.models[:1])
+        if share == 1.0:
+            size = _velocity_error(body, leak, found["state"], filters)
+            yield Metric(name, "informed_velocity_error", size, UNITS["velocity"])
+        else:
+            ratio = np.abs(found["innovation"][late:, 0]) / layer
+            differ = bound[columns] > LEAST_LAYER  # the model alone leaves no other layers
+            yield Metric(name, "layer_ratio", float(ratio[:, differ].max(initial=0.0)), "1")
