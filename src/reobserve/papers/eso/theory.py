@@ -12,16 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from reobserve.core.random_streams import random_stream
 from reobserve.papers.eso import keys
+from reobserve.papers.eso.design import stored_design
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
-from reobserve.papers.eso.stored_design import stored_design
-from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import (
-    biases,
     certified,
     controller_effects,
     held,
-    margins,
+    left_of_jumps,
     missed,
 )
 from reobserve.replication.metrics.metrics import Metric
@@ -29,8 +28,9 @@ from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import settling_time
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
-from reobserve.synthesis.extended_state.system import AugmentedSystem
+from reobserve.synthesis.extended_state.certificate import error_system
+from reobserve.synthesis.extended_state.inequality import PdPiVariables
+from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step: what counts as settled
@@ -55,14 +55,12 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
         *_motors(plant),
         *_conditions(system),
         *_step_response(plant),
-        *_floors(plant, theory.filter_rates),
         *agreement(system, theory.cases),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
-        *margins(observers, theory.excess),
-        *missed(observers, theory.fault_frequencies),
-        *held(observers, plant.hold_period, noise),
-        *biases(observers, theory.readings),
+        *missed(observers, theory),
+        *left_of_jumps(observers, theory.settled_after),
+        *held(observers, theory, plant.hold_period, noise),
         *controller_effects(observers, plant, theory.other_poles),
     ]
 
@@ -86,22 +84,16 @@ def _unobservable(A: Any, C: Any) -> float:
 
 @part
 def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
-    """What constant faults can be told from: both outputs, the speed alone, and a look-alike.
+    """The rank deficiency of the Rosenbrock matrix at zero, with both outputs and with the speed.
 
-    The look-alike sensor fault enters both outputs in the ratio in which a constant actuator fault
-    moves them: C A^-1 Fa.
+    It counts the combinations of constant states and faults that no output shows.
     """
     A, C, Fa, Fs = system.A, system.C, system.Fa, system.Fs
-    for name, outputs, sensor in (
-        ("two_outputs", C, Fs),
-        ("one_output", C[:1], Fs[:1]),
-        ("look_alike", C, C @ np.linalg.solve(A, Fa)),
-    ):
+    for name, outputs, sensor in (("two_outputs", C, Fs), ("one_output", C[:1], Fs[:1])):
         corner = np.zeros((len(A), sensor.shape[1])), np.zeros((len(outputs), Fa.shape[1]))
         rosenbrock = np.block([[A, Fa, corner[0]], [outputs, corner[1], sensor]])
         missing = rosenbrock.shape[1] - np.linalg.matrix_rank(rosenbrock)
-        yield Metric(name, "unobservable_states", _unobservable(A, outputs), "1")
-        yield Metric(name, "undetermined_faults", float(missing), "1")
+        yield Metric(name, "rosenbrock_rank_deficiency", float(missing), "1")
 
 
 @part
@@ -119,21 +111,50 @@ def _step_response(plant: keys.Plant) -> Iterator[Metric]:
 
 
 @part
-def _floors(plant: keys.Plant, filter_rates: list[float]) -> Iterator[Metric]:
-    """Of gamma, with and without noise, and by how much the filter's rate changes it.
+def agreement(system: AugmentedSystem, cases: int) -> Iterator[Metric]:
+    """How far (19) is from (18), and recovered gains from those that P and Y were made of.
 
-    With as many outputs as faults no constant disturbance is seen, so that its effect is the same
-    for all gains: e = g d2 with [Aa F; Ca 0] g = -[Da; 0], and f^ = f - e.
+    Indriawati, Agustinah & Jazidie, (18) and (22) to (24).
+
+    For ``cases`` random P and gains, relative to the largest entry; the worst case counts.
     """
-    quiet = replace(plant, noise_matrix=np.zeros((2, 1)).tolist())
-    floor = gamma_lower_bound(augmented(plant, 1.0))
-    yield Metric("any_observer", "gamma_floor", floor, "1")
-    yield Metric("any_observer", "disturbance_floor", gamma_lower_bound(augmented(quiet, 1.0)), "1")
-    system = augmented(plant, 1.0)
-    unseen = np.vstack([system.A_tilde[: system.states + system.outputs], system.C_tilde])
-    entering = np.concatenate([system.Da[:, 1], np.zeros(system.outputs)])
-    found = float(np.linalg.solve(unseen, entering)[-2])
-    yield Metric("any_observer", "actuator_fault_by_constant_current_disturbance", found, "1")
-    others = [gamma_lower_bound(augmented(plant, rate)) for rate in filter_rates]
-    change = float(np.abs(np.array(others) / floor - 1.0).max())
-    yield Metric("any_observer", "filter_rate_effect", change, "1")
+    sides, recovered = zip(*(_case(system, str(case)) for case in range(cases)), strict=True)
+    yield Metric("inequality_19", "lemma_difference", max(sides), "1")
+    yield Metric("inequality_19", "gain_difference", max(recovered), "1")
+
+
+def _case(system: AugmentedSystem, case: str) -> tuple[float, float]:
+    stream, size, outputs = random_stream(0, "eso", "theory", case), system.size, system.outputs
+    root, P2, P3 = stream.standard_normal((3, size, size))
+    gains = Gains(*stream.standard_normal((2, size, outputs)))
+    gamma = float(stream.uniform(1.0, 3.0))
+    nothing = np.zeros((outputs, size))
+    variables = PdPiVariables(root @ root.T, P2, P3, nothing, nothing).with_gains(gains)
+    lemma = _lemma(system, gains, variables, gamma)
+    side: Any = np.block(variables.blocks(system, gamma))
+    found = variables.gains()
+    return _difference(side, lemma), max(
+        _difference(found.L, gains.L), _difference(found.Ld, gains.Ld)
+    )
+
+
+def _lemma(system: AugmentedSystem, gains: Gains, variables: PdPiVariables, gamma: float) -> Any:
+    """The left side of (18) for the dual (24), whose input has as many entries as its state."""
+    Ao, Eo = error_system(system, gains)
+    one, zero = np.eye(system.size), np.zeros((system.size, system.size))
+    A = np.block([[zero, one], [Ao.T, -Eo.T]])
+    B = np.vstack([zero, one])
+    C = np.hstack([system.Bo.T, np.zeros(system.Bo.T.shape)])
+    P = np.block([[variables.P1, zero], [variables.P2, variables.P3]])
+    none = np.zeros((B.shape[1], len(C)))
+    return np.block(
+        [
+            [A @ P + P.T @ A.T, B, P.T @ C.T],
+            [B.T, -gamma * one, none],
+            [C @ P, none.T, -gamma * np.eye(len(C))],
+        ]
+    )
+
+
+def _difference(found: Any, expected: Any) -> float:
+    return float(np.abs(found - expected).max() / np.abs(expected).max())

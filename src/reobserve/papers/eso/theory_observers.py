@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats
 from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.deviation import held_deviation
 from reobserve.papers.eso.observe import run_on
 from reobserve.papers.eso.setup import controlled_motor
-from reobserve.papers.eso.theory_inequality import margin_above_norm
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.parameters.job import Job
@@ -33,7 +31,8 @@ Array = NDArray[np.float64]
 Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
-_DURATION = 4.0  # of the runs with different controllers [s]
+_DURATION = 4.0  # of the runs with different controllers, and after a jump [s]
+_SAMPLE = 0.01  # of the errors after a jump [s]
 
 
 @part
@@ -51,64 +50,71 @@ def certified(observers: Observers) -> Iterator[Metric]:
 
 
 @part
-def margins(observers: Observers, excess: float) -> Iterator[Metric]:
-    """Whether (19) has a solution just above the norm; see `margin_above_norm`."""
-    for name, (system, design) in observers.items():
-        norm = design.certificate.norm_upper
-        found = margin_above_norm(system, design.gains, norm, excess)
-        yield Metric(name, "margin_above_norm", found, "1")
+def missed(observers: Observers, theory: keys.Theory) -> Iterator[Metric]:
+    """What is missed of a steady sinusoidal fault, as a share.
 
-
-@part
-def missed(observers: Observers, frequencies: list[float]) -> Iterator[Metric]:
-    """What is missed of a steady sinusoidal fault, as a share: at its frequency and in the limit.
-
-    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo, which
-    tends to that of Eo^-1 Bo as w grows.
+    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo.
     """
     for name, (system, design) in observers.items():
         Ao, Eo = error_system(system, design.gains)
-        limit = np.linalg.solve(Eo, system.Bo)
-        for row, ((fault, _), frequency) in enumerate(
-            zip(_FAULTS, frequencies, strict=True), start=-2
-        ):
-            s = 1j * frequency
-            error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
-            yield Metric(name, f"missed_{fault}_fault", float(abs(error)), "1")
-            last = float(abs(limit[row, row]))
-            yield Metric(name, f"missed_{fault}_fault_in_the_limit", last, "1")
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            for which, frequency in (
+                (f"{fault}_fault", theory.frequency(fault)),
+                (f"fast_{fault}_fault", theory.fast_frequency),
+            ):
+                s = 1j * frequency
+                error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
+                yield Metric(name, f"missed_{which}", float(abs(error)), "1")
 
 
 @part
-def held(observers: Observers, period: float, noise: float) -> Iterator[Metric]:
-    """Deviations of the estimates by held noise, and what is left of held disturbances.
+def left_of_jumps(observers: Observers, after: float) -> Iterator[Metric]:
+    """The largest error ``after`` [s] and later that a fault leaves which jumps by one at zero.
+
+    By (9) the jump itself is the error to begin with, and e' = Eo^-1 Ao e from there.
+    """
+    from scipy.linalg import expm
+
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        A = np.linalg.solve(Eo, Ao)
+        errors, step = np.eye(system.size)[:, -2:], expm(A * _SAMPLE)
+        errors = expm(A * after) @ errors
+        largest = np.abs(errors)
+        for _ in range(round(_DURATION / _SAMPLE)):
+            errors = step @ errors
+            largest = np.maximum(largest, np.abs(errors))
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            yield Metric(name, f"left_of_{fault}_jump", float(largest[row, row]), "1")
+
+
+@part
+def held(
+    observers: Observers, theory: keys.Theory, period: float, noise: float
+) -> Iterator[Metric]:
+    """Deviations of the estimates by held noise and disturbances, and what is left of the latter.
 
     Each disturbance moves one fault for good if it is constant, that of the speed the sensor fault,
     that of the current the actuator fault. Left is the deviation by a random one over that.
     ``noise`` is the deviation of the noise [rad/s].
     """
+    over_time = theory.deviation_at == "time_average"
+    low, high = np.array(theory.disturbance, dtype=float).T
     for name, (system, design) in observers.items():
         gains, (Ao, _) = design.gains, error_system(system, design.gains)
-        by_noise = held_deviation(system, gains, [0.0, 0.0, noise], period)[-2:]
-        for (fault, unit), value in zip(_FAULTS, by_noise, strict=True):
-            yield Metric(name, f"noise_in_{fault}_fault", float(value), unit)
+        for source, sizes in (
+            ("noise", [0.0, 0.0, noise]),
+            ("disturbance", [*(high - low) / np.sqrt(12.0), 0.0]),
+        ):
+            found = held_deviation(system, gains, sizes, period, over_time)[-2:]
+            for (fault, unit), value in zip(_FAULTS, found, strict=True):
+                yield Metric(name, f"{source}_in_{fault}_fault", float(value), unit)
         at_rest = np.linalg.solve(Ao, system.Bo)
         for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
             size = np.eye(3)[column]
-            left = held_deviation(system, gains, size, period)[row] / abs(at_rest[row, column])
-            yield Metric(name, f"{source}_disturbance_left", float(left), "1")
-
-
-@part
-def biases(observers: Observers, readings: Any) -> Iterator[Metric]:
-    """Mean errors of the estimates, for each reading of the ranges of both disturbances."""
-    ranges = as_floats("readings", readings)
-    for name, (system, design) in observers.items():
-        Ao, _ = error_system(system, design.gains)
-        at_rest = np.linalg.solve(Ao, system.Bo[:, :2])[-2:]  # e = -Ao^-1 Bo d, and f^ = f - e
-        for number, means in enumerate(ranges.mean(axis=2), start=1):
-            for (fault, unit), value in zip(_FAULTS, at_rest @ means, strict=True):
-                yield Metric(name, f"bias_of_{fault}_fault_reading_{number}", float(value), unit)
+            left = held_deviation(system, gains, size, period, over_time)[row]
+            share = float(left / abs(at_rest[row, column]))
+            yield Metric(name, f"{source}_disturbance_left", share, "1")
 
 
 @part
