@@ -94,17 +94,3 @@ def test_the_only_table_is_not_the_first() -> None:
     stated = Ledger.load(ROOT, "eso").tree["plant"]
     constants = [body for body in stated.values() if body["source"].startswith("Table, ")]
     assert len(constants) == 6, "all parameters of the motor are of this one"
-
-
-def test_the_integral_is_of_one_output() -> None:
-    """y - r has two entries for the one r and the one u; the speed is the one that r is of."""
-    with pytest.raises(ValueError, match="could not broadcast"):
-        np.zeros(1)[:] = np.ones(2) - 1.0  # the one integral of u, and both entries of y - r
-    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
-    law = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
-    loop = ControlledMotor(motor, law, np.diag([1.0, 2.0]), [[1.0], [0.0]], [[1.0], [0.0]])
-    one = Signal.parse("r", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
-    run = loop.simulate(
-        one, Signal(1, ()), Signal(1, ()), np.zeros((400, 2)), np.zeros((400, 1)), 0.01
-    )
-    assert run.state[-1] == pytest.approx([1.0, 10.0], abs=1e-4)

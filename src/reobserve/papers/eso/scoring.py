@@ -58,7 +58,9 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     left = np.arange(count, count - most - 1, -1)
     squares = np.cumsum(truth**2)[left - 1] + np.cumsum(estimate[::-1] ** 2)[left - 1]
     products = correlate(estimate, truth)[count - 1 : count + most]
-    best = int(np.argmin((squares - 2.0 * products) / left))
+    errors = (squares - 2.0 * products) / left
+    # Transforms round off some 1e-15 of the squares: what is below 1e-12 of them is none.
+    best = int(np.argmin(np.maximum(errors, 1e-12 * squares[0] / count)))
     if not 0 < best < most:
         return float(best * step)
     before, least, after = error(best - 1), error(best), error(best + 1)
