@@ -80,7 +80,7 @@ def _against_c(
 
 def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
     """The compiled loop alone: no checks, and no allocation but of a few small arrays."""
-    compiled, law = bank._bank, bank._linear[0].compiled_law
+    compiled, law = bank._bank, bank._linear[0].compiled_gain
     assert compiled is not None
     rows = new_bank_rows(len(z), 3, 4, 1)
 

@@ -13,9 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.verdicts import VERDICTS
+from reobserve.replication.figure_diff.pixels import compare, read_pixels
 from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameter_file import Configuration
 
 from . import FIVE
 from .found import numbers_left, squeezed
@@ -26,26 +30,28 @@ LIBRARY = (ROOT / "docs/pages/start/library.md").read_text(encoding="utf-8")
 
 
 def test_the_python_of_the_readme_and_of_the_library_s_page_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     short, figure = python_of(README)
-    names: dict[str, object] = {}
-    exec(compile(short, "README.md", "exec"), names)
-    # J w' of the record is all "fault" here: the first axis moves, and 1.5 of it couples over.
-    time, fault = names["time"], names["run"]["fault"]  # type: ignore[index]
-    expected = 0.01 * np.cos(time)[:, None] * [36, 1.5, 0]  # type: ignore[index]
-    assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
+    exec(compile(short, "README.md", "exec"), {})
+    (shown,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    assert capsys.readouterr().out == shown
+    stored, drawn = ROOT / "docs/pages/start/tank.png", tmp_path / "tank.png"
+    pixels = (read_pixels(path) for path in (stored, drawn))
+    assert not compare(*pixels, drawn.name).exceeded, "copy what the README draws"
     replicated: dict[str, object] = {}
     exec(compile(figure, "README.md", "exec"), replicated)
     assert replicated["result"].metrics.shape[1] == 4  # type: ignore[attr-defined]
     assert (tmp_path / "fig1.pdf").read_bytes().startswith(b"%PDF")
     blocks = python_of(LIBRARY)
-    assert blocks[0].startswith(short.rstrip())
-    names = {}
+    names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, "library.md", "exec"), names)
-    assert np.array_equal(names["run"]["fault"], fault)  # type: ignore[index]
+    # J w' of the record is all "fault" here: the first axis moves, and 1.5 of it couples over.
+    time, fault = names["time"], names["run"]["fault"]  # type: ignore[index]
+    expected = 0.01 * np.cos(time)[:, None] * [36, 1.5, 0]  # type: ignore[operator]
+    assert np.max(np.abs(fault[1000:] - expected[1000:])) < 0.02
     # The record is no exact motion of the pendulum, but near one.
     rate = names["motion"]["state"][1000:, 1]  # type: ignore[index]
     assert np.max(np.abs(rate - np.gradient(names["angle"], time)[1000:])) < 0.01  # type: ignore[arg-type]
@@ -116,3 +122,13 @@ def test_the_readme_has_no_other_numbers() -> None:
     verdicts, _, after = rest.partition("<!-- end -->")
     told = [str(parameter.values[0]) for parameter in NUMBERS]
     assert numbers_left(before + verdicts + after, told) == []
+
+
+def test_the_options_of_a_build_are_in_the_table_of_config() -> None:
+    text = (ROOT / "config/README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (?:`(.*)`)? ?\|$", text, re.MULTILINE))
+    defaults = read_yaml(ROOT / "config/config.yaml")
+    assert {name: yaml.safe_load(value) for name, value in rows.items() if value} == defaults
+    folders = {path.name for path in (ROOT / "config").iterdir() if path.is_dir()}
+    assert folders <= set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
+    assert set(rows) == set(Configuration.model_fields)

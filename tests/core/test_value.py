@@ -11,6 +11,7 @@ import pytest
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_matrix, as_positive
 from reobserve.core.value import Value, converter, represented
+from reobserve.systems.linear import LinearModel
 from reobserve.systems.rigid_body import RigidBody
 
 
@@ -47,6 +48,8 @@ def test_models_show_their_numbers() -> None:
         "RigidBody(inertia=[[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26]], "
         "input_matrix=diag(1, 1, 1), fault_matrix=diag(1, 1, 1))"
     )
+    model = LinearModel([[0.5]], C=[[1.0]], Q=1.0, R=2.0, state_names=["x"])  # and other names none
+    assert repr(model).endswith("unusual=False, state_names=('x'))")
 
 
 @dataclass

@@ -50,7 +50,7 @@ def test_what_an_alarm_found() -> None:
     listed = {"odd": odd, "quiet": quiet, "early": early, "blind": blind}
     report = DataReport(rows=1, alarms=listed)
     assert [line.split("  ")[-1].strip() for line in as_table(report, 0.1).splitlines()[2:]] == [
-        "once, 4 rows, first at 1.5 s; threshold 0.75 rad/s off 0.25, from 40 values; "
+        "once, 4 rows, first at 1.5 s; threshold 0.75 rad/s from the mean 0.25, both of 40 values; "
         "start-up 0.5 s",
         "1.5 to 1.8 s: mean 0.5 rad/s, standard deviation 2.4 (by the observer 0.25), "
         "peak -3 rad/s",

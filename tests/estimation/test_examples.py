@@ -74,7 +74,7 @@ def test_without_a_policy_at_work_it_is_the_library_to_the_bit(name: str, tmp_pa
     for column in made.outputs.columns:
         if column.estimate == "residual":
             continue
-        values = run[made.setup.sigmas[column.estimate] if column.deviation else column.estimate]
+        values = run[made.design.sigmas[column.estimate] if column.deviation else column.estimate]
         if column.deviation:
             variance = values[:, column.place]
             values = np.sqrt(variance[:, column.place] if values.ndim == 3 else variance)

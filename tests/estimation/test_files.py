@@ -25,7 +25,7 @@ from reobserve.estimation.families.file import load_design
 from reobserve.estimation.reading import File
 from reobserve.estimation.specification import LearnedThreshold, Specification, read_specification
 from reobserve.estimation.writing import KEY
-from tests.estimation.records import read_results, specification, write_record
+from tests.estimation.records import read_results, specification, streamed, write_record
 
 Array = NDArray[np.float64]
 
@@ -101,11 +101,11 @@ def test_units_may_stand_in_the_header_and_what_comes_out_can_go_in(
     with pytest.raises(InputError, match=r"says rad/s, the header of .* says rpm"):
         estimate_file(specification("kalman", columns=tree), record, tmp_path / "e.csv")
     once_more = specification("levant", columns={
-        "time": {"column": "time"}, "measurements": [{"column": "current"}],
+        "time": {"column": "time"}, "measurements": [{"column": "speed"}],
     })  # fmt: skip
     made = estimate_file(once_more, tmp_path / "e.csv", tmp_path / "d.csv")
     assert made.titles[1:4] == [
-        "derivatives_1 [A]", "derivatives_2 [A/s]", "derivatives_3 [A/s^2]"
+        "derivatives_1 [rad/s]", "derivatives_2 [rad/s^2]", "derivatives_3 [rad/s^3]"
     ]  # fmt: skip
 
 
@@ -358,6 +358,22 @@ def test_a_design_file_brings_observer_names_and_units(kind: str, tmp_path: Path
     tree["sampling"] = {"period": 0.5}
     with pytest.raises(InputError, match=r"observer.file: .* is of a sampling period of"):
         estimate_file(parse(Specification, tree), record, tmp_path / "e.csv")
+
+
+def test_an_observer_that_predicts_no_measurement_has_no_residual(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns = {name: values[:200] for name, values in simulated("levant").record().items()}
+    record = write_record(tmp_path / "r.csv", columns)
+    usual = estimate_file(specification("levant"), record, tmp_path / "usual.csv")
+    monkeypatch.setattr(type(usual.design), "predicts", "")
+    made = estimate_file(specification("levant"), record, tmp_path / "e.csv")
+    assert made.titles == [title for title in usual.titles if not title.startswith("residual")]
+    assert len(made.titles) == len(usual.titles) - 1
+    found, expected = (read_results(tmp_path / name)[0] for name in ("e.csv", "usual.csv"))
+    assert all(np.array_equal(values, expected[name]) for name, values in found.items())
+    rows = (tmp_path / "e.csv").read_text(encoding="utf-8")
+    assert streamed(specification("levant"), record) == rows
 
 
 def test_observers_that_cannot_predict_say_so(tmp_path: Path) -> None:

@@ -38,14 +38,17 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kalman", {"sampling": {"jitter": 0.5}}, "sampling.jitter: 0.5 periods must be below half of"),
     ("kalman", {"sampling": {"gap": -1.0}}, "sampling.gap: -1 must not be negative"),
     ("kalman", {"alarms": [ALARM, ALARM]}, "alarms: have the name 'fast' twice"),
-    ("imm-kalman", {"observer": {"modes": {}}}, "observer.modes: has 0 modes, must have 1 to 50"),
-    ("imm-kalman", {"observer": {"gains": {**CHAIN, "memory": 0.1}}}, "observer.gains.memory: mu"),
     ("eso", {"observer": {"gains": {"L": [[-9, 0]] * 6}}}, "observer.gains.L: and Ld give no s"),
     ("imm-svsf", {"observer": {"gains": {**CHAIN, "filter": "svsf", "boundary_layer": 1.0}}},
      "observer.gains.memory: is missing with the filter svsf"),
     ("ilo-forgetting", {"observer": {"gains": {"K1": 1.0, "K2": 1.0, "damping": 9.0}}},
      "observer.gains.K1: has the spectral radius 1; to"),
     ("kalman", {"observer": {"H": [[1.0]]}}, "observer.H: is now C, with y = C x + D u"),
+    ("eso", {"observer": {"Az": 1.0}}, "observer.Az: is now filter_rate"),
+    ("eso", {"observer": {"time": "discrete"}}, "observer.time: 'discrete' must be continuous"),
+    ("augmented-kalman", {"observer": {"input_matrix": 1.0}}, "observer.input_matrix: is now f"),
+    ("kalman", {"observer": {"gains": {"law": "steady"}}}, "observer.gains.law: is now gain, var"),
+    ("normal-form-identity", {"observer": {"gains": {"order": 2}}}, "observer.gains.order: is now"),
     ("levant", {"observer": {"L": 1.0}}, "observer.L: must stand under gains"),
     ("kalman", {"observer": {"start": {}}}, "observer.start: is now initial_state"),
     ("kalman", {"observer": {"kind": "steady_kalman"}}, "observer.kind: steady_kalman is now kal"),
@@ -77,6 +80,8 @@ OPTIONS: list[tuple[list[str], str]] = [
     (["--example", "calman"], "example: there is no 'calman'"),
     (["--example", "kalman", OUT, "x.txt"], "x.txt: 'x.txt' must end with .yaml"),
     (["--example", "kalman", "--data", "x.txt"], "x.txt: must end with .csv"),
+    (["--example", "kalman", OUT, S], f"{S}: is there already, and is not replaced"),
+    (["--example", "kalman", OUT, "x.yaml", "--data", D], f"{D}: is there already, and is not"),
     ([S, D, OUT, "e.csv", "--data", "x.csv"], "--data: belongs to --example, which writes a"),
     ([S, "--stream", OUT, "e.csv"], "--out: is for whole records; a stream goes to standard"),
     ([S, "--stream", "--plot", "e.png"], "--plot: is for whole records; a stream goes to"),
@@ -93,6 +98,7 @@ OPTIONS: list[tuple[list[str], str]] = [
     ([S, "none.csv", "--follow"], "none.csv: cannot be read (No such file or directory)"),
     ([S, "empty.csv", "--follow", "--idle", "0.1"], "empty.csv: is empty, must begin with the"),
     ([S, "latin.csv", OUT, "e.csv"], "latin.csv: its header cannot be read (byte 3 is not UTF-8)"),
+    ([S, "mac.csv", OUT, "e.csv"], "mac.csv: its header cannot be read: lines must end with line"),
     ([S, "blank.csv", OUT, "e.csv"], "blank.csv: its header is empty, must name the columns"),
 ]  # fmt: skip
 
@@ -108,7 +114,12 @@ def test_options_that_do_not_go_together_are_refused_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     assert main(["estimate", "--example", "kalman", "--out", S, "--data", D]) == 0
     Path(".csv").mkdir()
-    for name, content in (("empty", b""), ("latin", b"t,\xe9,v\n0,1,2\n"), ("blank", b"\n0,1\n")):
+    for name, content in (
+        ("empty", b""),
+        ("latin", b"t,\xe9,v\n0,1,2\n"),
+        ("blank", b"\n0,1\n"),
+        ("mac", b"t,v\r0,1\r"),
+    ):
         Path(f"{name}.csv").write_bytes(content)
     before = {path: path.read_bytes() for path in Path().iterdir() if path.is_file()}
     capsys.readouterr()

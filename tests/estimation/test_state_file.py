@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -198,11 +197,6 @@ def test_the_sentence_names_file_and_key(key: str, value: Any, said: str, tmp_pa
     text.write_text(json.dumps(tree if key == "digest" else signed(tree)))
     with pytest.raises(InputError) as error:
         load_state(text, fresh("kalman"), "d")
-    assert str(error.value).startswith(f"{text}: {said}")
-
-
-def test_a_covariance_may_be_singular() -> None:
-    """To the rounding of sums: what a filter writes is taken."""
-    tree = json.loads(saved("kalman"))
-    covariance = np.array(tree["observer"]["belief"]["covariance"]["values"]).reshape(2, 2)
-    assert np.abs(covariance - covariance.T).max() <= 1e-15
+    place, _, problem = said.partition(": ")
+    assert str(error.value).startswith(f"{text}: {place}: ")
+    assert problem in str(error.value)

@@ -100,17 +100,23 @@ def test_it_agrees_with_filterpy_on_the_augmented_model() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((np.ones((3, 1)), 1.0), r"input_matrix: has shape \(3, 1\), must have 2 rows like A"),
-        ((np.ones((2, 0)), 1.0), r"input_matrix: has shape \(2, 0\), must have 2 rows like A"),
-        ((FORCE, -1.0), "walk: must be positive semidefinite"),
-        ((FORCE, 1.0, [[1.0, 0.0]]), r"output_matrix: has shape \(1, 2\), must be \(1, 1\)"),
+        (
+            (np.ones((3, 1)), 1.0),
+            r"fault_matrix: has shape \(3, 1\), must be \(2, q\), as A has",
+        ),
+        (
+            (np.ones((2, 0)), 1.0),
+            r"fault_matrix: has shape \(2, 0\), must be \(2, q\), as A has",
+        ),
+        ((FORCE, -1.0), "random_walk: must be positive semidefinite"),
+        ((FORCE, 1.0, [[1.0, 0.0]]), r"output_fault_matrix: has shape \(1, 2\), must be \(1, 1\)"),
         (
             (np.hstack([FORCE, 2 * FORCE]), 1.0),
-            "input_matrix: leaves a mode",
+            "fault_matrix: leaves a mode",
         ),
         (
             (np.zeros((2, 1)), 1.0),
-            "input_matrix: leaves .* that does not decay, of the eigenvalue 1",
+            "fault_matrix: leaves .* that does not decay, of the eigenvalue 1",
         ),
     ],
 )

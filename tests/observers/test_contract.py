@@ -253,7 +253,10 @@ def test_a_run_draws_itself(case: Case) -> None:
         unit = run.units[name]
         assert ax.get_ylabel() == (f"{name} [{unit}]" if unit else name)
     assert axes[-1].get_xlabel() == "time [s]"
-    name = next(iter(run.estimates))
+    name = next(iter(run))
+    assert list(run) == list(run.estimates)
+    assert name in run
+    assert "nothing" not in run
     assert len(run.plot([name]).axes) == 1
     with pytest.raises(InputError, match=r"^estimate: there is no 'nothing'"):
         run.plot(["nothing"])

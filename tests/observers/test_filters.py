@@ -16,7 +16,7 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.observers.gaussian_filter import Correction, Gaussian, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.observers.linear_filter_loop import gain_function
 from reobserve.observers.run import Run
 from reobserve.observers.smooth_variable_structure import SmoothVariableStructureFilter
 from reobserve.systems.linear import LinearModel
@@ -497,7 +497,7 @@ def test_the_input_of_a_first_row_is_read_where_it_feeds_through() -> None:
 # --- A user's own gain --------------------------------------------------------------------------
 
 
-@gain_law
+@gain_function
 def _shared_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
@@ -515,11 +515,11 @@ class OwnFilter(LinearFilter):
     share: float
 
     @property
-    def law(self) -> Any:
+    def gain_function(self) -> Any:
         return _shared_gain
 
     @property
-    def law_parameters(self) -> Array:
+    def gain_parameters(self) -> Array:
         return self.share * self.matrix.ravel()
 
 

@@ -173,6 +173,9 @@ def test_bad_input_of_the_smoother() -> None:
         rts_smoother(one, run, u, Q=np.tile(Q, (3, 1, 1)))
     with pytest.raises(InputError, match=r"^run: .* must be a run of the filter, with state and"):
         rts_smoother(one, run["state"], u)  # type: ignore[arg-type]
+    noisier = one.run(y, u, state=one.init([1.0, 0.0], 1.0), Q=2 * np.asarray(one.model.Q))
+    with pytest.raises(InputError, match=r"^Q: is left out, but was given to the run"):
+        rts_smoother(one, noisier, u)
     gain = FixedGainObserver(LinearModel(A, B, C, D, Q=Q, R=R), [[0.5], [0.1]])
     with pytest.raises(InputError, match=r"^filter: .* must be a Kalman filter, extended or"):
         rts_smoother(gain, run, u)  # type: ignore[arg-type]

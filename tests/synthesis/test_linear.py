@@ -140,7 +140,7 @@ def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
     [
         (
             LinearModel(np.diag([0.5, 1.1]), np.empty((2, 0)), [[1.0, 0.0]], Q=1.0, R=1.0),
-            "has a mode of the eigenvalue 1.1 that C does not show and that does not decay",
+            "has an unobservable mode of the eigenvalue 1.1 that does not decay",
         ),
         (
             LinearModel(np.diag([0.5, 1.0]), np.empty((2, 0)), [[1.0, 1.0]], Q=[1.0, 0.0], R=1.0),

@@ -164,7 +164,7 @@ def test_a_riccati_equation_that_has_no_solution_in_floats(monkeypatch: pytest.M
         raise np.linalg.LinAlgError
 
     monkeypatch.setattr(scipy.linalg, "solve_discrete_are", fail)
-    with pytest.raises(InputError, match=r"^model: has modes too near to the unit circle, or hid"):
+    with pytest.raises(InputError, match=r"^model: has modes too near to the unit circle, or too"):
         steady_kalman_gain(LinearModel([[0.5]], [[1.0]], [[1.0]], Q=1.0, R=1.0))
 
 

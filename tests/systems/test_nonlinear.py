@@ -138,12 +138,17 @@ def test_names_reach_data_frames_and_plots() -> None:
         "covariance_w_a", "covariance_w_w", "innovation_encoder",
         "innovation_covariance_encoder_encoder", "log_likelihood",
     ]  # fmt: skip
-    axes = run.plot(["state", "covariance", "innovation", "log_likelihood"]).axes
+    figure = run.plot(["state", "covariance", "innovation", "log_likelihood"])
+    axes = figure.axes
     labels = [[line.get_label() for line in ax.lines] for ax in axes]
-    assert labels[0] == ["state a", "state w"]
-    assert labels[1][1] == "covariance a, w"
-    assert labels[2:] == [["innovation encoder"], ["log_likelihood"]]
+    assert labels[0] == ["a", "w"]
+    assert labels[1][1] == "a, w"
+    assert labels[2:] == [["encoder"], ["log_likelihood"]]
     assert [ax.get_ylabel() for ax in axes[:2]] == ["state", "covariance"]
+    figure.draw_without_rendering()  # legends stand beside the lines and within the figure
+    for ax in axes[:3]:
+        legend = ax.get_legend().get_window_extent()
+        assert ax.bbox.x1 < legend.x0 < legend.x1 < figure.bbox.x1
 
 
 # --- What is refused ----------------------------------------------------------------------------

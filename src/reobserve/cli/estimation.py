@@ -69,7 +69,9 @@ def add_estimate(commands: Any) -> None:
     estimate.add_argument(
         "--warm", action="store_true", help="compile first, and say when a stream can begin"
     )
-    estimate.add_argument("--example", metavar="NAME", help="write a specification, see below")
+    estimate.add_argument(
+        "--example", metavar="NAME", help="write a specification, see below; no file is replaced"
+    )
     estimate.add_argument(
         "--data",
         dest="record",

@@ -26,7 +26,8 @@ def _call(_: Any, function: Any, arguments: Any) -> Any:
     return types.void(function, arguments), generate
 
 
-# Call a function without a result, of a `Law` or a vector field, with a tuple of arguments.
+# Call a function without a result, of a `FunctionPointer` or a vector field, with a tuple of
+# arguments.
 #
 # As ``function(*arguments)`` does, which numba compiles with what it takes to fetch the function
 # from Python and to raise what it raises; neither ever happens. But where anything may raise, numba

@@ -104,10 +104,10 @@ def polynomial_hold(A: ArrayLike, B: ArrayLike, period: float, degree: int) -> t
     block[:n, :n], block[:n, n : n + p] = state, control
     block *= as_positive("period", period)
     block[n : n + degree * p, n + p :] = np.eye(degree * p)
-    with np.errstate(over="ignore", invalid="ignore"):  # told below
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
         held: Array = expm(block)
     if not np.isfinite(held).all():
-        raise InputError("period", f"{period:g} s take the states beyond floating-point numbers")
+        raise InputError("period", f"{period:g} s takes the states beyond floating-point numbers")
     factorials = np.cumprod([1.0, *range(1, degree + 1)])
     effects = held[:n, n:].reshape(n, degree + 1, p).transpose(1, 0, 2)
     return np.ascontiguousarray(held[:n, :n]), effects * factorials[:, None, None]

@@ -72,7 +72,7 @@ def compiled_with_signature(signature: str, function: Callable[..., Any]) -> Any
     return _cached(function, numba.cfunc, signature, error_model="numpy")
 
 
-class Law:
+class FunctionPointer:
     """A function that is an argument of kernels; compiled on first use, not on import."""
 
     def __init__(self, signature: str, function: Callable[..., Any]) -> None:

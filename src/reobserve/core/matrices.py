@@ -118,7 +118,8 @@ def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     """``value`` as a vector of ``size`` finite floats; `InputError` names ``name`` otherwise."""
     array = as_floats(name, value)
     if array.shape != (size,):
-        raise InputError(name, f"has shape {array.shape}, must be a list of {size} numbers")
+        ending = "s" if size != 1 else ""
+        raise InputError(name, f"has shape {array.shape}, must be a list of {size} number{ending}")
     return array
 
 

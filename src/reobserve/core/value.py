@@ -126,7 +126,7 @@ def _array(value: NDArray[Any]) -> str:
 
 
 def _with_fields(value: Any) -> str:
-    every = [one for one in fields(value) if one.repr]
+    every = [one for one in fields(value) if one.repr and getattr(value, one.name) is not None]
     every.sort(key=lambda one: bool(one.kw_only) or not one.init)  # a base class has them first
     parts = (f"{one.name}={represented(getattr(value, one.name))}" for one in every)
     return f"{type(value).__name__}({', '.join(parts)})"

@@ -264,7 +264,7 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
     Raises
     ------
     InputError
-        If there is no such example, or a file cannot be written.
+        If there is no such example, or a file is there already or cannot be written.
     """
     from reobserve.estimation.families.examples import examples, simulated, specification_text
 
@@ -272,9 +272,14 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
         sys.stdout.write("\n".join(examples()) + "\n")
         return
     text = specification_text(name)
+    if record is not None and record.suffix != ".csv":
+        raise InputError(str(record), "must end with .csv")
+    if out is not None and out.suffix != ".yaml":
+        raise InputError(str(out), f"{shown(out.name)} must end with .yaml")
+    for path in (out, record):
+        if path is not None and path.exists():
+            raise InputError(str(path), "is there already, and is not replaced")
     if record is not None:
-        if record.suffix != ".csv":
-            raise InputError(str(record), "must end with .csv")
         columns = simulated(name).record()
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
@@ -284,7 +289,5 @@ def write_example(name: str, out: Path | None, record: Path | None) -> None:
         write_text(record, stream.getvalue())
     if out is None:
         sys.stdout.write(text)
-    elif out.suffix != ".yaml":
-        raise InputError(str(out), f"{shown(out.name)} must end with .yaml")
     else:
         write_text(out, text)

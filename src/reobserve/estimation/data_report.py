@@ -233,7 +233,7 @@ def _told(alarm: AlarmReport) -> str:
         return "no threshold yet: the record ends before the stretch that sets it does"
     said = f"threshold {_amount(alarm.threshold, alarm.unit)}"
     if alarm.learns:
-        said += f" off {alarm.mean:.4g}, from {alarm.learned} values"
+        said += f" from the mean {alarm.mean:.4g}, both of {alarm.learned} values"
     if alarm.start_up:
         said += f"; start-up {_time(alarm.start_up)} s"
     if alarm.first is None:

@@ -130,12 +130,10 @@ def _unsettled(
 
 def _contradicted(estimation: Estimation, y: Array, run: Any) -> list[str]:
     """A sentence for each measurement that is far from what the observer predicted."""
-    setup, layout = estimation.setup, estimation.layout
-    if setup.residual is None:
-        return []
+    design, layout = estimation.design, estimation.layout
     half = len(y) // 2
-    residual, noise = setup.residual(y, run.estimates), _noise_sizes(y)
-    spread = None if setup.spread is None else setup.spread(run.state)
+    residual, noise = design.residual(y, run.estimates), _noise_sizes(y)
+    spread = design.spread(run.state)
     found = []
     names = layout.names[layout.timed :][: residual.shape[1]]
     for c, name in enumerate(names):
@@ -165,7 +163,7 @@ def _size(values: Array) -> float:
 
 
 def _run(estimation: Estimation, y: Array, u: Array) -> Any:
-    return estimation.observer.run(y, u, state=estimation.setup.start(y[0]))
+    return estimation.observer.run(y, u, state=estimation.design.begin(y[0]))
 
 
 def _columns(estimation: Estimation, y: Array, u: Array) -> Array:

@@ -14,6 +14,7 @@ from reobserve.core.errors import DivergenceError, InputError, located
 from reobserve.estimation.alarms import alarms, start_up
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.diagnostics import FirstRows
+from reobserve.estimation.families.design import Design
 from reobserve.estimation.gaps import Gaps, Stretch
 from reobserve.estimation.interpolation import Interpolation, Settled
 from reobserve.estimation.layout import Layout, lay_out
@@ -57,9 +58,9 @@ class Estimation:
         self.specification, self.place = specification, place
         sampling, period = specification.sampling, specification.sampling.period
         with located("observer"):
-            self.setup = specification.observer.set_up(period)
-        self.observer = self.setup.observer
-        self.layout: Layout = lay_out(specification.columns, self.setup, header, place)
+            self.design: Design = specification.observer.design(period)
+        self.observer = self.design.observer
+        self.layout: Layout = lay_out(specification.columns, self.design, header, place)
         self.can_skip = self.observer.reads_missing
         for key, word, others in (
             ("missing", "skip", "refuse or interpolate"),
@@ -73,25 +74,25 @@ class Estimation:
         timed, width = self.layout.timed, self.layout.measurements
         names = self.layout.names[timed:]
         self.interpolation = _interpolation(
-            specification, width, len(names), self.setup.holds_inputs
+            specification, width, len(names), self.design.holds_inputs
         )
         self.gaps = Gaps(sampling, self.report, place, names, width, self.can_skip)
         self.state: Any = None
         self.first_rows: FirstRows | None = None
         self.sample = self._sample(width, len(names) - width)
         self.outputs: Outputs = outputs(
-            self.setup, self.layout, self.sample, specification.estimates
+            self.design, self.layout, self.sample, specification.estimates
         )
         self.start_up: list[float] | None = None
         self.alarms = alarms(
             specification.alarms, self.outputs.columns, self.report, period, self._start_up
         )
-        self.report.warnings += self.setup.unseen
+        self.report.warnings += self.design.unseen
 
     def _sample(self, measurements: int, inputs: int) -> Any:
         """The estimates of a row of zeros: their shapes; it compiles what is to run."""
         y = np.zeros((1, measurements))
-        state = self.setup.start(y[0])
+        state = self.design.begin(y[0])
         run = self.observer.run(y, np.zeros((1, inputs)), state=state)
         self.template = run.state
         return run.estimates
@@ -102,7 +103,7 @@ class Estimation:
             inputs = len(self.layout.names) - self.layout.timed - self.layout.measurements
 
             def run(y: Array) -> Array:
-                state, u = self.setup.start(y[0]), np.zeros((len(y), inputs))
+                state, u = self.design.begin(y[0]), np.zeros((len(y), inputs))
                 return self.outputs.numbers(y, self.observer.run(y, u, state=state).estimates)
 
             with warnings.catch_warnings():
@@ -132,8 +133,6 @@ class Estimation:
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
         self.timestamps.judge()
-        if self.interpolation.values is None:
-            return self._none()
         return self._estimate(self.interpolation.finish(), True)
 
     def _none(self) -> Estimated:
@@ -154,7 +153,7 @@ class Estimation:
         if self.first_rows is not None:
             self.first_rows.take(stretch)
         if stretch.fresh:
-            self.state = self.setup.start(stretch.y[0])
+            self.state = self.design.begin(stretch.y[0])
             for found in self.report.alarms.values():
                 found.started = float(stretch.time[0])
         begun = self.state.sample is not None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -81,7 +81,6 @@ def _grid(period: float, horizon: float) -> Array:
     return period / _FINE * steps
 
 
-@cache
 def satellite() -> Simulated:
     """A tumbling body; from 5 s on a leak turns it about its first axis with 0.5 N m."""
     inertia = np.array([[36.0, 1.5, 0.0], [1.5, 17.0, 0.0], [0.0, 0.0, 26.0]])
@@ -89,15 +88,12 @@ def satellite() -> Simulated:
     start = np.floor(time / 0.01 + 1e-6) * 0.01  # of the period, over which torques are held
     torques = 0.2 * np.column_stack([np.sin(0.5 * start), np.cos(0.3 * start), np.sin(0.2 * start)])
     fault = np.where(time >= 5.0, 0.5, 0.0)
-    steps = {float(t): k for k, t in enumerate(time)}
 
     def field(t: float, w: Array) -> Array:
-        k = steps.get(t)
-        k = int(t / time[1] + 1e-6) if k is None else k
+        k = int(t / time[1] + 1e-6)
         known = torques[k] + np.array([fault[k], 0.0, 0.0])
-        h = inertia @ w
-        turned = (w[1] * h[2] - w[2] * h[1], w[2] * h[0] - w[0] * h[2], w[0] * h[1] - w[1] * h[0])
-        found: Array = inverse @ (known - turned)
+        # w' = J^-1 (T - w x J w)
+        found: Array = inverse @ (known - np.cross(w, inertia @ w))
         return found
 
     rates = _followed(field, np.array([0.05, -0.03, 0.04]), time)
@@ -114,7 +110,6 @@ def satellite() -> Simulated:
     )  # fmt: skip
 
 
-@cache
 def pendulum() -> Simulated:
     """A pendulum that swings down from 0.5 rad, measured in degrees; lengths such that g/l = 1."""
     time = _grid(0.02, 20.0)
@@ -126,7 +121,6 @@ def pendulum() -> Simulated:
     return Simulated(0.02, time, signals, logged, (), {"angle": "angle", "rate": "rate"})
 
 
-@cache
 def driven_pendulum() -> Simulated:
     """A pendulum that a torque in mN m turns, held over each period."""
     time = _grid(0.01, 15.0)
@@ -147,7 +141,6 @@ def _valve_input(t: Array | float) -> Array:
     return np.asarray(np.sin(0.2 * np.asarray(t) + 0.3))
 
 
-@cache
 def lag() -> Simulated:
     """x' = -x + u(t - 0.6 s), in percent: a valve and the level it sets, say."""
     time = _grid(0.01, 40.0)
@@ -166,7 +159,6 @@ def lag() -> Simulated:
     return Simulated(0.01, time, signals, logged, (), {"delay": "delay", "level": "level"})
 
 
-@cache
 def signal() -> Simulated:
     """A voltage in mV, sin t."""
     time = _grid(0.01, 10.0)
@@ -177,28 +169,30 @@ def signal() -> Simulated:
     )  # fmt: skip
 
 
-def _motor(time: Array, worn: float, lost: float, offset: float) -> Simulated:
-    """A DC motor from half of the record on with a worn bearing, less voltage or a sensor's offset.
+def motor(
+    horizon: float = 10.0, worn: float = 0.0, lost: float = 0.0, offset: float = 0.0
+) -> Simulated:
+    """A DC motor: speed in rpm, current in mA, voltage in V; x = [speed, current].
 
-    x = [speed, current]; x' = A x + B u.
+    In the second half of the record the friction is higher by ``worn`` [1/s], the voltage by
+    ``lost`` [V] and the reading of the speed by ``offset`` [rad/s].
     """
-    period = 0.01
-    step = period / _FINE
-    half = len(time) // 2
+    period, time = 0.01, _grid(0.01, horizon)
+    late = np.where(np.arange(len(time)) >= len(time) // 2, 1.0, 0.0)
     start = np.floor(time / period + 1e-6) * period
     volts = 6.0 + 3.0 * np.sign(np.sin(1.3 * start)) + np.sign(np.sin(4.1 * start))
-    fault = np.where(np.arange(len(time)) >= half, lost, 0.0)
-    healthy = zero_order_hold([[-10.0, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], step)
-    rough = zero_order_hold([[-10.0 - worn, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], step)
+    models = [
+        zero_order_hold([[-10.0 - more, 40.0], [-0.4, -20.0]], [[0.0], [20.0]], period / _FINE)
+        for more in (0.0, worn)
+    ]
     rows = np.zeros((len(time), 2))
     for k in range(len(time) - 1):
-        A, B = healthy if k < half else rough
-        rows[k + 1] = A @ rows[k] + B[:, 0] * (volts[k] + fault[k])
-    drift = np.where(np.arange(len(time)) >= half, offset, 0.0)
+        A, B = models[int(late[k])]
+        rows[k + 1] = A @ rows[k] + B[:, 0] * (volts[k] + lost * late[k])
     signals = {
-        "speed": rows[:, 0], "current": rows[:, 1], "read": rows[:, 0] + drift, "volts": volts,
-        "fault": fault, "offset": drift, "worn": np.where(np.arange(len(time)) >= half, 1.0, 0.0),
-        "healthy": np.where(np.arange(len(time)) >= half, 0.0, 1.0),
+        "speed": rows[:, 0], "current": rows[:, 1], "read": rows[:, 0] + offset * late,
+        "volts": volts, "fault": lost * late, "offset": offset * late, "worn": late,
+        "healthy": 1.0 - late,
     }  # fmt: skip
     logged = {
         "speed": ("read", 60.0 / (2.0 * np.pi), 0.3), "current": ("current", 1000.0, 10.0),
@@ -213,31 +207,21 @@ def _motor(time: Array, worn: float, lost: float, offset: float) -> Simulated:
     )
 
 
-@cache
-def motor() -> Simulated:
-    """A DC motor in good health: speed in rpm, current in mA, voltage in V."""
-    return _motor(_grid(0.01, 10.0), 0.0, 0.0, 0.0)
+PLANTS: Mapping[str, Callable[[], Simulated]] = {
+    "satellite": satellite,
+    "pendulum": pendulum,
+    "driven_pendulum": driven_pendulum,
+    "lag": lag,
+    "signal": signal,
+    "motor": motor,
+    "worn_motor": partial(motor, worn=10.0),  # twice the friction
+    "weak_motor": partial(motor, 20.0, lost=-2.0),
+    "biased_motor": partial(motor, 20.0, offset=1.0),
+    "faulty_motor": partial(motor, 20.0, lost=-2.0, offset=1.0),
+}
 
 
 @cache
-def worn_motor() -> Simulated:
-    """The same, with twice the friction from 5 s on."""
-    return _motor(_grid(0.01, 10.0), 10.0, 0.0, 0.0)
-
-
-@cache
-def weak_motor() -> Simulated:
-    """The same, with 2 V less than commanded from 10 s on."""
-    return _motor(_grid(0.01, 20.0), 0.0, -2.0, 0.0)
-
-
-@cache
-def biased_motor() -> Simulated:
-    """The same, in good health, with a speed that is read 1 rad/s too high from 10 s on."""
-    return _motor(_grid(0.01, 20.0), 0.0, 0.0, 1.0)
-
-
-@cache
-def faulty_motor() -> Simulated:
-    """The same, and a speed that is read 1 rad/s too high."""
-    return _motor(_grid(0.01, 20.0), 0.0, -2.0, 1.0)
+def followed(plant: str) -> Simulated:
+    """A plant of the table, followed over its record."""
+    return PLANTS[plant]()

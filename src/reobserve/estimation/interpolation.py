@@ -43,15 +43,16 @@ class Interpolation:
     hold: float
     held: tuple[bool, ...]
     time: Array = field(default_factory=lambda: np.empty(0))
-    values: Array | None = None
+    values: Array = field(init=False)
     asked: Array = field(default_factory=lambda: np.empty(0))
-    kept: Array | None = None  # of each column the last sample and its time
+    kept: Array = field(init=False)  # of each column the last sample and its time
+
+    def __post_init__(self) -> None:
+        self.values = np.empty((0, len(self.held)))
+        self.kept = np.full((2, len(self.held)), np.nan)
 
     def feed(self, time: Array, values: Array, asked: Array) -> Settled:
         """Take rows, and times up to the last of them at which values are asked for."""
-        if self.values is None:
-            self.values = np.empty((0, values.shape[1]))
-            self.kept = np.full((2, values.shape[1]), np.nan)
         whole = not len(self.asked) and len(asked) == len(time) and np.array_equal(asked, time)
         self.time = np.concatenate([self.time, time])
         self.values = np.concatenate([self.values, values])
@@ -66,8 +67,7 @@ class Interpolation:
         return self._settle(np.inf)
 
     def _settle(self, latest: float) -> Settled:
-        assert self.values is not None
-        columns = self.values.shape[1]
+        columns = len(self.held)
         known = [np.flatnonzero(np.isfinite(self.values[:, c])) for c in range(columns)]
         horizon = min(self._horizon(c, known[c], latest) for c in range(columns))
         count = int(np.searchsorted(self.asked, horizon, side="right"))
@@ -89,8 +89,6 @@ class Interpolation:
         return float(self.time[known[-2]]) if len(known) > 1 else -np.inf
 
     def _column(self, c: int, known: NDArray[np.int_], asked: Array) -> tuple[Array, Flags]:
-        assert self.values is not None
-        assert self.kept is not None
         at, values = self.time[known], self.values[known, c]
         if self.held[c] and np.isfinite(self.kept[0, c]):
             at = np.concatenate([self.kept[:1, c], at])
@@ -135,7 +133,7 @@ class Interpolation:
 
     def _forget(self, last: Array) -> None:
         """Drop rows that no time after ``last`` asks for: two samples before it are needed."""
-        if not len(last) or self.values is None or self.kept is None:
+        if not len(last):
             return
         first = int(np.searchsorted(self.time, last[0], side="right"))
         from_ = first

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import InputError, nearest, shown
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.dates import ISO, looks_dated
-from reobserve.estimation.families.setup import Setup
+from reobserve.estimation.families.design import Design
 from reobserve.estimation.quantities import SAME, Conversion, check_unit, conversion
 from reobserve.estimation.specification import Column, Columns
 
@@ -115,7 +115,7 @@ def no_number(row: int, cell: str, text: str, decimal: str = ".") -> str:
     return f"row {row} is {shown(cell)}, must be a number{hint}"
 
 
-def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -> Layout:
+def lay_out(columns: Columns, design: Design, header: Sequence[str], place: str) -> Layout:
     """Find the columns in a header, ``name`` or ``name [unit]``, and settle their units.
 
     Raises
@@ -136,10 +136,11 @@ def lay_out(columns: Columns, setup: Setup, header: Sequence[str], place: str) -
         if list(header).count(title) > 1:
             raise InputError(place, f"has the column {shown(title)} twice")
     wanted: list[tuple[str, Column, str]] = []
-    for what, given, widths, fixed in (
-        ("measurements", columns.measurements, setup.columns[0], setup.measured),
-        ("inputs", columns.inputs, setup.columns[1], setup.known),
+    for what, given, widths, signals in (
+        ("measurements", columns.measurements, design.widths[0], design.measurements),
+        ("inputs", columns.inputs, design.widths[1], design.inputs),
     ):
+        fixed = [unit for _, unit in signals] if all(unit for _, unit in signals) else []
         if len(given) not in widths:
             counts = " or ".join(map(str, widths))
             problem = f"are {len(given)} columns, the observer reads {counts}"

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation.families.setup import Setup
+from reobserve.estimation.families.design import Design
+from reobserve.estimation.families.signals import product
 from reobserve.estimation.layout import Layout
-from reobserve.estimation.quantities import SAME, Conversion, conversion, rate_unit
+from reobserve.estimation.quantities import SAME, Conversion, conversion
 
 Array = NDArray[np.float64]
 
@@ -39,88 +40,46 @@ RESIDUAL = "residual"
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is written of each row, in order."""
+    """What is written of each row, in order.
 
-    setup: Setup
+    ``places`` are those of the columns among the ``sources`` (estimates, flattened) and then the
+    residual, one behind the other. Of ``deviations`` the root is taken.
+    """
+
+    design: Design
     columns: tuple[Output, ...]
+    sources: tuple[str, ...]
+    places: list[int]
+    deviations: list[int]
+    converted: list[tuple[int, Conversion]]
 
     def numbers(self, y: Array, estimates: Mapping[str, Array]) -> Array:
         """The columns' values, shape (k, columns)."""
-        plan, rows = self._plan(estimates), len(y)
-        parts = [estimates[name].reshape(rows, -1) for name in plan.estimates]
-        if self.setup.residual is not None:
-            parts.append(self.setup.residual(y, estimates))
-        found: Array = np.concatenate(parts, axis=1)[:, plan.places]
+        parts = [estimates[name].reshape(len(y), -1) for name in self.sources]
+        parts.append(self.design.residual(y, estimates))
+        found: Array = np.concatenate(parts, axis=1)[:, self.places]
         with np.errstate(invalid="ignore"):  # a variance below zero has no root
-            found[:, plan.deviations] = np.sqrt(found[:, plan.deviations])
-        for column, factor in plan.factors:
-            found[:, column] *= factor
-        for column, offset in plan.offsets:
-            found[:, column] += offset
+            found[:, self.deviations] = np.sqrt(found[:, self.deviations])
+        for column, way in self.converted:
+            found[:, column] = way.of(found[:, column])
         return found
 
     def row(self, y: Array, estimates: Mapping[str, Array]) -> list[float]:
         """The same numbers for one row, shape (1, p), where each microsecond counts."""
-        plan = self._plan(estimates)
         flat: list[float] = []
-        for name in plan.estimates:
+        for name in self.sources:
             flat += estimates[name].ravel().tolist()
-        if self.setup.residual is not None:
-            flat += self.setup.residual(y, estimates)[0].tolist()
-        found = [flat[place] for place in plan.places]
-        for column in plan.deviations:
+        flat += self.design.residual(y, estimates)[0].tolist()
+        found = [flat[place] for place in self.places]
+        for column in self.deviations:
             found[column] = math.sqrt(found[column]) if found[column] >= 0.0 else math.nan
-        for column, factor in plan.factors:
-            found[column] *= factor
-        for column, offset in plan.offsets:
-            found[column] += offset
+        for column, way in self.converted:
+            found[column] = way.of(found[column])
         return found
-
-    def _plan(self, estimates: Mapping[str, Array]) -> _Plan:
-        """Where the columns stand; the same for all rows, since shapes do not change."""
-        made: _Plan | None = vars(self).get("plan")
-        if made is None:
-            made = _planned(self, estimates)
-            vars(self)["plan"] = made
-        return made
-
-
-class _Plan(NamedTuple):
-    """Columns as places in the flattened ``estimates`` and the residual, one behind the other."""
-
-    estimates: tuple[str, ...]
-    places: list[int]
-    deviations: list[int]  # columns of which the root is taken
-    factors: list[tuple[int, float]]
-    offsets: list[tuple[int, float]]
-
-
-def _planned(made: Outputs, estimates: Mapping[str, Array]) -> _Plan:
-    sigmas = made.setup.sigmas
-    sources = [sigmas[one.estimate] if one.deviation else one.estimate for one in made.columns]
-    names = tuple(dict.fromkeys(name for name in sources if name != RESIDUAL))
-    starts, size = {}, 0
-    for name in names:
-        starts[name] = size
-        size += estimates[name][0].size
-    starts[RESIDUAL] = size
-    places = [starts[one] + column.place for one, column in zip(sources, made.columns, strict=True)]
-    ways = list(enumerate(made.columns))
-    return _Plan(
-        names,
-        places,
-        [c for c, column in ways if column.deviation],
-        [(c, column.conversion.factor) for c, column in ways if column.conversion.factor != 1.0],
-        [
-            (c, column.conversion.offset)
-            for c, column in ways
-            if column.conversion.offset and not column.deviation
-        ],
-    )
 
 
 def outputs(
-    setup: Setup,
+    design: Design,
     layout: Layout,
     sample: Mapping[str, Array],
     named: Mapping[str, Mapping[str, str]],
@@ -134,8 +93,8 @@ def outputs(
         name, or a unit cannot become the one that is asked for.
     """
     written = {
-        name: values for name, values in sample.items()
-        if name not in setup.left_out and values.ndim <= 2
+        name: sample[name] for name in sample
+        if name in design.estimates and name not in design.left_out
     }  # fmt: skip
     for name in named:
         if name not in written:
@@ -145,7 +104,7 @@ def outputs(
     columns: list[Output] = []
     for name, values in written.items():
         size = 1 if values.ndim == 1 else values.shape[1]
-        labels, units, asked = _called(name, size, setup, layout, named.get(name))
+        labels, units, asked = _called(name, design, layout, named.get(name))
         for place in range(size):
             way = SAME
             if units[place] and asked[place]:
@@ -153,39 +112,38 @@ def outputs(
                 way = conversion(at, units[place], asked[place])
             unit = asked[place] or units[place]
             columns.append(Output(labels[place], unit, name, place, False, way))
-            if name in setup.sigmas:
+            if name in design.sigmas:
                 label = f"{labels[place]} sigma"
-                columns.append(Output(label, unit, name, place, True, way))
-    if setup.residual is not None:
-        for place, unit in enumerate(layout.units[layout.timed :][: layout.measurements]):
-            label = f"residual {layout.names[layout.timed + place]}"
-            columns.append(Output(label, unit, RESIDUAL, place))
-            if place + 1 == _residuals(setup, sample, layout):
-                break
+                columns.append(Output(label, unit, name, place, True, Conversion(way.factor, 0.0)))
+    residuals = design.residual(np.zeros((1, layout.measurements)), sample).shape[1]
+    for place in range(residuals):
+        label = f"residual {layout.names[layout.timed + place]}"
+        columns.append(Output(label, layout.units[layout.timed + place], RESIDUAL, place))
     names = [column.name for column in columns] + ["time", "status"]
     for name in names:
         if names.count(name) > 1:
             raise InputError("estimates", f"two columns would have the name {shown(name)}")
-    return Outputs(setup, tuple(columns))
-
-
-def _residuals(setup: Setup, sample: Mapping[str, Array], layout: Layout) -> int:
-    assert setup.residual is not None
-    return int(setup.residual(np.zeros((1, layout.measurements)), sample).shape[1])
+    read = [design.sigmas[one.estimate] if one.deviation else one.estimate for one in columns]
+    sources = tuple(name for name in dict.fromkeys(read) if name != RESIDUAL)
+    ends = np.cumsum([0, *(sample[name][0].size for name in sources)]).tolist()
+    starts = dict(zip((*sources, RESIDUAL), ends, strict=True))
+    return Outputs(
+        design, tuple(columns), sources,
+        [starts[name] + column.place for name, column in zip(read, columns, strict=True)],
+        [c for c, column in enumerate(columns) if column.deviation],
+        [(c, one.conversion) for c, one in enumerate(columns) if one.conversion != SAME],
+    )  # fmt: skip
 
 
 def _called(
-    name: str, size: int, setup: Setup, layout: Layout, named: Mapping[str, str] | None
+    name: str, design: Design, layout: Layout, named: Mapping[str, str] | None
 ) -> tuple[list[str], list[str], list[str]]:
     """Names of the components, their units as far as they are known, and those asked for."""
-    usual = [name] if size == 1 and name not in ("state", "fault") else (
-        [f"{name}_{place + 1}" for place in range(size)]
-    )  # fmt: skip
-    labels = list(setup.names.get(name, usual))
-    units = list(setup.units.get(name, [setup.observer.units.get(name, "")] * size))
+    labels, units = map(list, zip(*design.estimates[name], strict=True))
+    size = len(labels)
     if name == "derivatives":
         signal = layout.units[layout.timed]
-        units = [rate_unit(signal, order) for order in range(size)]
+        units = [signal, *(product(signal, f"1/s^{order}") for order in range(1, size))]
     if named is None:
         return labels, units, [""] * size
     if len(named) != size:

@@ -118,14 +118,3 @@ def conversion(place: str, given: str, wanted: str) -> Conversion:
 
 def _is_angular(unit: Any) -> bool:
     return any(name in str(unit) for name in ("radian", "degree", "revolution", "turn"))
-
-
-def rate_unit(unit: str, order: int) -> str:
-    """The unit of the derivative of an order: ``V/s^2``."""
-    if not order or not unit:
-        return unit
-    seconds = "s" if order == 1 else f"s^{order}"
-    if "/" in unit:
-        above, _, below = unit.partition("/")
-        return f"{above}/({below.strip('()')} {seconds})"
-    return f"{unit}/{seconds}"

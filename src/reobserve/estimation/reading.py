@@ -228,7 +228,11 @@ def titles(line: bytes, delimiter: str, place: str, encoding: str = "utf-8") -> 
             f"its header cannot be read (byte {error.start + 1} is not {encoding.upper()}); "
             "columns.encoding may state cp1252 or latin-1",
         ) from None
-    found = [title.strip() for row in csv.reader([text], delimiter=delimiter) for title in row]
+    try:
+        found = [title.strip() for row in csv.reader([text], delimiter=delimiter) for title in row]
+    except csv.Error:  # a carriage return, or a title of more than 131 072 characters
+        problem = "its header cannot be read: lines must end with line feeds, not with \\r alone"
+        raise InputError(place, problem) from None
     if not any(found):
         raise InputError(place, "its header is empty, must name the columns")
     return found

@@ -23,13 +23,13 @@ from reobserve.core.files import read_text, write_text
 from reobserve.core.validation import join, parse
 from reobserve.estimation.data_report import DataReport
 from reobserve.estimation.estimate import Estimation
+from reobserve.systems.linear import as_covariance
 
 Array = NDArray[np.float64]
 
 SCHEMA = 3
 _VALUES = 5_000_000
 _NOT_FINITE = ("nan", "inf", "-inf")  # written as {"float": "nan"}, since JSON has none of them
-_ROUNDING = 1e-9
 
 
 @dataclass
@@ -89,7 +89,7 @@ def save_state(path: Path, estimation: Estimation, digest: str, offset: int | No
         ),
         "gaps": _plain(_Gaps(gaps.last, gaps.started, gaps.in_gap)),
         "interpolation": {
-            name: None if getattr(values, name) is None else _plain(getattr(values, name).tolist())
+            name: _plain(getattr(values, name).tolist())
             for name in ("time", "values", "asked", "kept")
         },
         "report": _plain(estimation.report),
@@ -234,18 +234,9 @@ def _array(template: Array, saved: Any, place: str) -> Array:
     found = np.array(numbers, dtype=np.float64).reshape(template.shape)
     square = len(shape) >= 2 and shape[-1] == shape[-2] > 0
     if place.rpartition(".")[2].startswith("covariance") and square:
-        _check_covariance(found, place)
+        for part in found.reshape(-1, *shape[-2:]):
+            as_covariance(place, part, shape[-1])
     return found
-
-
-def _check_covariance(found: Array, place: str) -> None:
-    if not np.isfinite(found).all():
-        raise InputError(place, "must be finite")
-    slack = _ROUNDING * np.abs(found).max(initial=0.0)
-    if np.abs(found - np.swapaxes(found, -1, -2)).max() > slack:
-        raise InputError(place, "must be symmetric")
-    if np.linalg.eigvalsh(found).min() < -slack * found.shape[-1]:
-        raise InputError(place, "must be positive semidefinite")
 
 
 def _interpolation(saved: _Interpolation, columns: int) -> dict[str, Any]:
@@ -259,8 +250,7 @@ def _interpolation(saved: _Interpolation, columns: int) -> dict[str, Any]:
     for name, rows in (("values", len(saved.time)), ("kept", 2)):
         table = getattr(saved, name)
         if table is None and saved.values is None and saved.kept is None and not saved.time:
-            found[name] = None
-            continue
+            continue  # before the first row
         if table is None or len(table) != rows or any(len(row) != columns for row in table):
             problem = f"must have {rows} rows of {columns} numbers"
             raise InputError(f"interpolation.{name}", problem)

@@ -44,24 +44,24 @@ class AugmentedKalmanFilter(Observer[State]):
     ----------
     model
         The linear model of the plant without them.
-    input_matrix
+    fault_matrix
         E, shape (n, q): what each unknown input adds to the state in a sampling period.
-    walk
+    random_walk
         W, the covariance of what an unknown input gains a sample: a number, q numbers or (q, q).
-    output_matrix
+    output_fault_matrix
         F, shape (m, q): what it adds to the measurement, zero if left out.
 
     Raises
     ------
     InputError
         If the shapes do not fit, W is no covariance, or a mode of [x, d] that does not decay is
-        hidden from the measurement: two unknown inputs, say, that do the same.
+        unobservable: two unknown inputs, say, that do the same.
     """
 
     model: LinearModel
-    input_matrix: Array
-    walk: Array
-    output_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
+    fault_matrix: Array
+    random_walk: Array
+    output_fault_matrix: Array = None  # type: ignore[assignment]  # zeros, once it is made
     sampling_period: float = field(init=False)
 
     reads_between: ClassVar[bool] = False
@@ -86,30 +86,30 @@ class AugmentedKalmanFilter(Observer[State]):
         def __init__(
             self,
             model: LinearModel,
-            input_matrix: ArrayLike,
-            walk: ArrayLike,
-            output_matrix: ArrayLike | None = ...,
+            fault_matrix: ArrayLike,
+            random_walk: ArrayLike,
+            output_fault_matrix: ArrayLike | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         model, put = as_kind("model", self.model, LinearModel), self._set
-        E = as_floats("input_matrix", self.input_matrix)
+        E = as_floats("fault_matrix", self.fault_matrix)
         if E.ndim != 2 or len(E) != model.states or not E.size:
-            problem = f"has shape {E.shape}, must have {model.states} rows like A"
-            raise InputError("input_matrix", problem)
+            problem = f"has shape {E.shape}, must be ({model.states}, q), as A has so many rows"
+            raise InputError("fault_matrix", problem)
         wanted = (model.outputs, E.shape[1])
-        given: Any = self.output_matrix
-        F = np.zeros(wanted) if given is None else as_floats("output_matrix", given)
+        given: Any = self.output_fault_matrix
+        F = np.zeros(wanted) if given is None else as_floats("output_fault_matrix", given)
         if F.shape != wanted:
-            raise InputError("output_matrix", f"has shape {F.shape}, must be {wanted}")
-        put("input_matrix", E)
-        put("output_matrix", F)
-        put("walk", as_covariance("walk", self.walk, E.shape[1]))
+            raise InputError("output_fault_matrix", f"has shape {F.shape}, must be {wanted}")
+        put("fault_matrix", E)
+        put("output_fault_matrix", F)
+        put("random_walk", as_covariance("random_walk", self.random_walk, E.shape[1]))
         put("sampling_period", model.sampling_period)
         hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
         if len(hidden):
             raise InputError(
-                "input_matrix",
+                "fault_matrix",
                 "leaves a mode of state and unknown inputs unobservable that does not decay, of "
                 f"the eigenvalue {hidden[0]:.4g}",
             )
@@ -127,18 +127,19 @@ class AugmentedKalmanFilter(Observer[State]):
     @property
     def unknown_inputs(self) -> int:
         """Their number q."""
-        return int(self.input_matrix.shape[1])
+        return int(self.fault_matrix.shape[1])
 
     @cached_property
     def _kalman(self) -> KalmanFilter:
         """The filter of [x, d]."""
         A, B, C, D, Q, R = self.model.arrays
-        n, q = self.input_matrix.shape
-        whole = np.block([[A, self.input_matrix], [np.zeros((q, n)), np.eye(q)]])
-        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.walk]])
+        n, q = self.fault_matrix.shape
+        whole = np.block([[A, self.fault_matrix], [np.zeros((q, n)), np.eye(q)]])
+        noise = np.block([[Q, np.zeros((n, q))], [np.zeros((q, n)), self.random_walk]])
         model = LinearModel(
-            whole, np.vstack([B, np.zeros((q, B.shape[1]))]), np.hstack([C, self.output_matrix]),
-            Q=noise, R=R, D=D, unusual=True, sampling_period=self.sampling_period,
+            whole, np.vstack([B, np.zeros((q, B.shape[1]))]),
+            np.hstack([C, self.output_fault_matrix]), D, noise, R,
+            unusual=True, sampling_period=self.sampling_period,
         )  # fmt: skip
         return KalmanFilter(model)
 

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.kernel import Law
+from reobserve.core.kernel import FunctionPointer
 from reobserve.core.matrices import as_floats, spectral_radius
 from reobserve.observers.gaussian_filter import State
 from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.observers.linear_filter_loop import gain_function
 from reobserve.synthesis.linear import place, steady_kalman_gain
 from reobserve.systems.linear import LinearModel
 
@@ -78,12 +78,12 @@ class FixedGainObserver(LinearFilter):
         return poles[np.argsort(-np.abs(poles), kind="stable")]
 
     @property
-    def law(self) -> Law:
+    def gain_function(self) -> FunctionPointer:
         """The gain as it was given."""
         return _given_gain
 
     @property
-    def law_parameters(self) -> Array:
+    def gain_parameters(self) -> Array:
         """The gain row by row."""
         return self._parameters
 
@@ -122,7 +122,7 @@ def steady_kalman(model: LinearModel) -> FixedGainObserver:
     return FixedGainObserver(model, steady_kalman_gain(as_kind("model", model, LinearModel)))
 
 
-@gain_law
+@gain_function
 def _given_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:

@@ -253,7 +253,7 @@ class IMM(Observer[State]):
             good = self._run_one_by_one(beliefs, record.y, inputs, fresh, rows)
         else:
             good = run_bank(
-                (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_law, beliefs, record.y,
+                (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_gain, beliefs, record.y,
                 inputs, fresh, rows,
             )  # fmt: skip
         last = np.concatenate([record.y[-1], record.u[-1]])
@@ -310,9 +310,9 @@ class IMM(Observer[State]):
 
     @cached_property
     def _linear(self) -> list[LinearFilter]:
-        """The filters, if one compiled loop can run them all: one law, one number of parameters."""
+        """The filters, if one loop can run them all: one gain function, as many parameters."""
         linear = [one for one in self.filters if isinstance(one, LinearFilter)]
-        alike = {(id(one.law), len(one.law_parameters)) for one in linear}
+        alike = {(id(one.gain_function), len(one.gain_parameters)) for one in linear}
         return linear if len(linear) == len(self.filters) and len(alike) == 1 else []
 
     @cached_property
@@ -323,7 +323,7 @@ class IMM(Observer[State]):
         arrays = [one.model.arrays for one in linear]
         return Bank(
             ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
-            np.array([one.law_parameters for one in linear]),
+            np.array([one.gain_parameters for one in linear]),
             for_loop(self.transition),
             self.mixing,
         )

@@ -191,7 +191,7 @@ def run_bank(
     states: Size,
     outputs: Size,
     bank: Bank,
-    law: Callable[..., None] | None,
+    function: Callable[..., None] | None,
     beliefs: Beliefs,
     measurements: Array,
     inputs: Array,
@@ -234,8 +234,9 @@ def run_bank(
                 told[j] = 0.0
             else:
                 told[j] = correct(
-                    states, outputs, model, law, bank.parameters[j], measurements[k], inputs[k + 1],
-                    mean, covariance, beliefs.errors[j], rows.innovations[k, j], factor, work,
+                    states, outputs, model, function, bank.parameters[j], measurements[k],
+                    inputs[k + 1], mean, covariance, beliefs.errors[j], rows.innovations[k, j],
+                    factor, work,
                 )  # fmt: skip
         whole = update_probabilities(predicted, told, beliefs.log_probabilities)
         rows.log_likelihoods[k] = 0.0 if missing else whole

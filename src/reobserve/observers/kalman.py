@@ -18,6 +18,6 @@ class KalmanFilter(LinearFilter):
     """
 
     @property
-    def law(self) -> None:
+    def gain_function(self) -> None:
         """None: the Kalman gain is the one that the loops have built in."""
         return

@@ -1,6 +1,6 @@
 """Filters that correct a linear prediction by a gain: the Kalman filter, the SVSF, fixed gains.
 
-A filter holds a `LinearModel` and a law for its gain. What it holds to be true is a `Gaussian`. The
+A filter has a `LinearModel` and a gain function. What it holds to be true is a `Gaussian`. The
 first row of a record corrects the one that `init` was given; before each later row the filter
 predicts with the input of the row before, and corrects with that of the row itself. `predict` and
 `correct` are the two halves, which a bank of filters calls one by one.
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import DivergenceError
-from reobserve.core.kernel import Law
+from reobserve.core.kernel import FunctionPointer
 from reobserve.core.matrices import as_row, as_samples, as_vector
 from reobserve.core.value import for_loop
 from reobserve.observers.contract import Record, Rows
@@ -72,18 +72,18 @@ class LinearFilter(GaussianFilter):
         object.__setattr__(self, "sampling_period", period)
 
     @property
-    def law(self) -> Law | None:
-        """The law of the gain, made by `gain_law`; None for Kalman's, which the loop knows."""
+    def gain_function(self) -> FunctionPointer | None:
+        """What computes the gain; None for Kalman's, which the loop has built in."""
         raise NotImplementedError
 
     @property
-    def compiled_law(self) -> Any:
-        """The law as the loop is handed it."""
-        return None if self.law is None else self.law.compiled
+    def compiled_gain(self) -> Any:
+        """The gain function as the loop takes it."""
+        return None if self.gain_function is None else self.gain_function.compiled
 
     @property
-    def law_parameters(self) -> Array:
-        """What the law gets as its parameters."""
+    def gain_parameters(self) -> Array:
+        """The parameters of the gain function."""
         return np.empty(0)
 
     def innovation_deviation(self, state: State) -> Array:
@@ -143,7 +143,7 @@ class LinearFilter(GaussianFilter):
             return Correction(belief, innovation, factor, 0.0)
         after = copies(belief)
         log_likelihood = correct(
-            states, outputs, self.model.arrays, self.compiled_law, self.law_parameters, taken,
+            states, outputs, self.model.arrays, self.compiled_gain, self.gain_parameters, taken,
             control, *after, innovation, factor, new_work(len(states), m),
         )  # fmt: skip
         corrected = self._finite(Gaussian(*after), log_likelihood)
@@ -162,8 +162,8 @@ class LinearFilter(GaussianFilter):
         after, fresh = copies(state.belief), state.sample is None
         rows = new_rows(k, n, m)
         good = run_filter(
-            states, outputs, self.model.arrays, *self._noise_of_rows(state), self.compiled_law,
-            self.law_parameters, record.y, inputs_of_rows(state.sample, record), fresh, *after,
+            states, outputs, self.model.arrays, *self._noise_of_rows(state), self.compiled_gain,
+            self.gain_parameters, record.y, inputs_of_rows(state.sample, record), fresh, *after,
             *rows,
         )  # fmt: skip
         return Rows(named(rows), good, self._after(state, record, Gaussian(*after)))

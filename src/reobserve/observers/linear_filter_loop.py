@@ -1,7 +1,7 @@
 """Compiled loops of filters that correct a linear prediction by a gain times the innovation.
 
-The Kalman filter, the SVSF and their kin differ in the gain alone: a function made by `gain_law`,
-called through a pointer, so that these loops are compiled once for all laws.
+The Kalman filter, the SVSF and other filters differ in the gain alone: a function made by
+`gain_function`, called through a pointer, so that these loops are compiled once for all of them.
 
 ``states`` and ``outputs`` are tuples, as long as there are states and outputs. The length of a
 tuple is known to the compiler, which unrolls the loops over it: twice as fast, at the price of a
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import Law, inlined_kernel, kernel
+from reobserve.core.kernel import FunctionPointer, inlined_kernel, kernel
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
@@ -30,15 +30,15 @@ _TALL, _FLAT = "float64[:, ::1]", "float64[::1]"
 _SIGNATURE = f"void({_TALL}, {_TALL}, {_FLAT}, {_FLAT}, {_FLAT}, {_TALL})"
 
 
-def gain_law(function: Callable[..., None]) -> Law:
-    """A law for the gain, ``function(cross, factor, innovation, error, parameters, gain)``.
+def gain_function(function: Callable[..., None]) -> FunctionPointer:
+    """Make a gain function of ``function(cross, factor, innovation, error, parameters, gain)``.
 
     It writes the gain K, shape (n, m), to its last argument. ``cross`` is P C', shape (n, m), of
     the predicted covariance, ``factor`` the lower Cholesky factor of the innovation's covariance,
     shape (m, m), ``innovation`` e(k+1|k) and ``error`` the filter's own a posteriori output error
     e(k|k), both of shape (m,), and ``parameters`` what the filter put there.
     """
-    return Law(_SIGNATURE, function)
+    return FunctionPointer(_SIGNATURE, function)
 
 
 class Work(NamedTuple):
@@ -271,7 +271,7 @@ def correct(
     states: Size,
     outputs: Size,
     model: ModelArrays,
-    law: Callable[..., None] | None,
+    function: Callable[..., None] | None,
     parameters: Array,
     measurement: Array,
     control: Array,
@@ -286,17 +286,17 @@ def correct(
 
     Gadsden et al. 2011, (5) and (16).
 
-    No law means the Kalman gain, which is compiled into the loop.
+    No function means the Kalman gain, which is compiled into the loop.
 
     ``innovation`` and ``factor`` are written: e(k+1|k) and the lower Cholesky factor of S. Outputs
     that are missing, nan, correct nothing; the others correct as if these alone were measured.
     """
     output_error(states, model, measurement, control, mean, innovation)
     log_likelihood = foretell(states, outputs, model, covariance, innovation, factor, work)
-    if law is None:
+    if function is None:
         kalman_gain(outputs, factor, work)
     else:
-        call(law, (work.cross, factor, innovation, error, parameters, work.gain))
+        call(function, (work.cross, factor, innovation, error, parameters, work.gain))
     for a in range(len(states)):
         for o in range(len(outputs)):
             if math.isnan(innovation[o]):
@@ -341,7 +341,7 @@ def run_filter(
     model: ModelArrays,
     Q: Array,
     R: Array,
-    law: Callable[..., None] | None,
+    function: Callable[..., None] | None,
     parameters: Array,
     measurements: Array,
     inputs: Array,
@@ -375,7 +375,7 @@ def run_filter(
             log_likelihoods[k] = 0.0
         else:
             log_likelihoods[k] = correct(
-                states, outputs, noisy, law, parameters, measurements[k], inputs[k + 1],
+                states, outputs, noisy, function, parameters, measurements[k], inputs[k + 1],
                 mean, covariance, error, innovations[k], factor, work,
             )  # fmt: skip
         write_innovation_covariance(innovations[k], factor, innovation_covariances[k])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -33,6 +33,10 @@ class Estimate:
 
     def __getitem__(self, name: str) -> Array:
         return _named(self.estimates, name)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the estimates."""
+        return iter(self.estimates)
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {shown(self[name].tolist(), 40)}" for name in self.estimates)
@@ -66,6 +70,10 @@ class Run(Generic[StateKind]):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the estimates, so that ``"fault" in run`` asks for one."""
+        return iter(self.estimates)
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {self[name].shape[1:]}" for name in self.estimates)

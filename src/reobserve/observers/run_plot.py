@@ -10,6 +10,7 @@ from reobserve.core.extras import package
 from reobserve.observers.run import Run
 
 _MOST_LINES = 12  # in one panel: more cannot be told apart
+_MOST_ROWS = 8  # in a column of the legend
 
 
 def plot(run: Run[Any], names: list[str]) -> Any:
@@ -35,7 +36,8 @@ def plot(run: Run[Any], names: list[str]) -> Any:
         unit = run.units.get(name)
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
         if rows.shape[1] > 1 or name in run.component_names:
-            ax.legend(fontsize="small", ncols=min(rows.shape[1], 4))
+            columns = 1 + (len(ax.lines) > _MOST_ROWS)
+            ax.legend(fontsize="small", ncols=columns, loc="upper left", bbox_to_anchor=(1, 1))
         if run.diverged_at is not None:
             ax.axvline(run.diverged_at, color="0.3", linestyle=":", label="diverged")
     axes[-1].set_xlabel("time [s]")
@@ -44,8 +46,5 @@ def plot(run: Run[Any], names: list[str]) -> Any:
 
 def _label(run: Run[Any], name: str, index: tuple[int, ...]) -> str:
     """What the legend calls a component: by its signals, or by its estimate and numbers."""
-    labels = run.labels(name, index)
-    if name in run.component_names:
-        return f"{name} {', '.join(labels)}"
-    number = 1 + int(np.ravel_multi_index(index, run[name].shape[1:])) if index else 1
-    return f"{name} {number}" if run[name][0].size > 1 else name
+    labels = ", ".join(run.labels(name, index))
+    return labels if name in run.component_names else f"{name} {labels}".strip()

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.kernel import Law, inlined_kernel
+from reobserve.core.kernel import FunctionPointer, inlined_kernel
 from reobserve.core.matrices import as_floats, as_scalar, as_vector
 from reobserve.observers.linear_filter import LinearFilter
-from reobserve.observers.linear_filter_loop import gain_law
+from reobserve.observers.linear_filter_loop import gain_function
 from reobserve.systems.linear import LinearModel
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ class SmoothVariableStructureFilter(LinearFilter):
         object.__setattr__(self, "memory", gamma)
 
     @property
-    def law(self) -> Law:
+    def gain_function(self) -> FunctionPointer:
         """The switching gain, with a right inverse of C (Gadsden et al. 2011, (15))."""
         return _switching_gain if self.inverse == "pseudo" else _weighted_gain
 
@@ -113,7 +113,7 @@ class SmoothVariableStructureFilter(LinearFilter):
         return np.concatenate([[self.memory], self.boundary_layer, matrix.ravel()])
 
     @property
-    def law_parameters(self) -> Array:
+    def gain_parameters(self) -> Array:
         """Gamma, psi, and the pseudo-inverse of C, or C itself, row by row."""
         return self._parameters
 
@@ -126,7 +126,7 @@ def _switching(innovation: Array, error: Array, parameters: Array, o: int) -> fl
     return share
 
 
-@gain_law
+@gain_function
 def _switching_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:
@@ -157,7 +157,7 @@ def _output_root(cross: Array, parameters: Array) -> Array:
     return root
 
 
-@gain_law
+@gain_function
 def _weighted_gain(
     cross: Array, factor: Array, innovation: Array, error: Array, parameters: Array, gain: Array
 ) -> None:

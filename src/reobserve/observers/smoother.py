@@ -48,7 +48,7 @@ def rts_smoother(
     u
         The inputs of the run, shape (k, p), or (k,); left out where there are none.
     Q
-        The process noise of the run, if it was not the model's: one covariance, or one a row.
+        The process noise that was given to the run, if it was: one covariance, or one a row.
 
     Returns
     -------
@@ -81,6 +81,8 @@ def rts_smoother(
     if u is None and filter.inputs:
         raise InputError("u", f"is left out, must have shape {(k, filter.inputs)}")
     inputs = np.empty((k, 0)) if u is None else as_sample_rows("u", u, filter.inputs, rows=k)
+    if Q is None and run.state.process_noise is not None:
+        raise InputError("Q", "is left out, but was given to the run; give the same here")
     noise = for_loop(filter.model.Q)[None] if Q is None else as_covariances("Q", Q, n, k)
     means, covariances = run["state"], run["covariance"]
     ahead = _predicted(filter, run, inputs, noise)

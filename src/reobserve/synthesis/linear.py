@@ -108,8 +108,8 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     A, _, C, _, Q, R = as_kind("model", model, LinearModel).arrays
     hidden = undetectable_modes(A, C)
     if len(hidden):
-        said = f"has a mode of the eigenvalue {_told(hidden[0])} that C does not show"
-        raise InputError("model", f"{said} and that does not decay: there is no steady gain")
+        said = f"has an unobservable mode of the eigenvalue {_told(hidden[0])}"
+        raise InputError("model", f"{said} that does not decay: there is no steady gain")
     still = unobservable_modes(A.T, Q)
     still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
     if len(still):
@@ -118,7 +118,7 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     try:
         P = solve_discrete_are(A.T, C.T, Q, R)
     except (ValueError, np.linalg.LinAlgError):  # ValueError: scipy's, of eigenvalues far apart
-        said = "has modes too near to the unit circle, or hidden too well, for a steady gain"
+        said = "has modes too near to the unit circle, or too weakly observable, for a steady gain"
         raise InputError("model", said) from None
     gain: Array = np.linalg.solve(C @ P @ C.T + R, C @ P).T
     return gain

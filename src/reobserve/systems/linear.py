@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
+from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_matrix, as_positive, as_symmetric
 from reobserve.core.value import Value, for_loop
@@ -112,9 +113,9 @@ class LinearModel(Value):
         B = np.zeros((n, 0)) if given.B is None else as_floats("B", given.B)
         C = as_floats("C", self.C)
         if B.ndim != 2 or len(B) != n:
-            raise InputError("B", f"has shape {B.shape}, must have {n} rows like A, {A.shape}")
+            raise InputError("B", f"has shape {B.shape}, must be ({n}, p), as A is {A.shape}")
         if C.ndim != 2 or C.shape[1] != n or not len(C):
-            raise InputError("C", f"has shape {C.shape}, must have {n} columns like A, {A.shape}")
+            raise InputError("C", f"has shape {C.shape}, must be (m, {n}), as A is {A.shape}")
         m, p = len(C), B.shape[1]
         D = np.zeros((m, p)) if given.D is None else as_floats("D", given.D)
         if D.shape != (m, p):
@@ -130,6 +131,36 @@ class LinearModel(Value):
         put("unusual", unusual)
         for name, size in (("state_names", n), ("input_names", p), ("output_names", m)):
             put(name, as_names(name, getattr(self, name), size))
+
+    @classmethod
+    def from_ode(
+        cls, A: ArrayLike, B: ArrayLike | None = None, C: ArrayLike = None,  # type: ignore[assignment]
+        D: ArrayLike | None = None, Q: ArrayLike = None, R: ArrayLike = None, *,  # type: ignore[assignment]
+        sampling_period: float, **options: Any,
+    ) -> LinearModel:  # fmt: skip
+        """The model of x' = A x + B u, y = C x + D u, with u held over each sampling period.
+
+        Parameters
+        ----------
+        A, B
+            Of the differential equation.
+        C, D, R, options
+            As in the class.
+        Q
+            Covariance of the noise that a sampling period adds to the state, not its density.
+        sampling_period
+            [s].
+
+        Raises
+        ------
+        InputError
+            As the class.
+        """
+        period = as_positive("sampling_period", sampling_period)
+        held = np.zeros((len(np.atleast_1d(A)), 0)) if B is None else B
+        # Ad = exp(A T), Bd = int_0^T exp(A s) ds B
+        Ad, Bd = zero_order_hold(A, held, period)
+        return cls(Ad, Bd, C, D, Q, R, sampling_period=period, unusual=True, **options)
 
     @cached_property
     def arrays(self) -> ModelArrays:

@@ -45,10 +45,13 @@ DISCRETE = "it must be the transition over one sample"
         ({"A": 0.5}, r"A: has shape \(\), must be square"),
         ({"A": np.empty((0, 0))}, r"A: has shape \(0, 0\), must be square"),
         ({"A": [[1.0, NAN], [0.0, 1.0]]}, r"A: \[\[1.0, nan\], .* has an entry that is not finite"),
-        ({"B": [0.0, 0.1]}, r"B: has shape \(2,\), must have 2 rows like A, \(2, 2\)"),
-        ({"B": [[0.1]]}, r"B: has shape \(1, 1\), must have 2 rows like A, \(2, 2\)"),
-        ({"C": [[1.0]]}, r"C: has shape \(1, 1\), must have 2 columns like A, \(2, 2\)"),
-        ({"C": np.empty((0, 2))}, r"C: has shape \(0, 2\), must have 2 columns like A, .*"),
+        ({"B": [0.0, 0.1]}, r"B: has shape \(2,\), must be \(2, p\), as A is \(2, 2\)"),
+        ({"B": [[0.1]]}, r"B: has shape \(1, 1\), must be \(2, p\), as A is \(2, 2\)"),
+        ({"C": [[1.0]]}, r"C: has shape \(1, 1\), must be \(m, 2\), as A is \(2, 2\)"),
+        (
+            {"C": np.empty((0, 2))},
+            r"C: has shape \(0, 2\), must be \(m, 2\), as A is \(2, 2\)",
+        ),
         ({"D": [1.0]}, r"D: has shape \(1,\), must be \(1, 1\), as C and B ask for"),
         ({"Q": [[1.0, 0.2], [0.1, 1.0]]}, r"Q: \[\[1.0, 0.2\], \[0.1, 1.0\]\] must be symmetric"),
         (

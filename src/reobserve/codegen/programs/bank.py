@@ -75,8 +75,8 @@ def bank(observer: IMM, state: State) -> Program:
 def _filters(observer: IMM) -> list[LinearFilter]:
     kinds = KalmanFilter | SmoothVariableStructureFilter
     found = [one for one in observer.filters if isinstance(one, kinds)]
-    laws = {(type(one), getattr(one, "inverse", "")) for one in found}
-    if len(found) < len(observer.filters) or len(laws) > 1:
+    alike = {(type(one), getattr(one, "inverse", "")) for one in found}
+    if len(found) < len(observer.filters) or len(alike) > 1:
         raise InputError(
             "observer", "cannot be exported: its filters must all be Kalman filters, or all SVSFs "
             "of one inverse",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -18,7 +18,6 @@ from reobserve.estimation.families.linear_system import (
     check_shape,
     decay_sentences,
 )
-from reobserve.estimation.families.setup import Setup
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered, variances
 from reobserve.observers.augmented_kalman import AugmentedKalmanFilter
 from reobserve.observers.fixed_gain import FixedGainObserver
@@ -77,12 +76,12 @@ class AugmentedKalmanDesign(FilterDesign):
     gains: None = None
 
     keys: ClassVar = {
-        "input_matrix": "fault_matrix", "output_matrix": "output_fault_matrix",
-        "walk": "random_walk", "unknown_input": "initial_unknown_input",
+        "unknown_input": "initial_unknown_input",
         "unknown_input_covariance": "initial_unknown_input_covariance",
     }  # fmt: skip
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {AugmentedKalmanFilter: "linear:augmented"}
+    left_out: ClassVar = (*FilterDesign.left_out, "unknown_input_variance")
     records: ClassVar = {
         "augmented-kalman": Example(
             "weak_motor",
@@ -142,13 +141,15 @@ class AugmentedKalmanDesign(FilterDesign):
             system.initial_unknown_input_covariance,
         )  # fmt: skip
 
-    def set_up(self) -> Setup:
-        """The filter, with the deviations that it predicts."""
-        found = super().set_up()
-        return replace(
-            found, sigmas={**found.sigmas, "unknown_input": "unknown_input_variance"},
-            left_out=(*found.left_out, "unknown_input_variance"), unseen=(),
-        )  # fmt: skip
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """Those of the state and of unknown inputs."""
+        return {"state": "variance", "unknown_input": "unknown_input_variance"}
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """None: those of the state alone do not tell which the unknown inputs hide."""
+        return ()
 
     def certify(self) -> Certificate:
         """Poles of the error of state and unknown inputs, with the gain that the filter comes to.

@@ -16,11 +16,11 @@ from reobserve.core.documents import Tree
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import FloatArray, as_positive
 from reobserve.core.validation import checked, join, parse
-from reobserve.estimation.families.setup import Setup
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
 from reobserve.observers.contract import Observer
 
 Array = FloatArray
+Estimates = Mapping[str, Array]
 Certificate = dict[str, Any]  # of plain values; `poles` are pairs of real and imaginary part
 
 Period = Annotated[float, checked(as_positive)]
@@ -39,14 +39,18 @@ _RENAMED = {
     "initial_variance": "initial_covariance",
     "variables": "states, a mapping of names to units",
     "walk": "random_walk",
+    "input_matrix": "fault_matrix, of augmented-kalman",
     "output_matrix": "output_fault_matrix",
+    "Az": "filter_rate",
+    "law": "gain, varying or steady, which stands with the system",
+    "order": "order of the system",
 }
 
 
 # Parameters of observers, and the keys that state them.
 _KEYS = {
     "mean": "initial_state", "state": "initial_state", "covariance": "initial_covariance",
-    "delay": "initial_delay", "probabilities": "initial_probabilities",
+    "delay": "initial_delay", "period": "sampling_period", "probabilities": "initial_probabilities",
 }  # fmt: skip
 
 
@@ -88,6 +92,9 @@ class Design(ABC):
     programs: ClassVar[Mapping[type, Any]] = {}  # of observers: functions, or "module:function"
     differentiates: ClassVar[bool] = False  # whether it finds derivatives of its signals itself
     keys: ClassVar[Mapping[str, str]] = {}  # of parameters of the observer under other names
+    predicts: ClassVar[str] = ""  # the estimate that begins with what is measured
+    left_out: ClassVar[tuple[str, ...]] = ()  # estimates that no record's results contain
+    holds_inputs: ClassVar[bool] = True  # between samples; else they are smooth
 
     @classmethod
     @contextmanager
@@ -122,6 +129,8 @@ class Design(ABC):
         if gains is not None and hints["gains"] is NoneType:
             raise InputError("gains", "must be left out; nothing is chosen in this family")
         if gains is not None:
+            if isinstance(gains, dict):
+                check_renamed(gains, hints["gains"], "gains")
             gains = parse(hints["gains"], gains, "gains")
         return parse(hints["system"], rest), gains
 
@@ -169,18 +178,54 @@ class Design(ABC):
         return named or numbered("measurement", self.observer.measurements)
 
     @property
-    @abstractmethod
+    def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """How many columns y and u of a record may have."""
+        return (len(self.measurements),), (len(self.inputs),)
+
+    @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
         """The components of each estimate of the observer, row by row if it is a matrix."""
+        return {"state": self.states}
+
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """For an estimate, the one that holds its variances."""
+        return {}
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """What the observer cannot estimate, as sentences."""
+        return ()
 
     @property
     @abstractmethod
     def observer(self) -> Observer[Any]:
         """The observer, ready to run."""
 
-    @abstractmethod
     def start(self) -> Any:
         """The state to start from; None if the observer starts from its first measurement."""
+        stated = getattr(self.system, "initial_state", None)
+        observer: Any = self.observer
+        return None if stated is None else observer.init(stated)
+
+    def begin(self, y: Array) -> Any:
+        """The state before the first row of a record, from that row of y, shape (p,)."""
+        stated = self.start()
+        return self.observer._start(y) if stated is None else stated
+
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """What of y, shape (k, p), was not predicted; no columns if nothing of it is."""
+        if not self.predicts:
+            return y[:, :0]
+        found: Array = y - estimates[self.predicts][:, : y.shape[1]]
+        return found
+
+    def spread(self, state: Any) -> Array | None:
+        """The standard deviations, shape (p,), that are predicted for the next residual.
+
+        ``state`` is the one after a run; None if the observer predicts none.
+        """
+        return None
 
     @abstractmethod
     def certify(self) -> Certificate:
@@ -195,27 +240,6 @@ class Design(ABC):
     @abstractmethod
     def summary(self) -> list[str]:
         """A few sentences on what the certificate says."""
-
-    def set_up(self) -> Setup:
-        """The observer for records; `InputError` if it cannot start as the system says."""
-        observer, names = self.observer, self.estimates
-        self.start()
-
-        def start(y: Array) -> Any:
-            found = self.start()
-            return observer._start(y) if found is None else found
-
-        measured, known = (
-            tuple(unit for _, unit in signals) for signals in (self.measurements, self.inputs)
-        )
-        units = {name: tuple(unit for _, unit in parts) for name, parts in names.items()}
-        return Setup(
-            observer, start,
-            measured=measured if all(measured) else (), known=known if all(known) else (),
-            units={name: parts for name, parts in units.items() if all(parts)},
-            names={name: tuple(label for label, _ in parts) for name, parts in names.items()},
-            widths=((len(measured),), (len(known),)),
-        )  # fmt: skip
 
     def checked(self) -> Design:
         """The design, if its certificate is the one of its system and gains.
@@ -237,7 +261,7 @@ def _names(hint: Any) -> set[str]:
     return {each.name for kind in kinds for each in fields(kind)}
 
 
-def check_renamed(tree: Tree, system: Any, place: str = "") -> None:
+def check_renamed(tree: Tree, hint: Any, place: str = "") -> None:
     """Refuse keys that had another name.
 
     Raises
@@ -245,7 +269,7 @@ def check_renamed(tree: Tree, system: Any, place: str = "") -> None:
     InputError
         With the new name.
     """
-    known = {each.name for each in fields(system)}
+    known = _names(hint)
     modes = tree.get("modes")
     parts = {"": tree}
     if isinstance(modes, Mapping):

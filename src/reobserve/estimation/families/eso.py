@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -14,13 +14,13 @@ from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import (
     Certificate,
     Design,
+    Estimates,
     Example,
     System,
     pairs,
     pole_text,
 )
 from reobserve.estimation.families.linear_system import check_shape
-from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
 from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.synthesis.extended_state import pd_pi, pi
@@ -84,6 +84,7 @@ class FaultySystem(System):
     with all poles right of -``bound`` [1/s] and matrices of a norm within ``radius``.
     """
 
+    time: Literal["continuous"] = "continuous"  # as linear models state it
     actuator_faults: Signals = field(default_factory=dict)
     sensor_faults: Signals = field(default_factory=dict)
     A: Array
@@ -215,21 +216,17 @@ class EsoDesign(Design):
         """The states of the system."""
         return listed(self.system.states) or numbered("state", len(self.system.A))
 
-    def set_up(self) -> Setup:
-        """The observer; its residual is what neither the state nor the sensor fault explains."""
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """What neither the state nor the sensor fault explains."""
         system = self.system.augmented
-
-        def residual(y: Array, estimates: Estimates) -> Array:
-            found: Array = y.copy()  # column by column: bitwise the same for a row and for many
-            # r = y - C x - Fs fs
-            for matrix, values in (
-                (system.C, estimates["state"]), (system.Fs, estimates["sensor_fault"]),
-            ):  # fmt: skip
-                for column in range(matrix.shape[1]):
-                    found -= values[:, column, None] * matrix[:, column]
-            return found
-
-        return replace(super().set_up(), residual=residual)
+        found: Array = y.copy()  # column by column: bitwise the same for a row and for many
+        # r = y - C x - Fs fs
+        for matrix, values in (
+            (system.C, estimates["state"]), (system.Fs, estimates["sensor_fault"]),
+        ):  # fmt: skip
+            for column in range(matrix.shape[1]):
+                found -= values[:, column, None] * matrix[:, column]
+        return found
 
     def certify(self) -> Certificate:
         """Poles, and bounds of the H-infinity norm, proved.

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from reobserve.core.errors import InputError, nearest, shown
-from reobserve.estimation import example_records
-from reobserve.estimation.example_records import Simulated
+from reobserve.estimation.example_records import Simulated, followed
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.design import Example
 
@@ -95,5 +94,4 @@ def simulated(name: str) -> Simulated:
     InputError
         If there is no such example.
     """
-    made: Simulated = getattr(example_records, _example(name).plant)()
-    return made
+    return followed(_example(name).plant)

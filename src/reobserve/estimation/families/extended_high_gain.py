@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
 
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Example
-from reobserve.estimation.families.setup import Setup, first_state_error
 from reobserve.estimation.families.signals import Signal, listed, numbered
 from reobserve.estimation.families.triangular import TriangularSystem, step_growth
 from reobserve.observers.extended_high_gain import ExtendedHighGainObserver, State
@@ -87,6 +86,8 @@ class ExtendedHighGainDesign(Design):
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {ExtendedHighGainObserver: "extended_high_gain:extended"}
     differentiates: ClassVar[bool] = True
+    predicts: ClassVar[str] = "state"
+    holds_inputs: ClassVar[bool] = False
     records: ClassVar = {"extended-high-gain": Example("lag", _RECORD)}
 
     def __post_init__(self) -> None:
@@ -127,12 +128,10 @@ class ExtendedHighGainDesign(Design):
         """The first state."""
         return listed(self.system.measurements) or self.states[:1]
 
-    def set_up(self) -> Setup:
-        """The observer; where the input is not named, its derivatives may come in columns, too."""
-        found = replace(super().set_up(), residual=first_state_error, holds_inputs=False)
-        if self.system.inputs:
-            return found
-        return replace(found, widths=((1,), (1, self.gains.order + 1)), known=())
+    @property
+    def widths(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Where the input is not named, its derivatives may come in columns, too."""
+        return super().widths if self.system.inputs else ((1,), (1, self.gains.order + 1))
 
     def certify(self) -> Certificate:
         """Poles of the linear part, and what a step leaves of its errors.

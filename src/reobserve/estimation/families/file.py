@@ -57,8 +57,10 @@ def load_design(path: str | Path) -> Design:
     if "certificate" not in body:
         raise InputError(f"{path}: certificate", "is missing; a design file needs it")
     with naming(path):
-        if isinstance(body.get("system"), Mapping):
-            check_renamed(body["system"], get_type_hints(kind)["system"], "system")
+        hints = get_type_hints(kind)
+        for part in ("system", "gains"):
+            if isinstance(body.get(part), Mapping):
+                check_renamed(body[part], hints[part], part)
         return parse(kind, body).checked()
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 from reobserve.core.errors import InputError
 from reobserve.estimation.families.design import Certificate, Design, Example
-from reobserve.estimation.families.setup import Setup, first_state_error
 from reobserve.estimation.families.signals import Signal, listed
 from reobserve.estimation.families.triangular import (
     TriangularSystem,
@@ -63,6 +61,7 @@ class HighGainDesign(Design):
 
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {HighGainObserver: "high_gain:standard"}
+    predicts: ClassVar[str] = "state"
     records: ClassVar = {"high-gain": Example("driven_pendulum", _RECORD)}
 
     def __post_init__(self) -> None:
@@ -78,11 +77,6 @@ class HighGainDesign(Design):
             system.model, self.gains.rho, sampling_period=system.sampling_period
         )
 
-    @property
-    def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
-        """The state."""
-        return {"state": self.states}
-
     def start(self) -> State:
         """The initial state."""
         return self.observer.init(self.system.start)
@@ -91,10 +85,6 @@ class HighGainDesign(Design):
     def measurements(self) -> tuple[Signal, ...]:
         """The first state."""
         return listed(self.system.measurements) or self.states[:1]
-
-    def set_up(self) -> Setup:
-        """The observer; its residual is the error of the first state."""
-        return replace(super().set_up(), residual=first_state_error)
 
     def certify(self) -> Certificate:
         """Poles of the linear part, what a step leaves of its errors, and the decay proved.

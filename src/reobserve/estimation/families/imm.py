@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -12,18 +12,15 @@ import numpy as np
 from reobserve.core.errors import InputError, located
 from reobserve.core.kernel import kernel
 from reobserve.core.matrices import FloatArray
-from reobserve.estimation.families.design import Certificate, Design, Example
+from reobserve.estimation.families.design import Certificate, Estimates, Example
 from reobserve.estimation.families.kalman import MOTOR, NOISE
-from reobserve.estimation.families.linear_system import LinearSystem, NoisySystem, unobserved
-from reobserve.estimation.families.setup import Estimates, Setup
-from reobserve.estimation.families.signals import (
-    Signal,
-    check_signals,
-    covariances,
-    listed,
-    numbered,
-    variances,
+from reobserve.estimation.families.linear_system import (
+    FilterDesign,
+    LinearSystem,
+    NoisySystem,
+    unobserved,
 )
+from reobserve.estimation.families.signals import Signal, check_signals, covariances
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
@@ -124,7 +121,7 @@ class BankGains:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ImmDesign(Design):
+class ImmDesign(FilterDesign):
     """An interacting multiple model."""
 
     system: ManyModes
@@ -132,6 +129,7 @@ class ImmDesign(Design):
 
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {IMM: "bank:bank"}
+    left_out: ClassVar = (*FilterDesign.left_out, "covariance")
     records: ClassVar = {
         "imm-kalman": Example(
             "worn_motor", "# Bank of Kalman filters: which of several models does the record "
@@ -162,17 +160,11 @@ class ImmDesign(Design):
         return IMM(filters, gains.transition, gains.mixing)
 
     @property
-    def states(self) -> tuple[Signal, ...]:
-        """The states of all modes."""
-        return listed(self.system.states) or numbered("state", len(self.system.A))
-
-    @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
         """Mixture, probabilities of modes, innovations of all filters."""
         modes = tuple(self.system.modes)
         return {
-            "state": self.states,
-            "variance": variances(self.states),
+            **super().estimates,
             "covariance": covariances(self.states),
             "probability": tuple(Signal(f"probability_{mode}", "1") for mode in modes),
             "innovation": tuple(
@@ -180,7 +172,6 @@ class ImmDesign(Design):
                 for mode in modes
                 for signal in self.measurements
             ),
-            "log_likelihood": (Signal("log_likelihood", "1"),),
         }
 
     def start(self) -> State:
@@ -190,16 +181,17 @@ class ImmDesign(Design):
             system.mean, system.initial_covariance, system.initial_probabilities
         )
 
-    def set_up(self) -> Setup:
-        """The bank, with the residual of the mixture."""
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """The innovations of the modes, weighed by their probabilities."""
+        return _weighed(estimates["probability"], estimates["innovation"])
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Modes of each model that stay as they start."""
         systems = self.system.systems.items()
-        return replace(
-            super().set_up(), residual=_mixed_innovation, sigmas={"state": "variance"},
-            left_out=("variance", "covariance", "innovation", "log_likelihood"),
-            unseen=tuple(
-                sentence for name, system in systems
-                for sentence in unobserved(system.model, f"modes.{name}")
-            ),
+        return tuple(
+            sentence for name, system in systems
+            for sentence in unobserved(system.model, f"modes.{name}")
         )  # fmt: skip
 
     def certify(self) -> Certificate:
@@ -216,11 +208,6 @@ class ImmDesign(Design):
             seconds = self.certificate[f"samples_in_{mode}"] * period
             lines.append(f"{mode}: stays for {seconds:.4g} s on average")
         return lines
-
-
-def _mixed_innovation(y: Array, estimates: Estimates) -> Array:
-    """The innovations of the modes, weighed by their probabilities."""
-    return _weighed(estimates["probability"], estimates["innovation"])
 
 
 @kernel

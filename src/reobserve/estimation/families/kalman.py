@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal, Self
 
@@ -16,7 +16,6 @@ from reobserve.estimation.families.linear_system import (
     NoisySystem,
     decay_sentences,
 )
-from reobserve.estimation.families.setup import Setup
 from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.observers.linear_filter import LinearFilter
@@ -117,11 +116,6 @@ class KalmanDesign(FilterDesign):
         if self.gains is None:
             return KalmanFilter(self.system.model)
         return FixedGainObserver(self.system.model, self.gains.gain)
-
-    def set_up(self) -> Setup:
-        """The filter; of a constant gain no deviations are known."""
-        found = super().set_up()
-        return found if self.gains is None else replace(found, sigmas={}, spread=None)
 
     def certify(self) -> Certificate:
         """Poles of the error at rest, the gain against the Riccati equation's.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -15,7 +15,6 @@ from reobserve.codegen.programs.sampling import Rows
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import Certificate, Design, Example, System
-from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import Signal, numbered, product
 from reobserve.observers.levant import LevantDifferentiator, State
 
@@ -107,6 +106,7 @@ class LevantDesign(Design):
 
     example: ClassVar[str] = EXAMPLE
     programs: ClassVar = {LevantDifferentiator: program}
+    predicts: ClassVar[str] = "derivatives"
     records: ClassVar = {"levant": Example("signal", _RECORD)}
 
     @cached_property
@@ -139,15 +139,6 @@ class LevantDesign(Design):
         if stated is None:
             return None
         return self.observer.init(as_vector("initial_state", stated, self.gains.order + 1))
-
-    def set_up(self) -> Setup:
-        """The differentiator; its residual is the error of the signal itself."""
-
-        def residual(y: Array, estimates: Estimates) -> Array:
-            found: Array = y - estimates["derivatives"][:, :1]
-            return found
-
-        return replace(super().set_up(), residual=residual)
 
     def certify(self) -> Certificate:
         """What of a signal within the bound is left after some steps: L T^(n+1-i) of each."""

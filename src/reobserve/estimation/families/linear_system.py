@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from reobserve.core.discretisation import zero_order_hold
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
-from reobserve.estimation.families.design import Certificate, Design, System, pole_text
-from reobserve.estimation.families.setup import Estimates, Setup
+from reobserve.estimation.families.design import (
+    Certificate,
+    Design,
+    Estimates,
+    System,
+    pole_text,
+)
 from reobserve.estimation.families.signals import Signal, listed, numbered, variances
+from reobserve.observers.fixed_gain import FixedGainObserver
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel
 
@@ -69,12 +75,10 @@ class LinearSystem(System):
     @cached_property
     def model(self) -> LinearModel:
         """The sampled model; `InputError` if it is none that filters can have."""
-        A, B = self.sampled(np.zeros((len(self.A), 0)) if self.B is None else self.B)
-        return LinearModel(
-            A, B, self.C, self.D, self.Q, self.R,
-            unusual=self.unusual or self.time == "continuous",
-            sampling_period=self.sampling_period,
-        )  # fmt: skip
+        matrices = (self.A, self.B, self.C, self.D, self.Q, self.R)
+        if self.time == "continuous":
+            return LinearModel.from_ode(*matrices, sampling_period=self.sampling_period)
+        return LinearModel(*matrices, unusual=self.unusual, sampling_period=self.sampling_period)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,7 +102,9 @@ def check_shape(name: str, value: Any, shape: tuple[int, ...]) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FilterDesign(Design):
-    """A filter on a linear model."""
+    """A filter on a linear model; of a constant gain no deviations are known."""
+
+    left_out: ClassVar[tuple[str, ...]] = ("variance", "innovation", "log_likelihood")
 
     @property
     def states(self) -> tuple[Signal, ...]:
@@ -118,14 +124,24 @@ class FilterDesign(Design):
         """Initial mean and covariance, at the first sample."""
         return self.observer.init(self.system.mean, self.system.initial_covariance)  # type: ignore[attr-defined]
 
-    def set_up(self) -> Setup:
-        """The filter, with the deviations that it predicts."""
-        filter_: Any = self.observer
-        return replace(
-            super().set_up(), residual=innovation, sigmas={"state": "variance"},
-            left_out=("variance", "innovation", "log_likelihood"),
-            unseen=unobserved(self.system.model), spread=filter_.innovation_deviation,
-        )  # fmt: skip
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """The innovation."""
+        return estimates["innovation"]
+
+    @property
+    def sigmas(self) -> Mapping[str, str]:
+        """Those of the state."""
+        return {} if isinstance(self.observer, FixedGainObserver) else {"state": "variance"}
+
+    def spread(self, state: Any) -> Array | None:
+        """The deviations that the filter predicts for the next innovation."""
+        predicted = getattr(self.observer, "innovation_deviation", None)
+        return predicted(state) if predicted and self.sigmas else None
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Modes that stay as they start."""
+        return unobserved(self.system.model)
 
 
 def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
@@ -135,13 +151,8 @@ def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
         return ()
     return (
         f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
-        "hidden from the measurements, so that its estimate is that of the start for ever",
+        "unobservable, so that its estimate stays the initial one",
     )
-
-
-def innovation(y: Array, estimates: Estimates) -> Array:
-    """The residual of filters."""
-    return estimates["innovation"]
 
 
 def decay_sentences(certificate: Certificate, period: float) -> list[str]:

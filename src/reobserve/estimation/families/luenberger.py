@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -18,7 +18,6 @@ from reobserve.estimation.families.linear_system import (
     decay_sentences,
 )
 from reobserve.estimation.families.poles import Poles, sampled_poles
-from reobserve.estimation.families.setup import Setup
 from reobserve.observers.fixed_gain import FixedGainObserver, luenberger
 from reobserve.observers.gaussian_filter import State
 
@@ -98,10 +97,6 @@ class LuenbergerDesign(FilterDesign):
     def start(self) -> State:
         """The initial state, at the first sample."""
         return self.observer.init(self.system.mean, 0.0)
-
-    def set_up(self) -> Setup:
-        """The observer; of a constant gain no deviations are known."""
-        return replace(super().set_up(), sigmas={}, spread=None)
 
     def certify(self) -> Certificate:
         """Poles of the error."""

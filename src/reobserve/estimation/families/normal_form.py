@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -15,6 +15,7 @@ from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.estimation.families.design import (
     Certificate,
     Design,
+    Estimates,
     Example,
     System,
     pairs,
@@ -22,11 +23,10 @@ from reobserve.estimation.families.design import (
 )
 from reobserve.estimation.families.linear_system import check_shape
 from reobserve.estimation.families.poles import Poles, stable_poles
-from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import Signal, numbered
 from reobserve.observers.normal_form import normal_form_observer
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.observers.normal_form_observer import NormalFormObserver, State
+from reobserve.observers.normal_form_observer import NormalFormObserver
 from reobserve.observers.normal_form_transformed import TransformedObserver
 
 Array = FloatArray
@@ -192,25 +192,15 @@ class NormalFormDesign(Design):
     @property
     def estimates(self) -> Mapping[str, tuple[Signal, ...]]:
         """The state, and of the transformed form its coordinates."""
-        found = {"state": self.states}
-        if self.system.form == "transformed":
-            found["coordinates"] = numbered("coordinates", len(self.states))
-        return found
+        if self.system.form == "identity":
+            return super().estimates
+        return {**super().estimates, "coordinates": numbered("coordinates", len(self.states))}
 
-    def start(self) -> State | None:
-        """The initial state; None for the origin."""
-        stated = self.system.initial_state
-        return None if stated is None else self.observer.init(stated)
-
-    def set_up(self) -> Setup:
-        """The observer; its residual is y - h(x)."""
+    def residual(self, y: Array, estimates: Estimates) -> Array:
+        """y - h(x)."""
         read = self.observer.normal_form.problem.system.output
-
-        def residual(y: Array, estimates: Estimates) -> Array:
-            found: Array = y - np.array([read(row) for row in estimates["state"]])
-            return found
-
-        return replace(super().set_up(), residual=residual)
+        found: Array = y - np.array([read(row) for row in estimates["state"]])
+        return found
 
     def certify(self) -> Certificate:
         """Poles of the error in z, the smallest divisor of the series, the size of S beyond x.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from reobserve.core.errors import InputError
 from reobserve.core.matrices import FloatArray, as_vector
 from reobserve.core.validation import checked
 from reobserve.estimation.families.design import Design, System
-from reobserve.estimation.families.setup import Estimates, Setup
 from reobserve.estimation.families.signals import Signal, Signals, listed, numbered
 from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.systems.rigid_body import RigidBody
@@ -77,6 +76,8 @@ class BodyDesign(Design):
 
     system: BodySystem
 
+    predicts: ClassVar[str] = "rate"
+
     @property
     @abstractmethod
     def observer(self) -> RigidBodyObserver:
@@ -110,16 +111,13 @@ class BodyDesign(Design):
             return None
         return self.observer.init(stated, np.zeros(3) if fault is None else fault)
 
-    def set_up(self) -> Setup:
-        """The observer, with a warning if a part of the fault has no effect."""
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """That a part of the fault has no effect."""
         rank = int(np.linalg.matrix_rank(self.system.body.fault_matrix))
-        unseen = (
+        if rank == 3:
+            return ()
+        return (
             f"fault: fault_matrix has rank {rank} of 3, so that a part of the fault moves nothing "
             "and its estimate means nothing",
         )
-        return replace(super().set_up(), residual=_rate_error, unseen=unseen if rank < 3 else ())
-
-
-def _rate_error(y: Array, estimates: Estimates) -> Array:
-    residual: Array = y - estimates["rate"]
-    return residual

@@ -10,7 +10,6 @@ from typing import Any
 from reobserve.core.errors import InputError, shown
 from reobserve.estimation.families import FAMILIES, family
 from reobserve.estimation.families.design import Design
-from reobserve.estimation.families.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -19,11 +18,12 @@ class DesignFile:
 
     file: str
 
-    def set_up(self, period: float) -> Setup:
-        """The observer, certified again, if it is one of this sampling period."""
+    def design(self, period: float) -> Design:
+        """The design, certified again, if it is one of this sampling period."""
         from reobserve.estimation.families.file import load_design
 
-        found = load_design(Path(self.file)).set_up()
+        found = load_design(Path(self.file))
+        found.start()
         own = found.observer.sampling_period
         if abs(own - period) > 1e-9 * period:
             raise InputError(
@@ -41,10 +41,12 @@ class Stated:
     system: Any
     gains: Any = None
 
-    def set_up(self, period: float) -> Setup:
-        """The observer; gains that are not stated are found."""
+    def design(self, period: float) -> Design:
+        """The design; gains that are not stated are found."""
         with self.kind.keyed():
-            return self.kind.of(self.system, self.gains).set_up()
+            found = self.kind.of(self.system, self.gains)
+            _ = found.observer, found.start()  # which are refused here
+            return found
 
 
 def stated(tree: Mapping[str, Any], period: float) -> DesignFile | Stated:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.direct_call import call
-from reobserve.core.kernel import Law, kernel
+from reobserve.core.kernel import FunctionPointer, kernel
 from reobserve.core.value import for_loop
 from reobserve.observers.fixed_step import Samples
 from reobserve.papers.delay.estimator import DelayEstimator
@@ -54,13 +54,13 @@ class Work(NamedTuple):
     after: Array
 
 
-def law(function: Any) -> Law:
+def law(function: Any) -> FunctionPointer:
     """The derivative of an estimator's values as the loop is handed it."""
-    return Law(_LAW, function)
+    return FunctionPointer(_LAW, function)
 
 
 def run_law(
-    law: Law,
+    law: FunctionPointer,
     parameters: list[float],
     estimator: DelayEstimator,
     output: Samples,

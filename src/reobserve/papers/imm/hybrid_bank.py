@@ -87,7 +87,7 @@ def run_hybrid(
     arrays = [one.model.arrays for one in filters]
     loop = Bank(
         ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
-        np.array([one.law_parameters for one in filters]),
+        np.array([one.gain_parameters for one in filters]),
         np.asarray(bank.transition),
         bank.mixing,
     )
@@ -96,7 +96,7 @@ def run_hybrid(
     gains = np.zeros((r, n, m))
     edges = np.full(m, np.inf) if unsaturated is None else unsaturated
     good = _run(
-        (0,) * n, (0,) * m, loop, filters[0].compiled_law, gain, covariance, edges,
+        (0,) * n, (0,) * m, loop, filters[0].compiled_gain, gain, covariance, edges,
         state.means.copy(), np.array([state.covariances, state.covariances]),
         np.zeros((r, m)), state.log_probabilities.copy(), measured, inputs,
         probability, innovation, gains,
