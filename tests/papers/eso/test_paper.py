@@ -287,6 +287,7 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
         {
             "plant": {
                 "controller_poles": [-5.0, 1.0, -20.0],
+                "feedback": "output",
                 "reference": [{"kind": "constant", "axis": 1, "from": 3.0, "size": -2.0}],
             }
         }

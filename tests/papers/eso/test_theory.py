@@ -18,12 +18,10 @@ from reobserve.papers.eso import keys, theory
 from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.design import stored_design
 from reobserve.papers.eso.observe import run_on
-from reobserve.papers.eso.theory import agreement
 from reobserve.papers.eso.theory_observers import (
     Observers,
     held,
     left_of_jumps,
-    records_of_two_controllers,
 )
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Numbers, lookup
@@ -125,20 +123,7 @@ def test_the_floor_of_gamma_in_closed_form_whatever_the_filter(rate: float) -> N
     )
 
 
-# --- (19) and Lemma 1 ----------------------------------------------------------------------------
-
-
-def test_19_agrees_with_the_lemma() -> None:
-    assert numbers()["inequality_19", "lemma_difference"] < 1e-14
-    assert numbers()["inequality_19", "gain_difference"] < 1e-10
-
-
-def test_a_wrong_term_of_19_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = PdPiVariables._side
-    # Without the P3 of the side block.
-    monkeypatch.setattr(PdPiVariables, "_side", lambda self, system: right(self, system) - self.P3)
-    found = lookup(agreement(dc_motor(), 3))
-    assert found["inequality_19", "lemma_difference"] > 0.01
+# --- Lemma 1 ----------------------------------------------------------------------------
 
 
 def margin_above_norm(system: AugmentedSystem, gains: Gains, norm: float, excess: float) -> float:
@@ -178,7 +163,7 @@ def test_what_certificates_say_is_told() -> None:
         Ao, Eo = error_system(dc_motor(), gains_of(observer))
         poles = np.linalg.eigvals(np.linalg.solve(Eo, Ao))
         assert numbers()[observer, "slowest_pole"] == pytest.approx(-poles.real.max(), rel=1e-9)
-        assert numbers()[observer, "infinite_poles"] == 6 - len(body["certificate"]["poles"]) == 0
+        assert np.linalg.matrix_rank(Eo) == len(body["certificate"]["poles"]) == 6, "no impulses"
     assert np.isnan(numbers()["pi", "gamma"])
     assert numbers()["least_gamma", "gamma"] == pytest.approx(1.00534017676, abs=1e-10)
     for observer in ("pd_pi", "pi_optimal"):
@@ -296,20 +281,6 @@ def test_deviations_are_those_of_the_study() -> None:
     assert numbers()["noise", "deviation"] == pytest.approx(np.sqrt(1e-3), rel=1e-14)
 
 
-def test_control_is_not_in_the_error_unless_the_model_is_wrong() -> None:
-    for observer in OBSERVERS:
-        for fault in UNITS:
-            assert numbers()[observer, f"controller_effect_on_{fault}_fault"] < 1e-8
-    records = records_of_two_controllers(
-        read_job(keys.Ledger, settings()).plant, [-5.0, 1.0, -20.0]
-    )
-    assert np.abs(records[0]["state"] - records[1]["state"]).max() > 0.1
-    wrong = dc_motor(B=[[0.0], [1.0]])
-    observer = ExtendedStateObserver(wrong, gains_of("pd_pi"), sampling_period=1e-3)
-    one, two = (run_on(observer, record)["actuator_fault"] for record in records)
-    assert np.abs(one - two).max() > 0.1
-
-
 # --- The bounds that claims set ------------------------------------------------------------------
 
 
@@ -331,8 +302,6 @@ def test_errors_are_seen_against_the_faults_and_what_shows_against_their_constan
 # --- Bad values ----------------------------------------------------------------------------------
 
 
-def test_bad_values_are_told_with_their_keys() -> None:
-    with pytest.raises(InputError, match=r"^other_poles: .* must be 3, stable, complex ones"):
-        theory.measure(settings(other_poles=[3.0, 0.0, -1.0]), designs())
+def test_a_fault_without_frequency_is_told_with_its_key() -> None:
     with pytest.raises(InputError, match=r"^theory\.actuator_fault: has no frequency: no term of"):
         theory.measure(settings(actuator_fault=[]), designs())

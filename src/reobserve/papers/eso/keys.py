@@ -11,7 +11,6 @@ from pydantic import Field
 
 from reobserve.core.errors import InputError
 from reobserve.core.validation import (
-    Count,
     NotNegative,
     Positive,
     Terms,
@@ -159,7 +158,6 @@ class Metrics:
 class Theory:
     """What the numbers of the theory are computed for."""
 
-    cases: Count
     actuator_fault: Fault
     sensor_fault: Fault
     fast_frequency: Positive  # of a fault of another form
@@ -167,7 +165,6 @@ class Theory:
     disturbance: Annotated[Any, array(2, 2)]
     noise_power: Positive
     deviation_at: Literal["hold_ends", "time_average"]
-    other_poles: Poles
 
     def frequency(self, fault: str) -> float:
         """Of a fault where it varies [rad/s]; `InputError` if it has none."""

@@ -41,12 +41,9 @@ MEANINGS = {
     ),
     "overshoot": "of the speed after a step of the reference by one",
     "settling_time": "of the speed, until it stays within two per cent",
-    "lemma_difference": "of (19) from (18) for random matrices, relative to the largest entry",
-    "gain_difference": "of gains recovered from P and Y, as relative",
     "deviation": "of the noise",
     "norm": "proved bound of the H-infinity norm",
     "gamma": "bound that was asked for; `nan` for designs without one",
-    "infinite_poles": "of the error dynamics as a descriptor system",
     "missed_<fault>_fault": "part of a sine with the fault's frequency that its estimate misses",
     "missed_fast_<fault>_fault": "the same of a faster one",
     "left_of_<fault>_jump": "largest error, some time after a jump by one and later",
@@ -56,7 +53,6 @@ MEANINGS = {
     "<source>_disturbance_left": (
         "deviation that a random disturbance causes, over the error by a constant one"
     ),
-    "controller_effect_on_<fault>_fault": "largest change of the estimate by another controller",
 }
 
 

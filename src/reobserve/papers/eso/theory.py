@@ -1,7 +1,7 @@
-"""Stage theory: the conditions, the inequality and the promises of the paper, as numbers.
+"""Stage theory: the conditions and the promises of the paper, as numbers.
 
-Whose numbers they are stands in the column ``observer``: an observer of the ledger, or what is
-judged, such as the motor or the inequality (19).
+Whose numbers they are stands in the column ``observer``: an observer of the parameter file, or what
+they are about, such as the motor.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from reobserve.core.random_streams import random_stream
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.design import stored_design
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
 from reobserve.papers.eso.theory_observers import (
     certified,
-    controller_effects,
     held,
     left_of_jumps,
     missed,
@@ -28,9 +26,7 @@ from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import settling_time
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.extended_state.certificate import error_system
-from reobserve.synthesis.extended_state.inequality import PdPiVariables
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
 _BAND = 0.02  # of the step: what counts as settled
@@ -55,13 +51,11 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
         *_motors(plant),
         *_conditions(system),
         *_step_response(plant),
-        *agreement(system, theory.cases),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
         *missed(observers, theory),
         *left_of_jumps(observers, theory.settled_after),
         *held(observers, theory, plant.hold_period, noise),
-        *controller_effects(observers, plant, theory.other_poles),
     ]
 
 
@@ -108,53 +102,3 @@ def _step_response(plant: keys.Plant) -> Iterator[Metric]:
     settled = settling_time(time, error[:-1], error[1:], _BAND)
     yield Metric("controller", "overshoot", max(0.0, float(error.max())), "1")
     yield Metric("controller", "settling_time", settled, "s")
-
-
-@part
-def agreement(system: AugmentedSystem, cases: int) -> Iterator[Metric]:
-    """How far (19) is from (18), and recovered gains from those that P and Y were made of.
-
-    Indriawati, Agustinah & Jazidie, (18) and (22) to (24).
-
-    For ``cases`` random P and gains, relative to the largest entry; the worst case counts.
-    """
-    sides, recovered = zip(*(_case(system, str(case)) for case in range(cases)), strict=True)
-    yield Metric("inequality_19", "lemma_difference", max(sides), "1")
-    yield Metric("inequality_19", "gain_difference", max(recovered), "1")
-
-
-def _case(system: AugmentedSystem, case: str) -> tuple[float, float]:
-    stream, size, outputs = random_stream(0, "eso", "theory", case), system.size, system.outputs
-    root, P2, P3 = stream.standard_normal((3, size, size))
-    gains = Gains(*stream.standard_normal((2, size, outputs)))
-    gamma = float(stream.uniform(1.0, 3.0))
-    nothing = np.zeros((outputs, size))
-    variables = PdPiVariables(root @ root.T, P2, P3, nothing, nothing).with_gains(gains)
-    lemma = _lemma(system, gains, variables, gamma)
-    side: Any = np.block(variables.blocks(system, gamma))
-    found = variables.gains()
-    return _difference(side, lemma), max(
-        _difference(found.L, gains.L), _difference(found.Ld, gains.Ld)
-    )
-
-
-def _lemma(system: AugmentedSystem, gains: Gains, variables: PdPiVariables, gamma: float) -> Any:
-    """The left side of (18) for the dual (24), whose input has as many entries as its state."""
-    Ao, Eo = error_system(system, gains)
-    one, zero = np.eye(system.size), np.zeros((system.size, system.size))
-    A = np.block([[zero, one], [Ao.T, -Eo.T]])
-    B = np.vstack([zero, one])
-    C = np.hstack([system.Bo.T, np.zeros(system.Bo.T.shape)])
-    P = np.block([[variables.P1, zero], [variables.P2, variables.P3]])
-    none = np.zeros((B.shape[1], len(C)))
-    return np.block(
-        [
-            [A @ P + P.T @ A.T, B, P.T @ C.T],
-            [B.T, -gamma * one, none],
-            [C @ P, none.T, -gamma * np.eye(len(C))],
-        ]
-    )
-
-
-def _difference(found: Any, expected: Any) -> float:
-    return float(np.abs(found - expected).max() / np.abs(expected).max())

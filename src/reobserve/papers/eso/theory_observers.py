@@ -1,52 +1,36 @@
-"""What the error system (10) of an observer says of its estimates, without a simulation.
-
-Only the last, that u is not in it, is told by two simulations with different controllers.
-"""
+"""What the error system (10) of an observer says of its estimates, without a simulation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
-from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
-from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.deviation import held_deviation
-from reobserve.papers.eso.observe import run_on
-from reobserve.papers.eso.setup import controlled_motor
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
-from reobserve.replication.parameters.job import Job
-from reobserve.signals.series import Series
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Array = NDArray[np.float64]
 Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
-_DURATION = 4.0  # of the runs with different controllers, and after a jump [s]
-_SAMPLE = 0.01  # of the errors after a jump [s]
+_DURATION, _SAMPLE = 4.0, 0.01  # of the errors after a jump [s]
 
 
 @part
 def certified(observers: Observers) -> Iterator[Metric]:
-    """What the certificates say, and the infinite poles of (10)."""
-    for name, (system, design) in observers.items():
-        _, Eo = error_system(system, design.gains)
+    """What the certificates say."""
+    for name, (_, design) in observers.items():
         gamma = float("nan") if design.gamma is None else design.gamma
         slowest = -design.certificate.poles[0][0]
         yield Metric(name, "norm", design.certificate.norm_upper, "1")
         yield Metric(name, "gamma", gamma, "1")
         yield Metric(name, "slowest_pole", slowest, "1/s")
-        infinite = system.size - np.linalg.matrix_rank(Eo)
-        yield Metric(name, "infinite_poles", float(infinite), "1")
 
 
 @part
@@ -115,55 +99,3 @@ def held(
             left = held_deviation(system, gains, size, period, over_time)[row]
             share = float(left / abs(at_rest[row, column]))
             yield Metric(name, f"{source}_disturbance_left", share, "1")
-
-
-@part
-def controller_effects(
-    observers: Observers, plant: keys.Plant, other_poles: Any
-) -> Iterator[Metric]:
-    """The largest differences between the estimates of the same faults under two controllers.
-
-    Raises
-    ------
-    InputError
-        If the other poles cannot be placed.
-    """
-    records = records_of_two_controllers(plant, other_poles)
-    for name, (system, design) in observers.items():
-        change = _controller_effect(system, design.gains, records)
-        for (fault, unit), value in zip(_FAULTS, change, strict=True):
-            yield Metric(name, f"controller_effect_on_{fault}_fault", value, unit)
-
-
-def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Series]:
-    """The motor with a step in both faults, by the ledger's controller and by another one.
-
-    Where one acts on the state, the other one does on what is measured.
-
-    Raises
-    ------
-    InputError
-        If the other poles cannot be placed.
-    """
-    feedback: Any = "output" if plant.feedback == "state" else "state"
-    other = replace(plant, controller_poles=other_poles, feedback=feedback)
-    try:
-        controlled_motor(other)
-    except InputError as error:
-        raise InputError("other_poles", error.problem) from None
-    step = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.1}]
-    scenario = keys.Scenario(step, step, [[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
-    return [
-        plant_stage.simulate(
-            Job(replace(driven, horizon=_DURATION, hold_period=_DURATION), scenario=scenario)
-        )
-        for driven in (plant, other)
-    ]
-
-
-def _controller_effect(system: AugmentedSystem, gains: Gains, records: list[Series]) -> list[float]:
-    """The largest difference between the estimates of both faults from two records."""
-    observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * records[0].step)
-    runs = [run_on(observer, record) for record in records]
-    one, two = (np.hstack([run["actuator_fault"], run["sensor_fault"]]) for run in runs)
-    return [float(value) for value in np.abs(one - two).max(axis=0)]
