@@ -25,7 +25,7 @@ from reobserve.synthesis.extended_state.certificate import certify
 from reobserve.synthesis.extended_state.design import Design, optimised
 from reobserve.synthesis.extended_state.feasible_point import solve
 from reobserve.synthesis.extended_state.inequality import PiVariables
-from reobserve.synthesis.extended_state.matrix_terms import above, pi_sides
+from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraints
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 # Which solution of the inequality is taken: with P1 >= I the one of least Frobenius norm, any one
@@ -88,8 +88,8 @@ def design_feasible(
     if solution != "least_norm":
         return _returned(system, decay, solver, solution)
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
-    sides = (*pi_sides(system, decay), above("P1", size, 1.0))
-    problem = Problem(shapes, frozenset({"P1"}), sides, _GAP)
+    constraints = (*pi_constraints(system, decay), above("P1", size, 1.0))
+    problem = Problem(shapes, frozenset({"P1"}), constraints, _GAP)
     return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
 
 
