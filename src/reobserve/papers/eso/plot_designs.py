@@ -21,7 +21,7 @@ _PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the 
 KINDS = {
     "pi_feasible": (_BLACK, "PI, feasible: least norm"),
     "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: P > 0"),
-    "pi_above_identity": (replace(_BLACK, marker="v"), "PI, feasible: P ≥ I"),
+    "pi_below_identity": (replace(_BLACK, marker="v"), "PI, feasible: P < I"),
     "pi_largest_margin": (replace(_BLACK, marker="x"), "PI, feasible: margin"),
     "pd_pi_least_norm": (_ORANGE, "PD/PI, least norm"),
     "pd_pi_least_gamma": (_PURPLE, "PD/PI, least γ"),

@@ -34,6 +34,8 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
         matrices are outside the radius.
     """
     cvxpy = package("cvxpy", "solve matrix inequalities")
+    if solver not in SOLVERS:
+        raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
     unknowns = {
         name: cvxpy.Variable(shape, symmetric=name in problem.symmetric)
         for name, shape in problem.shapes.items()
@@ -41,39 +43,25 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     gamma: Any = cvxpy.Variable()
     squared = [*unknowns.values(), *([] if problem.radius is None else [gamma])]
     constraints = [_expression(constraint, unknowns, gamma) for constraint in problem.constraints]
-    strict = _STRICT.get(solver, _WIDE) if problem.radius is None else _WIDE
+    strict = _STRICT[solver] if problem.radius is None else _WIDE
     bounds = [constraint >> strict * np.eye(constraint.shape[0]) for constraint in constraints]
     stated: Any = cvxpy.Problem(
         cvxpy.Minimize(sum(cvxpy.sum_squares(each) for each in squared)), bounds
     )
-    solve(stated, solver, rough=True)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
+            stated.solve(solver=solver, **SOLVERS[solver])
+    except (cvxpy.SolverError, ValueError) as error:  # ValueError: constraints that overflow
+        raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
+    if stated.status != "optimal":
+        raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
     found = {name: np.array(each.value) for name, each in unknowns.items()}
     start = problem.vector(found, None if problem.radius is None else gamma.value.item())
     size = float(np.sqrt(problem.weights @ start**2))
     if problem.radius is not None and size >= problem.radius:
         raise InputError("radius", f"{problem.radius:g} must be above {size:.6g}: no matrices fit")
     return start, stated.status
-
-
-def solve(stated: Any, solver: str, rough: bool = False) -> None:
-    """Solve a problem of cvxpy, ``rough`` where another method goes on from what is found.
-
-    Raises
-    ------
-    InputError
-        If the solver is unknown, fails or ends with another status than "optimal".
-    """
-    cvxpy = package("cvxpy", "solve matrix inequalities")
-    if solver not in SOLVERS:
-        raise InputError("solver", f"{solver!r} must be one of {', '.join(SOLVERS)}")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
-            stated.solve(solver=solver, **(SOLVERS[solver] if rough else {}))
-    except (cvxpy.SolverError, ValueError) as error:  # ValueError: constraints that overflow
-        raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
-    if stated.status != "optimal":
-        raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
 
 
 def _expression(constraint: Constraint, unknowns: dict[str, Any], gamma: Any) -> Any:

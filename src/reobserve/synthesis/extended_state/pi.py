@@ -5,37 +5,38 @@ inequality with a decay rate alpha,
 
     P1 Ao + Ao^T P1 + 2 alpha P1 < 0,    P1 > 0,    P1 L = Y^T,
 
-which is homogeneous and has many solutions: which one a solver returns depends on how the problem
-is posed, and with it how fast the observer is (`SOLUTIONS`).
+which is homogeneous and has many solutions. Which one is taken decides how fast the observer is,
+and the paper does not say. What a solver returns for feasibility alone moves by tens of per cent
+with the kernels of BLAS, so four are proposed that are unique (`SOLUTIONS`).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
-from reobserve.core.extras import package
 from reobserve.core.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
-from reobserve.synthesis.extended_state.central_path import Problem
-from reobserve.synthesis.extended_state.certificate import certify
-from reobserve.synthesis.extended_state.design import Design, optimised
-from reobserve.synthesis.extended_state.feasible_point import solve
+from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Term, minimiser
+from reobserve.synthesis.extended_state.design import Design, accepted, optimised
+from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PiVariables
 from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraints
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.extended_state.polishing import polished
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 
-# Which solution of the inequality is taken: with P1 >= I the one of least Frobenius norm, any one
-# with P1 > 0 or with P1 >= I, or the one that is farthest inside where P1 <= I and |Y| is bounded.
-SOLUTIONS = ("least_norm", "positive", "above_identity", "largest_margin")
+# Which solution of the inequality is taken: the one of least Frobenius norm with P1 >= I; the
+# analytic centre of all within a ball, with P1 > 0 or with 0 < P1 < I; or the one of largest margin
+# with P1 < I. By homogeneity P1 > 0 and P1 >= I have the same gains, and those of the centre with
+# P1 > 0 do not depend on the ball.
+SOLUTIONS = ("least_norm", "positive", "below_identity", "largest_margin")
 
 _GAP = 1e-5  # of the sum of squares to its optimum, relative
-_STRICT = 1e-6  # what > 0 is for a solver
-_LARGEST = 100.0  # Frobenius norm of Y, without which the margin is largest at infinite gains
-_DIGITS = 4  # of the largest gain
+_RADIUS = 100.0  # Frobenius norm of P1 and Y, without which gains tend to infinity
+_MARGIN_GAP = 1e-3  # of the margin to the largest
 
 
 def design(
@@ -68,10 +69,8 @@ def design_feasible(
     solver
         CLARABEL or SCS.
     solution
-        One of `SOLUTIONS`. The one of least norm is the point of the central path where the sum of
-        squares is within 1e-5 of its optimum: unique, well conditioned, and none is below the
-        design's ``lower``. Of the others the gains are those that the solver returns, rounded to
-        four digits of the largest, which is why they are the same on other processors.
+        One of `SOLUTIONS`, each of which is unique. That of least norm is within 1e-5 of its
+        optimum, and none is below the design's ``lower``.
 
     Raises
     ------
@@ -86,36 +85,36 @@ def design_feasible(
     if solution not in SOLUTIONS:
         raise InputError("solution", f"{solution!r} must be one of {', '.join(SOLUTIONS)}")
     if solution != "least_norm":
-        return _returned(system, decay, solver, solution)
+        return _inside(system, decay, solver, solution)
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
     constraints = (*pi_constraints(system, decay), above("P1", size, 1.0))
     problem = Problem(shapes, frozenset({"P1"}), constraints, _GAP)
     return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
 
 
-def _returned(system: AugmentedSystem, decay: float, solver: str, solution: str) -> Design:
-    """The design of a solution as a solver returns it, rounded."""
-    cvxpy = package("cvxpy", "solve matrix inequalities")
-    package("flint", "prove a design")
-    one, size = np.eye(system.size), system.size
-    found = PiVariables(
-        cvxpy.Variable((size, size), symmetric=True), cvxpy.Variable((system.outputs, size))
-    )
-    left: Any = found.inequalities(system, None, decay)[0][0][0]
-    margin: Any = cvxpy.Variable() if solution == "largest_margin" else _STRICT
-    least = 1.0 if solution == "above_identity" else margin
-    bounds = [found.P1 >> least * one, left << -margin * one]
+def _inside(
+    system: AugmentedSystem, decay: float, solver: str, solution: str, radius: float = _RADIUS
+) -> Design:
+    """The design of a solution far inside the inequality, polished to all digits.
+
+    The matrices are those of least gamma where -gamma I is the margin of all that is positive, or
+    where nothing but gamma > 0 holds gamma, so that it is the barriers that decide.
+    """
+    size, one = system.size, np.eye(system.size)
+    (lyapunov,), positive = pi_constraints(system, decay), above("P1", size, 0.0)
+    constraints = [lyapunov, positive]
     if solution == "largest_margin":
-        bounds += [found.P1 << one, cvxpy.norm(found.Y, "fro") <= _LARGEST]
-        stated: Any = cvxpy.Problem(cvxpy.Maximize(margin), bounds)
+        constraints = [replace(lyapunov, slope=one), replace(positive, slope=2.0 * one)]
     else:
-        stated = cvxpy.Problem(cvxpy.Minimize(0), bounds)
-    solve(stated, solver)
-    L = PiVariables(np.array(found.P1.value), np.array(found.Y.value)).gains().L
-    L = np.round(L, _DIGITS - 1 - int(np.floor(np.log10(np.abs(L).max()))))
-    gains = Gains(L, np.zeros(L.shape))
-    certificate = certify(system, gains, decay=decay)
-    if not certificate.holds:
-        raise InputError("solver", f"{solver} said {stated.status}, but {certificate.reason}")
+        nothing = Term("P1", np.zeros((1, size)), np.zeros((size, 1)))
+        constraints.append(Constraint(np.zeros((1, 1)), (nothing,), np.ones((1, 1))))
+    if solution != "positive":
+        constraints.append(Constraint(2.0 * one, (Term("P1", -one, one),)))
+    shapes = {"P1": (size, size), "Y": (system.outputs, size)}
+    problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, radius)
+    start, status = strictly_feasible(problem, solver)
+    x = np.array([float(entry) for entry in polished(problem, minimiser(problem, start)).x])
+    found = problem.matrices(x)
     method = f"PI, feasible, {solution.replace('_', ' ')}"
-    return Design(method, gains, None, solver, stated.status, float(stated.value), certificate)
+    variables = PiVariables(found["P1"], found["Y"])
+    return accepted(method, system, variables, None, solver, status, float(x[-1]), decay)

@@ -4,8 +4,8 @@ Newton's method is repeated with the gradient in balls of 256 bits. The Hessian 
 it is wrong by a part that makes each step reduce the error by some digits, not by all. What is left
 once the steps are below 2^-96 of the unknowns owes nothing to solver, start or processor.
 
-Weak duality: for any Z >= 0, one for each constraint, with sum of tr(Z slope) = 1 and any lambda > 0
-all matrices inside the radius that meet the inequalities have
+Weak duality: for any Z >= 0, one for each constraint, with sum of tr(Z slope) = 1, and lambda > 0
+any matrices inside the radius that meet the inequalities have
 
     gamma >= - sum of tr(Z constant) - |G|^2 / (4 lambda) - lambda radius^2,
 
