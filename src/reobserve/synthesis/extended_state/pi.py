@@ -117,4 +117,5 @@ def _inside(
     found = problem.matrices(x)
     method = f"PI, feasible, {solution.replace('_', ' ')}"
     variables = PiVariables(found["P1"], found["Y"])
-    return accepted(method, system, variables, None, solver, status, float(x[-1]), decay)
+    objective = float(x[-1]) if solution == "largest_margin" else 0.0
+    return accepted(method, system, variables, None, solver, status, objective, decay)
