@@ -153,16 +153,16 @@ def of_eso() -> Iterator[str]:
     yield f"poles within {bound:g}/s and matrices of norm up to {radius:g}"
     later = {}
     lags = {f: study.at("pd_pi_least_norm", f"{f}_lag", rate=1, factor=1.05) for f in _ESO_FAULTS}
-    for kind in ("pi_feasible", "pi_positive", "pi_below_identity", "pi_largest_margin"):
+    for kind in ("pi_feasible", "pi_positive", "pi_largest_margin"):
         pairs = [metric.split(" ", 1)[1] for name, metric in study
                  if name == kind and metric.startswith("sensor_lag ")]  # fmt: skip
         later[kind] = sum(
             all(study[kind, f"{f}_lag {pair}"] > lags[f] for f in _ESO_FAULTS) for pair in pairs
         )
-    first, *others, last = later.values()
+    first, centres, margins = later.values()
     yield f"Among {len(pairs)} pairs of decay and filter rate"
     yield f"with {first} observers of least norm"
-    yield f"but with {', '.join(map(str, others))} and {last} of the analytic centres"
+    yield f"but with {centres} of the analytic centres and {margins} of the largest margins"
     share = max(
         study["pi_optimal", f"rms_{one}_difference"] / study["plant", f"rms_{one}_fault_varying"]
         for one in _ESO_FAULTS

@@ -30,7 +30,7 @@ Column = Annotated[Any, array(2, 1)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
 Criterion = Literal["least_norm", "least_gamma"]
-Solution = Literal["least_norm", "positive", "below_identity", "largest_margin"]
+Solution = Literal["least_norm", "positive", "largest_margin"]
 
 
 @dataclass(frozen=True)

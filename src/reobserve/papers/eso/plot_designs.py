@@ -20,8 +20,7 @@ _PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the 
 # By the name of a design, and of the rows of the study.
 KINDS = {
     "pi_feasible": (_BLACK, "PI, feasible: least norm"),
-    "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: P > 0"),
-    "pi_below_identity": (replace(_BLACK, marker="v"), "PI, feasible: P < I"),
+    "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: centre"),
     "pi_largest_margin": (replace(_BLACK, marker="x"), "PI, feasible: margin"),
     "pd_pi_least_norm": (_ORANGE, "PD/PI, least norm"),
     "pd_pi_least_gamma": (_PURPLE, "PD/PI, least γ"),
@@ -100,7 +99,7 @@ def _note(data: FigureData) -> str:
         f"Standard deviations at the ends of the holds of {hold:g} s, from a discrete Lyapunov "
         "equation; lags without noise and disturbance.\n"
         f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
-        f"{_listed(chosen.decays)} per second, four solutions of one inequality. Least norm: "
+        f"{_listed(chosen.decays)} per second, three solutions of one inequality. Least norm: "
         f"γ over its floor\n{_listed(chosen.factors)}. "
         f"Least γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
         f"{chosen.radius:g}, and with the first within {_listed(chosen.radii)}.\n"

@@ -7,7 +7,7 @@ inequality with a decay rate alpha,
 
 which is homogeneous and has many solutions. Which one is taken decides how fast the observer is,
 and the paper does not say. What a solver returns for feasibility alone moves by tens of per cent
-with the kernels of BLAS, so four are proposed that are unique (`SOLUTIONS`).
+with the kernels of BLAS, so three are proposed that are unique (`SOLUTIONS`).
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 # Which solution of the inequality is taken: the one of least Frobenius norm with P1 >= I; the
-# analytic centre of all within a ball, with P1 > 0 or with 0 < P1 < I; or the one of largest margin
-# with P1 < I. By homogeneity P1 > 0 and P1 >= I have the same gains, and those of the centre with
-# P1 > 0 do not depend on the ball.
-SOLUTIONS = ("least_norm", "positive", "below_identity", "largest_margin")
+# analytic centre of all with P1 > 0; or the one of largest margin. Of the latter two the norm is
+# bounded, and P1 < I fixes the scale: P1 > 0 and P1 >= I have the same gains, by homogeneity. With
+# the norm alone to fix it the centre would be several times as slow as what Clarabel returns.
+SOLUTIONS = ("least_norm", "positive", "largest_margin")
 
 _GAP = 1e-5  # of the sum of squares to its optimum, relative
 _RADIUS = 100.0  # Frobenius norm of P1 and Y, without which gains tend to infinity
@@ -92,9 +92,7 @@ def design_feasible(
     return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
 
 
-def _inside(
-    system: AugmentedSystem, decay: float, solver: str, solution: str, radius: float = _RADIUS
-) -> Design:
+def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> Design:
     """The design of a solution far inside the inequality, polished to all digits.
 
     The matrices are those of least gamma where -gamma I is the margin of all that is positive, or
@@ -108,10 +106,9 @@ def _inside(
     else:
         nothing = Term("P1", np.zeros((1, size)), np.zeros((size, 1)))
         constraints.append(Constraint(np.zeros((1, 1)), (nothing,), np.ones((1, 1))))
-    if solution != "positive":
-        constraints.append(Constraint(2.0 * one, (Term("P1", -one, one),)))
+    constraints.append(Constraint(2.0 * one, (Term("P1", -one, one),)))
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
-    problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, radius)
+    problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, _RADIUS)
     start, status = strictly_feasible(problem, solver)
     x = np.array([float(entry) for entry in polished(problem, minimiser(problem, start)).x])
     found = problem.matrices(x)
