@@ -15,7 +15,7 @@ from benchmarks.filter_problem import LAYER, MEMORY, TRANSITION, banks, models, 
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import Beliefs, new_bank_rows, run_bank
+from reobserve.observers.imm_loop import Beliefs, new_bank_rows, new_bank_work, run_bank
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]
@@ -89,7 +89,8 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
         beliefs = Beliefs(
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
-        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, rows)
+        work = new_bank_work(beliefs, compiled.mixing)
+        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, work, rows)
 
     return call
 
@@ -110,7 +111,7 @@ def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Pe
     def call() -> Found:
         beliefs = first.copy()
         function(pointer(constants), pointer(beliefs), pointer(z), pointer(u), steps, *places)
-        return found.means, found.probabilities
+        return found.state, found.probability
 
     return call
 

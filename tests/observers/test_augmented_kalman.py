@@ -137,3 +137,37 @@ def test_starts_that_cannot_be(changed: dict[str, Any], said: str) -> None:
     given: dict[str, Any] = {"mean": [0.0, 0.0], "covariance": 1.0, **changed}
     with pytest.raises(InputError, match=f"^{said}"):
         AugmentedKalmanFilter(mass(), FORCE, 1.0).init(**given)
+
+
+def test_noise_that_changes_is_that_of_the_kalman_filter_on_the_augmented_model() -> None:
+    u, force = inputs(80)
+    y = moved(u, force)[:, :1] + 0.01 * np.random.default_rng(3).standard_normal((80, 1))
+    observer = AugmentedKalmanFilter(mass(), FORCE, 1e-3)
+    zero, one = np.zeros((1, 2)), np.eye(1)
+    whole = KalmanFilter(
+        LinearModel(
+            np.block([[HELD[0], FORCE], [zero, one]]), np.vstack([HELD[1], [[0.0]]]),
+            np.hstack([POSITION, [[0.0]]]), Q=np.diag([1e-8, 1e-8, 1e-3]), R=1e-4,
+            sampling_period=PERIOD, unusual=True,
+        )
+    )  # fmt: skip
+    scale = 1 + np.arange(80) % 7
+    Q, R = 1e-6 * scale[:, None, None] * np.eye(2), 1e-4 * scale[::-1, None, None] * np.eye(1)
+    wide = np.zeros((80, 3, 3))
+    wide[:, :2, :2], wide[:, 2, 2] = Q, 1e-3
+    start = observer.init([0.3, 0.0], 1e-2)
+    run = observer.run(y, u, state=start, Q=Q, R=R)
+    other = whole.run(y, u, state=start, Q=wide, R=R)
+    np.testing.assert_array_equal(run["state"], other["state"][:, :2])
+    np.testing.assert_array_equal(run["unknown_input"], other["state"][:, 2:])
+    np.testing.assert_array_equal(run["log_likelihood"], other["log_likelihood"])
+    assert np.abs(run["state"] - observer.run(y, u, state=start)["state"]).max() > 1e-4
+    state = start
+    for k in range(80):
+        state, estimate = observer.step(state, y[k], u[k], Q=Q[k], R=R[k])
+        np.testing.assert_array_equal(estimate["state"], run["state"][k])
+    one_for_all = observer.run(y, u, state=start, Q=1e-6)
+    each = observer.run(y, u, state=start, Q=np.tile(1e-6 * np.eye(2), (80, 1, 1)))
+    np.testing.assert_array_equal(one_for_all["state"], each["state"])
+    with pytest.raises(InputError, match=r"^Q: has shape \(3, 2, 2\), must be one covariance or"):
+        observer.run(y, u, Q=Q[:3], state=start)

@@ -1,1 +1,1 @@
-"""What can be typed: a module for each family of sub-commands, which names what they run."""
+"""The command line: a module for each family of sub-commands."""

@@ -1,4 +1,4 @@
-"""What is asked of the evidence: its report, more draws, the figure comparison."""
+"""Commands on the evidence: report, Monte Carlo samples, figure comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What sub-commands have in common: how one is added, and arguments that many take."""
+"""Helpers for sub-commands: adding one, and arguments that many take."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What is computed with: compiled loops, matrices, sampling, random streams, pinned code paths."""
+"""Numerical basics: compiled loops, matrices, sampling, random streams, files, errors."""

@@ -1,4 +1,4 @@
-"""Where a function of one variable changes its sign, by Chandrupatla's method.
+"""Root of a function of one variable by Chandrupatla's method.
 
 T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear
 function without using derivatives, Advances in Engineering Software 28, 1997. The inverse

@@ -123,6 +123,29 @@ def as_vector(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     return array
 
 
+def as_probabilities(name: str, value: ArrayLike | Any, size: int) -> Matrix:
+    """``value`` as ``size`` probabilities that sum to 1; `InputError` names ``name`` otherwise."""
+    array = as_vector(name, value, size)
+    if array.min() < 0 or abs(array.sum() - 1.0) > 1e-9:
+        raise InputError(
+            name, f"{shown(array.tolist())} must be 0 or more and sum to 1, not {array.sum():g}"
+        )
+    return array
+
+
+def as_row_stochastic(name: str, value: ArrayLike | Any, size: int) -> Matrix:
+    """A square matrix with rows that are probabilities; `InputError` names the first that is not.
+
+    Row i, the chances of what follows i, sums to 1.
+    """
+    matrix = as_floats(name, value)
+    if matrix.shape != (size, size):
+        raise InputError(name, f"has shape {matrix.shape}, must be {(size, size)}")
+    for i, row in enumerate(matrix):
+        as_probabilities(f"{name}[{i}]", row, size)
+    return matrix
+
+
 def as_matrix(name: str, value: ArrayLike | Any, size: int) -> Matrix:
     """A square matrix from a number (times identity), a diagonal or the matrix itself.
 

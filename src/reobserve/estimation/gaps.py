@@ -1,4 +1,4 @@
-"""Which rows an observer is given, by the policies for what is missing: stretches without a gap."""
+"""Policies for missing rows: stretches without a gap for the observer."""
 
 from __future__ import annotations
 

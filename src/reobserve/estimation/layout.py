@@ -1,4 +1,4 @@
-"""Where a record's columns stand, and how its cells become numbers that the observer reads."""
+"""Columns of a record, and the conversion of cells into the observer's numbers."""
 
 from __future__ import annotations
 

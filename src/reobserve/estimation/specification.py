@@ -1,4 +1,4 @@
-"""What a user says of a record and of the observer for it, in one YAML file, checked whole.
+"""Specification of a record and of the observer for it: one YAML file, checked whole.
 
 observer: {kind: kalman, time: continuous, A: ..., ...}  one of `reobserve.estimation.families`
 columns:                                                 of the record, with their units

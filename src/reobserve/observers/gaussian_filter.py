@@ -382,6 +382,5 @@ def as_covariances(
     least = np.zeros(rows) if definite else -1e-12 * np.maximum(eigenvalues[:, -1], 0.0)
     low = eigenvalues[:, 0] <= 0 if definite else eigenvalues[:, 0] < least
     for row in np.flatnonzero(low | (array != array.transpose(0, 2, 1)).any(axis=(1, 2))):
-        as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
-        raise InputError(f"{name}[{row}]", f"{shown(array[row].tolist())} is no covariance")
+        array[row] = as_covariance(f"{name}[{row}]", array[row], size, definite=definite)
     return np.ascontiguousarray(array)

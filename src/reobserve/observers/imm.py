@@ -14,7 +14,6 @@ has fewer outputs than states: the pseudo-inverse of C depends on the units of t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,12 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from reobserve.core.arguments import as_flag
 from reobserve.core.errors import DivergenceError, InputError, shown
-from reobserve.core.matrices import as_floats, as_numbers, as_vector
+from reobserve.core.matrices import as_floats, as_numbers, as_probabilities, as_row_stochastic
 from reobserve.core.value import Value, for_loop
 from reobserve.observers.contract import Observer, Record, Rows, check_state
 from reobserve.observers.gaussian_filter import (
     Gaussian,
     ModeFilter,
+    as_covariances,
     check_sample,
     inputs_of_rows,
     sample_before,
@@ -41,14 +41,14 @@ from reobserve.observers.imm_loop import (
     Beliefs,
     combine,
     interact,
-    mixing_probabilities,
     new_bank_rows,
+    new_bank_work,
     run_bank,
     update_probabilities,
 )
 from reobserve.observers.linear_filter import LinearFilter
 from reobserve.observers.run import AxisNames, names_by_model
-from reobserve.systems.linear import ModelArrays, as_covariance
+from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
 
@@ -124,34 +124,25 @@ class IMM(Observer[State]):
 
     def __post_init__(self) -> None:
         given: Any = self.filters
-        if not isinstance(given, list | tuple):
-            raise InputError("filters", f"{shown(given)} must be a list of filters")
-        filters = tuple(given)
-        object.__setattr__(self, "mixing", as_flag("mixing", self.mixing))
-        for j, one in enumerate(filters):
+        if not isinstance(given, list | tuple) or not given:
+            raise InputError("filters", f"{shown(given)} must be a list of one filter or more")
+        for j, one in enumerate(given):
             wanted = ("predict", "correct", "model")
             if isinstance(one, type) or not all(hasattr(one, part) for part in wanted):
-                raise InputError(
-                    f"filters[{j}]", f"{shown(one)} must have a model, predict and correct"
-                )
-        if not filters:
-            raise InputError("filters", "are none, must be one or more")
-        first, period = _size(filters[0]), filters[0].model.sampling_period
-        for j, other in enumerate(filters):
-            if _size(other) != first:
-                raise InputError(
-                    f"filters[{j}]",
-                    f"has {_size(other)} states, inputs and outputs, the first filter {first}",
-                )
-            if other.model.sampling_period != period:
-                raise InputError(
-                    f"filters[{j}]",
-                    f"has a sampling period of {other.model.sampling_period:g} s, the first "
-                    f"filter {period:g} s",
-                )
-        object.__setattr__(self, "filters", filters)
-        self._set("transition", _as_transition(self.transition, len(filters)))
-        object.__setattr__(self, "sampling_period", period)
+                problem = f"{shown(one)} must have a model, predict and correct"
+                raise InputError(f"filters[{j}]", problem)
+            size, first = _size(one), _size(given[0])
+            if size != first:
+                problem = f"has {size} states, inputs and outputs, the first filter {first}"
+                raise InputError(f"filters[{j}]", problem)
+            period, first_period = one.model.sampling_period, given[0].model.sampling_period
+            if period != first_period:
+                problem = f"has a sampling period of {period:g} s, the first {first_period:g} s"
+                raise InputError(f"filters[{j}]", problem)
+        self._set("filters", tuple(given))
+        self._set("transition", as_row_stochastic("transition", self.transition, len(given)))
+        self._set("mixing", as_flag("mixing", self.mixing))
+        self._set("sampling_period", period)
 
     @property
     def measurements(self) -> int:
@@ -200,29 +191,17 @@ class IMM(Observer[State]):
             If one of them is not that, or the probabilities do not sum to one.
         """
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
-        centre, spread = as_floats("mean", mean), as_floats("covariance", covariance)
-        each = centre if centre.ndim == 2 else np.tile(centre, (r, 1))
-        if each.shape != (r, n):
-            raise InputError("mean", f"has shape {centre.shape}, must be ({n},) or ({r}, {n})")
-        if spread.ndim == 3 and len(spread) != r:
-            raise InputError(
-                "covariance", f"has {len(spread)} parts, must be one, or {r} like filters"
-            )
+        means = as_floats("mean", mean)
+        if means.shape not in ((n,), (r, n)):
+            raise InputError("mean", f"has shape {means.shape}, must be ({n},) or ({r}, {n})")
+        means = np.broadcast_to(means, (r, n)).copy()
+        covariances = as_covariances("covariance", covariance, n, r)
+        covariances = np.broadcast_to(covariances, (r, n, n)).copy()
         chosen = np.full(r, 1.0 / r) if probabilities is None else probabilities
-        mu = as_vector("probabilities", chosen, r)
-        if mu.min() < 0 or abs(mu.sum() - 1) > 1e-9:
-            raise InputError(
-                "probabilities",
-                f"{shown(mu.tolist())} must be 0 or more and sum to 1, not {mu.sum():g}",
-            )
-        if spread.ndim == 3:
-            spreads = np.array([as_covariance("covariance", one, n) for one in spread])
-        else:
-            spreads = np.tile(as_covariance("covariance", spread, n), (r, 1, 1))
         with np.errstate(divide="ignore"):
-            logarithms = np.log(mu)
+            logarithms = np.log(as_probabilities("probabilities", chosen, r))
         held = sample_before(u, m, inputs)
-        return State(each.copy(), spreads, np.zeros((r, m)), logarithms, held)
+        return State(means, covariances, np.zeros((r, m)), logarithms, held)
 
     def _checked(self, state: Any) -> State:
         r, (n, inputs, m) = len(self.filters), _size(self.filters[0])
@@ -243,67 +222,49 @@ class IMM(Observer[State]):
 
     def _fill(self, state: State, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
-        beliefs = Beliefs(
-            state.means.copy(), state.covariances.copy(), state.errors.copy(),
-            state.log_probabilities.copy(),
-        )  # fmt: skip
+        parts = state.means, state.covariances, state.errors, state.log_probabilities
+        beliefs = Beliefs(*(part.copy() for part in parts))
         inputs, fresh = inputs_of_rows(state.sample, record), state.sample is None
-        rows = new_bank_rows(k, r, n, m)
-        if self._bank is None:
+        rows, bank = new_bank_rows(k, r, n, m), self._bank
+        if bank is None:
             good = self._run_one_by_one(beliefs, record.y, inputs, fresh, rows)
         else:
+            function = self._linear[0].compiled_gain
             good = run_bank(
-                (0,) * n, (0,) * m, self._bank, self._linear[0].compiled_gain, beliefs, record.y,
-                inputs, fresh, rows,
+                (0,) * n, (0,) * m, bank, function, beliefs, record.y, inputs, fresh,
+                new_bank_work(beliefs, self.mixing), rows,
             )  # fmt: skip
+        variance = rows.covariance.diagonal(axis1=1, axis2=2)
+        estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
         last = np.concatenate([record.y[-1], record.u[-1]])
-        after = State(*beliefs, last, state.count + k - fresh)
-        estimates = {
-            "state": rows.means,
-            "variance": rows.covariances.diagonal(axis1=1, axis2=2),
-            "covariance": rows.covariances,
-            "probability": rows.probabilities,
-            "innovation": rows.innovations,
-            "log_likelihood": rows.log_likelihoods,
-        }
-        return Rows(estimates, good, after)
+        return Rows(estimates, good, State(*beliefs, last, state.count + k - fresh))
 
     def _run_one_by_one(
         self, beliefs: Beliefs, measurements: Array, inputs: Array, fresh: bool, rows: BankRows
     ) -> int:
-        """What the compiled loop does, with filters that are called: they may be anyone's."""
-        r, n = beliefs.means.shape
-        states, transition = (0,) * n, for_loop(self.transition)
-        weights, predicted, told = np.empty((r, r)), np.empty(r), np.empty(r)
-        mixed, spread = np.empty((r, n)), np.empty((r, n, n))
+        """The loop of `run_bank` with filters that are called: they may be anyone's."""
+        states, transition = (0,) * beliefs.means.shape[1], for_loop(self.transition)
+        work = new_bank_work(beliefs, self.mixing)
         for k, y in enumerate(measurements):
             moves = k > 0 or not fresh
-            mixed[:], spread[:] = beliefs.means, beliefs.covariances
-            predicted[:] = beliefs.log_probabilities
             if moves:
-                mixing_probabilities(transition, beliefs.log_probabilities, weights, predicted)
-            if moves and self.mixing:
-                interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
+                interact(states, transition, self.mixing, beliefs, work)
+                beliefs.log_probabilities[:] = work.mixed.log_probabilities
             for j, one in enumerate(self.filters):
-                belief = Gaussian(mixed[j].copy(), spread[j].copy(), beliefs.errors[j].copy())
+                parts = (work.mixed if moves else beliefs)[:3]
+                belief = Gaussian(*(part[j].copy() for part in parts))
                 try:
                     ahead = one.predict(belief, inputs[k]) if moves else belief
                     after = one.correct(ahead, y, inputs[k + 1])
                 except DivergenceError:
                     return k
-                beliefs.means[j], beliefs.covariances[j] = (
-                    after.belief.mean,
-                    after.belief.covariance,
-                )
-                beliefs.errors[j] = after.belief.error
-                rows.innovations[k, j], told[j] = after.innovation, after.log_likelihood
-            whole = update_probabilities(predicted, told, beliefs.log_probabilities)
-            rows.log_likelihoods[k] = 0.0 if np.isnan(y).all() else whole
-            rows.probabilities[k] = [math.exp(value) for value in beliefs.log_probabilities]
-            combine(
-                states, rows.probabilities[k], beliefs.means, beliefs.covariances,
-                rows.means[k], rows.covariances[k],
-            )  # fmt: skip
+                beliefs.means[j], beliefs.errors[j] = after.belief.mean, after.belief.error
+                beliefs.covariances[j] = after.belief.covariance
+                rows.innovation[k, j] = after.innovation
+                work.log_likelihoods[j] = after.log_likelihood
+            whole = update_probabilities(beliefs.log_probabilities, work.log_likelihoods)
+            rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
+            combine(states, beliefs, k, rows)
             if not all(np.isfinite(part[k]).all() for part in rows[:3]):
                 return k
         return len(measurements)
@@ -317,32 +278,13 @@ class IMM(Observer[State]):
 
     @cached_property
     def _bank(self) -> Bank | None:
-        linear = self._linear
-        if not linear:
+        if not self._linear:
             return None
-        arrays = [one.model.arrays for one in linear]
-        return Bank(
-            ModelArrays(*(np.array(parts) for parts in zip(*arrays, strict=True))),
-            np.array([one.gain_parameters for one in linear]),
-            for_loop(self.transition),
-            self.mixing,
-        )
+        arrays = zip(*(one.model.arrays for one in self._linear), strict=True)
+        parameters = np.array([one.gain_parameters for one in self._linear])
+        model = ModelArrays(*map(np.array, arrays))
+        return Bank(model, parameters, for_loop(self.transition), self.mixing)
 
 
 def _size(one: ModeFilter) -> tuple[int, int, int]:
     return one.model.states, one.model.inputs, one.model.outputs
-
-
-def _as_transition(value: ArrayLike, size: int) -> Array:
-    """A row-stochastic matrix; the first row that is none is named."""
-    matrix = as_floats("transition", value)
-    if matrix.shape != (size, size):
-        raise InputError("transition", f"has shape {matrix.shape}, must be {(size, size)}")
-    for i, row in enumerate(matrix):
-        if row.min() < 0 or abs(row.sum() - 1.0) > 1e-9:
-            raise InputError(
-                "transition",
-                f"row {i} is {shown(row.tolist())} and sums to {row.sum():g}, must be "
-                "probabilities that sum to 1",
-            )
-    return matrix

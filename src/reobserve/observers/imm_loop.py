@@ -1,8 +1,8 @@
 """Compiled steps of the interacting multiple model, and the loop over a record.
 
-Probabilities of modes are kept as logarithms. Where a sum of them is within the range of floats it
-is formed as it stands, and else by log-sum-exp, so that a mode may become as unlikely as it likes
-and still come back.
+A step is `interact`, `predict`, `correct` and `combine`. Probabilities of modes are kept as
+logarithms. Where a sum of them is within the range of floats it is formed as it stands, and else by
+log-sum-exp, so that a mode may become as unlikely as it likes and still come back.
 """
 
 from __future__ import annotations
@@ -15,15 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.kernel import inlined_kernel, kernel
-from reobserve.observers.linear_filter_loop import (
-    Size,
-    assign,
-    correct,
-    fill,
-    is_missing,
-    new_work,
-    predict,
-)
+from reobserve.observers import linear_filter_loop as linear
 from reobserve.systems.linear import ModelArrays
 
 Array = NDArray[np.float64]
@@ -32,11 +24,7 @@ LEAST = 1e-280  # a sum of probabilities above this has all its digits
 
 
 class Bank(NamedTuple):
-    """The filters' matrices and parameters one behind the other, and the chain of the modes.
-
-    ``model`` holds arrays of shape (r, ...), ``parameters`` has shape (r, q), ``transition``
-    (r, r), where row i says where mode i goes.
-    """
+    """Matrices and parameters of all filters, (r, ...), and p_ij of the chain of modes."""
 
     model: ModelArrays
     parameters: Array
@@ -54,148 +42,221 @@ class Beliefs(NamedTuple):
 
 
 class BankRows(NamedTuple):
-    """What a run writes, a row a sample.
+    """The estimates of a bank, a row a sample, by their names."""
 
-    Means (k, n) and covariances (k, n, n) of the mixture, probabilities (k, r), innovations of
-    each filter (k, r, m) and log-likelihoods of the measurement over all modes, (k,).
-    """
+    state: Array
+    covariance: Array
+    probability: Array
+    innovation: Array
+    log_likelihood: Array
 
-    means: Array
-    covariances: Array
-    probabilities: Array
-    innovations: Array
+
+class BankWork(NamedTuple):
+    """Arrays of one step: mu(i|j), (r, r), mixed beliefs, log-likelihoods, (r,), and a filter's."""
+
+    weights: Array
+    mixed: Beliefs
     log_likelihoods: Array
+    factor: Array
+    of_filter: linear.Work
 
 
-def new_bank_rows(rows: int, modes: int, states: int, outputs: int) -> BankRows:
-    """Room for `run_bank`."""
-    return BankRows(
-        np.empty((rows, states)), np.empty((rows, states, states)), np.empty((rows, modes)),
-        np.empty((rows, modes, outputs)), np.empty(rows),
-    )  # fmt: skip
+def new_bank_work(beliefs: Beliefs, mixing: bool) -> BankWork:
+    """Arrays for the steps of a bank; without mixing, mixed beliefs are those of the filters."""
+    r, n = beliefs.means.shape
+    m = beliefs.errors.shape[1]
+    means, covariances, errors, _ = beliefs
+    if mixing:
+        means, covariances = np.empty((r, n)), np.empty((r, n, n))
+    mixed = Beliefs(means, covariances, errors, np.empty(r))
+    of_filter = linear.Work(*map(np.empty, ((n, n), n, (n, m), (n, m), m)))
+    return BankWork(np.empty((r, r)), mixed, np.empty(r), np.empty((m, m)), of_filter)
+
+
+def new_bank_rows(k: int, r: int, n: int, m: int) -> BankRows:
+    """Room for the estimates of k rows, by r filters of n states and m outputs."""
+    shapes = (k, n), (k, n, n), (k, r), (k, r, m), (k,)
+    return BankRows(*map(np.empty, shapes))
 
 
 @inlined_kernel
 def mixing_probabilities(
     transition: Array, log_probabilities: Array, weights: Array, predicted: Array
 ) -> None:
-    """By sums to r: ``weights`` mu(i|j) with j along columns, ``predicted`` log c_j.
+    """Write mu(i|j) to ``weights[j, i]`` and log c_j to ``predicted``.
 
     Gadsden et al. 2011, (7) and (8).
 
     A mode that cannot be reached keeps to itself.
     """
+    # c_j = sum_i p_ij mu_i,   mu(i|j) = p_ij mu_i / c_j
     r = len(log_probabilities)
     for i in range(r):
         probability = math.exp(log_probabilities[i])
         for j in range(r):
-            weights[i, j] = transition[i, j] * probability
+            weights[j, i] = transition[i, j] * probability
     for j in range(r):
         total = 0.0
         for i in range(r):
-            total += weights[i, j]
+            total += weights[j, i]
         if total > LEAST:
             predicted[j] = math.log(total)
         else:
             greatest = -math.inf
             for i in range(r):
-                weights[i, j] = math.log(transition[i, j]) + log_probabilities[i]
-                greatest = max(greatest, weights[i, j])
+                weights[j, i] = math.log(transition[i, j]) + log_probabilities[i]
+                greatest = max(greatest, weights[j, i])
             total = 0.0
             for i in range(r):
                 if greatest == -math.inf:
-                    weights[i, j] = 1.0 if i == j else 0.0
+                    weights[j, i] = 1.0 if i == j else 0.0
                 else:
-                    weights[i, j] = math.exp(weights[i, j] - greatest)
-                total += weights[i, j]
+                    weights[j, i] = math.exp(weights[j, i] - greatest)
+                total += weights[j, i]
             predicted[j] = greatest + math.log(total)
         for i in range(r):
-            weights[i, j] /= total
+            weights[j, i] /= total
 
 
 @inlined_kernel
-def interact(
-    states: Size, weights: Array, means: Array, covariances: Array, mixed: Array, spread: Array
-) -> None:
-    """Write mixed means (r, n) and covariances (r, n, n), by weights mu(i|j).
-
-    Gadsden et al. 2011, (9) and (10).
-    """
-    n, r = len(states), len(means)
-    for j in range(r):
-        for a in range(n):
-            total = 0.0
-            for i in range(r):
-                total += weights[i, j] * means[i, a]
-            mixed[j, a] = total
-        for a in range(n):
-            for b in range(a + 1):
-                total = 0.0
-                for i in range(r):
-                    apart = (means[i, a] - mixed[j, a]) * (means[i, b] - mixed[j, b])
-                    total += weights[i, j] * (covariances[i, a, b] + apart)
-                spread[j, a, b] = total
-                spread[j, b, a] = total
-
-
-@inlined_kernel
-def update_probabilities(
-    predicted: Array, log_likelihoods: Array, log_probabilities: Array
-) -> float:
-    """Write log mu; return the log-likelihood of the measurement over all modes.
+def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> float:
+    """Weigh predicted modes by their likelihoods; return the logarithm of c.
 
     Gadsden et al. 2011, (20) and (21).
+
+    It is the log-likelihood of the measurement over all modes.
     """
-    r = len(predicted)
-    greatest = -math.inf
-    for j in range(r):
-        log_probabilities[j] = predicted[j] + log_likelihoods[j]
+    # c = sum_j L_j c_j,   mu_j = L_j c_j / c
+    greatest, total = -math.inf, 0.0
+    for j in range(len(log_probabilities)):
+        log_probabilities[j] += log_likelihoods[j]
         greatest = max(greatest, log_probabilities[j])
-    total = 0.0
-    for j in range(r):
-        total += math.exp(log_probabilities[j] - greatest)
+    for value in log_probabilities:
+        total += math.exp(value - greatest)
     whole = greatest + math.log(total)
-    for j in range(r):
+    for j in range(len(log_probabilities)):
         log_probabilities[j] -= whole
     return whole
 
 
+# mu(i|j) = p_ij mu_i / c_j,   c_j = sum_i p_ij mu_i
+# x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
 @inlined_kernel
-def combine(
-    states: Size,
-    probabilities: Array,
-    means: Array,
-    covariances: Array,
-    mean: Array,
-    covariance: Array,
+def interact(
+    states: linear.Size, transition: Array, mixing: bool, beliefs: Beliefs, work: BankWork
 ) -> None:
-    """Write the mean and the covariance of the mixture (Gadsden et al. 2011, (22) and (23))."""
-    n, r = len(states), len(means)
+    """Mix the beliefs of the filters, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
+    weights, mixed = work.weights, work.mixed
+    mixing_probabilities(transition, beliefs.log_probabilities, weights, mixed.log_probabilities)
+    if not mixing:
+        return
+    n, r, means = len(states), len(weights), beliefs.means
+    for j in range(r):
+        for a in range(n):
+            total = 0.0
+            for i in range(r):
+                total += weights[j, i] * means[i, a]
+            mixed.means[j, a] = total
+        for a in range(n):
+            for b in range(a + 1):
+                total = 0.0
+                for i in range(r):
+                    apart = (means[i, a] - mixed.means[j, a]) * (means[i, b] - mixed.means[j, b])
+                    total += weights[j, i] * (beliefs.covariances[i, a, b] + apart)
+                mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
+
+
+# x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
+@inlined_kernel
+def predict(
+    states: linear.Size, model: ModelArrays, control: Array, beliefs: Beliefs, work: BankWork
+) -> None:
+    """Time update of all filters, (11) and (12)."""
+    A, B, C, D, Q, R = model
+    mixed = work.mixed
+    linear.assign(beliefs.log_probabilities, mixed.log_probabilities)
+    for j in range(len(A)):
+        linear.predict(
+            states, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), control, mixed.means[j],
+            mixed.covariances[j], beliefs.means[j], beliefs.covariances[j], work.of_filter,
+        )  # fmt: skip
+
+
+# e_j = y - C_j x_j - D_j u,   S_j = C_j P_j C_j' + R_j,   x_j += K_j e_j
+# L_j = N(e_j; 0, S_j),   mu_j = L_j c_j / c,   c = sum_j L_j c_j
+@inlined_kernel
+def correct(
+    states: linear.Size,
+    outputs: linear.Size,
+    bank: Bank,
+    function: Callable[..., None] | None,
+    measurement: Array,
+    control: Array,
+    beliefs: Beliefs,
+    innovations: Array,
+    work: BankWork,
+) -> float:
+    """Measurement update of all filters and of the modes, (13) to (21).
+
+    Return the log-likelihood of the measurement, 0 if it is missing.
+    """
+    A, B, C, D, Q, R = bank.model
+    log_likelihoods = work.log_likelihoods
+    missing = linear.is_missing(measurement)
+    for j in range(len(A)):
+        if missing:
+            linear.fill(innovations[j], math.nan)
+            log_likelihoods[j] = 0.0
+        else:
+            log_likelihoods[j] = linear.correct(
+                states, outputs, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), function,
+                bank.parameters[j], measurement, control, beliefs.means[j],
+                beliefs.covariances[j], beliefs.errors[j], innovations[j],
+                work.factor, work.of_filter,
+            )  # fmt: skip
+    whole = update_probabilities(beliefs.log_probabilities, log_likelihoods)
+    return 0.0 if missing else whole
+
+
+# x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
+@inlined_kernel
+def combine(states: linear.Size, beliefs: Beliefs, k: int, rows: BankRows) -> bool:
+    """Write the estimates of row k; return whether they are finite.
+
+    Gadsden et al. 2011, (22) and (23).
+    """
+    mean, covariance, probability = rows.state, rows.covariance, rows.probability
+    n, r, whole = len(states), len(beliefs.means), rows.log_likelihood[k]
+    for j in range(r):
+        probability[k, j] = math.exp(beliefs.log_probabilities[j])
+        whole += probability[k, j]
     for a in range(n):
         total = 0.0
         for j in range(r):
-            total += probabilities[j] * means[j, a]
-        mean[a] = total
+            total += probability[k, j] * beliefs.means[j, a]
+        mean[k, a] = total
     for a in range(n):
         for b in range(a + 1):
             total = 0.0
             for j in range(r):
-                apart = (means[j, a] - mean[a]) * (means[j, b] - mean[b])
-                total += probabilities[j] * (covariances[j, a, b] + apart)
-            covariance[a, b] = total
-            covariance[b, a] = total
+                apart = (beliefs.means[j, a] - mean[k, a]) * (beliefs.means[j, b] - mean[k, b])
+                total += probability[k, j] * (beliefs.covariances[j, a, b] + apart)
+            covariance[k, a, b] = covariance[k, b, a] = total
+        whole += mean[k, a] + covariance[k, a, a]
+    return math.isfinite(whole)
 
 
 @kernel
 def run_bank(
-    states: Size,
-    outputs: Size,
+    states: linear.Size,
+    outputs: linear.Size,
     bank: Bank,
     function: Callable[..., None] | None,
     beliefs: Beliefs,
     measurements: Array,
     inputs: Array,
     fresh: bool,
+    work: BankWork,
     rows: BankRows,
 ) -> int:
     """Filter a record: fill the rows, move the beliefs, and return the number of good rows.
@@ -206,49 +267,14 @@ def run_bank(
     ``fresh`` beliefs are meant at the first row, which then corrects them as they stand; else
     they are meant a period before.
     """
-    r = len(beliefs.means)
-    n, m = len(states), len(outputs)
-    weights, predicted = np.empty((r, r)), np.empty(r)
-    told, work = np.empty(r), new_work(n, m)
-    mixed, spread, factor = np.empty((r, n)), np.empty((r, n, n)), np.empty((m, m))
     for k in range(len(measurements)):
-        moves = k > 0 or not fresh
-        assign(predicted, beliefs.log_probabilities)
-        if moves:
-            mixing_probabilities(bank.transition, beliefs.log_probabilities, weights, predicted)
-        if moves and bank.mixing:
-            interact(states, weights, beliefs.means, beliefs.covariances, mixed, spread)
-        missing = is_missing(measurements[k])
-        for j in range(r):
-            model = ModelArrays(
-                bank.model.A[j], bank.model.B[j], bank.model.C[j],
-                bank.model.D[j], bank.model.Q[j], bank.model.R[j],
-            )  # fmt: skip
-            mean, covariance = beliefs.means[j], beliefs.covariances[j]
-            if moves and bank.mixing:
-                predict(states, model, inputs[k], mixed[j], spread[j], mean, covariance, work)
-            elif moves:
-                predict(states, model, inputs[k], mean, covariance, mean, covariance, work)
-            if missing:
-                fill(rows.innovations[k, j], math.nan)
-                told[j] = 0.0
-            else:
-                told[j] = correct(
-                    states, outputs, model, function, bank.parameters[j], measurements[k],
-                    inputs[k + 1], mean, covariance, beliefs.errors[j], rows.innovations[k, j],
-                    factor, work,
-                )  # fmt: skip
-        whole = update_probabilities(predicted, told, beliefs.log_probabilities)
-        rows.log_likelihoods[k] = 0.0 if missing else whole
-        for j in range(r):
-            rows.probabilities[k, j] = math.exp(beliefs.log_probabilities[j])
-            whole += rows.probabilities[k, j]
-        combine(
-            states, rows.probabilities[k], beliefs.means, beliefs.covariances,
-            rows.means[k], rows.covariances[k],
+        if k > 0 or not fresh:
+            interact(states, bank.transition, bank.mixing, beliefs, work)
+            predict(states, bank.model, inputs[k], beliefs, work)
+        rows.log_likelihood[k] = correct(
+            states, outputs, bank, function, measurements[k], inputs[k + 1], beliefs,
+            rows.innovation[k], work,
         )  # fmt: skip
-        for a in range(n):
-            whole += rows.means[k, a] + rows.covariances[k, a, a]
-        if not math.isfinite(whole):
+        if not combine(states, beliefs, k, rows):
             return k
     return len(measurements)

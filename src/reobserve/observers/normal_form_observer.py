@@ -1,4 +1,4 @@
-"""What the observers of a normal form have in common: what they read, remember and estimate."""
+"""Base class of the normal-form observers: their inputs, state and estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the observers of a rigid body have in common: what they read, remember and estimate."""
+"""Base class of the observers of a rigid body: their inputs, state and estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an observer makes of measurements: estimates by name, at one sample or over a record."""
+"""Estimates of an observer by name: of one sample, or over a record."""
 
 from __future__ import annotations
 

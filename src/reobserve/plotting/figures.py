@@ -1,4 +1,4 @@
-"""What figures are made of: panels, lines that differ without colour, axes, notes."""
+"""Parts of figures: panels, line styles that differ without colour, axes, notes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which steps read the results of which: plant -> observers -> metrics -> plot, and what is beside.
+"""Dependencies between the steps: plant -> observers -> metrics -> plot, and the others.
 
 A step is named by a tuple such as ``("plant", "constant")`` or ``("observe", "constant",
 "sampled")``: a scenario, or a scenario and an observer, or a design, study, table or figure; the

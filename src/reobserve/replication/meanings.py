@@ -1,4 +1,4 @@
-"""What numbers mean, as papers say beside the code that computes them; the lists for readers.
+"""Meanings of metrics, as papers state them beside the code, and lists of them.
 
 A paper's module ``metrics`` has ``MEANINGS``: what each metric is by its name, in which ``<word>``
 stands for what differs. What its docstring says after the first sentence introduces them.

@@ -1,1 +1,1 @@
-"""How gains are found and judged: stability, accuracy and the papers' theorems."""
+"""Gains and their certificates: stability, accuracy and the papers' theorems."""

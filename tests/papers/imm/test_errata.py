@@ -59,7 +59,7 @@ def mixing(transition: Array, mu: Array) -> tuple[Array, Array]:
     """Our mu(i|j) and c_j."""
     weights, predicted = np.empty_like(transition), np.empty_like(mu)
     mixing_probabilities(transition, np.log(mu), weights, predicted)
-    return weights, np.exp(predicted)
+    return weights.T, np.exp(predicted)
 
 
 def test_8_as_printed_gives_mixing_weights_that_do_not_sum_to_one() -> None:
@@ -210,8 +210,8 @@ def test_20_over_the_c_of_each_mode_would_leave_likelihoods_and_no_probabilities
     printed = likelihood * c / c
     assert printed == pytest.approx(likelihood)
     assert printed.sum() == pytest.approx(10.3)
-    log_mu = np.empty(3)
-    whole = update_probabilities(np.log(c), np.log(likelihood), log_mu)
+    log_mu = np.log(c)
+    whole = update_probabilities(log_mu, np.log(likelihood))
     assert np.exp(whole) == pytest.approx(likelihood @ c, rel=1e-14)
     assert np.exp(log_mu) == pytest.approx(likelihood * c / (likelihood @ c), rel=1e-14)
     assert np.exp(log_mu).sum() == pytest.approx(1.0, rel=1e-14)

@@ -106,7 +106,8 @@ def unmixed_log_odds(transition: Array, told: Array) -> Array:
     log_probabilities = np.full(2, -math.log(2.0))
     for k in range(len(told)):
         mixing_probabilities(transition, log_probabilities, weights, predicted)
-        update_probabilities(predicted, told[k], log_probabilities)
+        log_probabilities[:] = predicted
+        update_probabilities(log_probabilities, told[k])
         odds[k] = log_probabilities[1] - log_probabilities[0]
     return odds
 

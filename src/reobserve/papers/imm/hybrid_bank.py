@@ -20,8 +20,9 @@ from reobserve.core.kernel import inlined_kernel, kernel
 from reobserve.observers.imm import IMM, State
 from reobserve.observers.imm_loop import (
     Bank,
+    BankWork,
+    Beliefs,
     interact,
-    mixing_probabilities,
     update_probabilities,
 )
 from reobserve.observers.linear_filter import LinearFilter
@@ -195,14 +196,16 @@ def _run(
     mixed, spread = np.empty((2, r, n)), np.empty((2, r, n, n))
     factor, chosen, work = np.empty((m, m)), np.empty((n, m)), new_work(n, m)
     for k in range(len(measured)):
-        mixing_probabilities(bank.transition, log_probabilities, weights, predicted)
         for kind in range(2):
-            if bank.mixing:
-                interact(states, weights, means, covariances[kind], mixed[kind], spread[kind])
-            else:
+            beliefs = Beliefs(means, covariances[kind], errors, log_probabilities)
+            ahead = Beliefs(mixed[kind], spread[kind], errors, predicted)
+            scratch = BankWork(weights, ahead, likelihood, factor, work)
+            interact(states, bank.transition, bank.mixing, beliefs, scratch)
+            if not bank.mixing:
                 _keep(mixed[kind], means)
                 for j in range(r):
                     _keep(spread[kind, j], covariances[kind, j])
+        assign(log_probabilities, predicted)
         for j in range(r):
             model = ModelArrays(
                 bank.model.A[j], bank.model.B[j], bank.model.C[j],
@@ -234,7 +237,7 @@ def _run(
                     _add(gains[j], work.gain)
             _correct_mean(mean, chosen, e)
             output_error(states, model, measured[k], inputs[k + 1], mean, error)
-        total = update_probabilities(predicted, likelihood, log_probabilities)
+        total = update_probabilities(log_probabilities, likelihood)
         for j in range(r):
             probability[k, j] = math.exp(log_probabilities[j])
         if not math.isfinite(total + _sum_means_and_variances(means, covariances)):

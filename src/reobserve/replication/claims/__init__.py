@@ -1,4 +1,4 @@
-"""What the papers say, as checks of numbers: verdicts, and how firmly they stand.
+"""Claims of the papers as checks of numbers: verdicts, and how robust they are.
 
 `registry` reads claims, `checks` decides them from metrics, `choices` draws and moves what a paper
 leaves open, `robustness` decides them over such draws, `verdicts` puts a word to it.

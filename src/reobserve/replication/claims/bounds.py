@@ -1,4 +1,4 @@
-"""How far the bound of a check may be moved before the verdict on its claim is another."""
+"""Margins of thresholds: how far each may be moved without another verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a paper leaves open, and what else another reader could have set: draws and moves."""
+"""Choices that a paper leaves open: random samples of them, and single changes."""
 
 from __future__ import annotations
 

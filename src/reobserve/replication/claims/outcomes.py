@@ -1,4 +1,4 @@
-"""Whether claims hold with a ledger, computed in this one process."""
+"""Outcomes of claims with other parameters, computed in one process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What draws show: a specification curve for each headline claim, bars of what decides the others.
+"""Plots of samples: specification curves of main claims, sensitivity bars of the others.
 
 The curve has the deciding number over all draws in order, the bound across it, and below it where
 in its range each choice stood (Simonsohn, Simmons & Nelson 2020, Nat. Hum. Behav. 4:1208).

@@ -1,4 +1,4 @@
-"""How firmly a claim stands: over draws of what the paper leaves open, and one change at a time."""
+"""Robustness of claims: over samples of what the paper leaves open, and single changes."""
 
 from __future__ import annotations
 

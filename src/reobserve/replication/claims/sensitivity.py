@@ -1,4 +1,4 @@
-"""Which choices decide a claim: how much of its outcome over draws each of them explains.
+"""Sensitivity of claims: how much of the outcome over samples each choice explains.
 
 The measure is Chatterjee's rank correlation (2021, J. Am. Stat. Assoc. 116:2009) of the outcome,
 yes or no, with a choice. It is 0 where the outcome does not depend on the choice, and near 1 where

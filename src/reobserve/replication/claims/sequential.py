@@ -1,4 +1,4 @@
-"""When draws of a yes or no have decided on which side of a line its share stands.
+"""Sequential confidence bounds on a share of yes and no.
 
 After every draw one may look: the interval covers the share with its probability at all numbers of
 draws at once, so that it does not matter that the draws go on until it decides. It holds the shares

@@ -1,1 +1,1 @@
-"""Where each equation of a paper is implemented, and which test shows it."""
+"""Map from each equation of a paper to its implementation and its test."""

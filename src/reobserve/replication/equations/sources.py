@@ -1,4 +1,4 @@
-"""Where in the source a public class or function stands, without importing it."""
+"""Source lines of public classes and functions, found without importing them."""
 
 from __future__ import annotations
 

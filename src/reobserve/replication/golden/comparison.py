@@ -1,4 +1,4 @@
-"""What moved: numbers of a build that are not within tolerance of the golden ones."""
+"""Comparison of the numbers of a build with the golden ones."""
 
 from __future__ import annotations
 

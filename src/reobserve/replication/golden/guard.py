@@ -1,4 +1,4 @@
-"""Who may accept figures and numbers: a person, with a reason, on a tree without other changes."""
+"""Conditions for accepting figures and numbers: a reason, and a tree without other changes."""
 
 from __future__ import annotations
 

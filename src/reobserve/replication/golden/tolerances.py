@@ -1,4 +1,4 @@
-"""How far a number may be off: what was measured on other processors and with half the steps.
+"""Tolerances of golden numbers, from other processors and from half the steps.
 
 The tolerance of a number is the largest of
 

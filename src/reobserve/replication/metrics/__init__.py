@@ -1,1 +1,1 @@
-"""How estimates are judged."""
+"""Metrics of estimates."""

@@ -1,4 +1,4 @@
-"""What stands behind a figure: all that its numbers and its drawing are made from."""
+"""Data behind a figure, from which its numbers and its plot are made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What there is to see: papers, figures, scenarios, observers, and the ledger as a table."""
+"""Lists of papers, figures, scenarios and observers, and parameters as a table."""
 
 from __future__ import annotations
 

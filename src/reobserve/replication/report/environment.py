@@ -1,4 +1,4 @@
-"""Where a report was made: commit, machine, Python and the packages that can move a result."""
+"""Environment of a report: commit, machine, Python and packages that can move a result."""
 
 from __future__ import annotations
 

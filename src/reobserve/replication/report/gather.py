@@ -1,4 +1,4 @@
-"""What the page says, as plain data for its templates, read from what a build left in a project.
+"""Content of the report as plain data for its templates, read from the files of a build.
 
 Whatever is missing or damaged becomes a `Gap` in its place, and the rest is complete.
 """

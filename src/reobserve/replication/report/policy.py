@@ -1,4 +1,4 @@
-"""What a page may run and load: its own style and script, told by their digests, and its images.
+"""Content security policy of a page: its own style, script and images, and no other.
 
 Whatever text gets into the page, no other script runs, and nothing is loaded from anywhere.
 """

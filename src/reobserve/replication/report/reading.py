@@ -1,4 +1,4 @@
-"""What cannot be read for a report: a gap, shown in its place and listed at the top of the page."""
+"""Gaps of a report: files that cannot be read, shown in place and listed at the top."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a power series converges, as far as its first coefficients tell.
+"""Radius of convergence of a power series, estimated from its first coefficients.
 
 The homogeneous parts P_d of a series that converges up to a radius R grow like C d^c / R^d, the
 power d^c by the kind of singularity at R. So a straight line is fitted to

@@ -1,4 +1,4 @@
-"""How far a choice of eigenvalues is from resonance, where a term of the series is not defined.
+"""Distance of eigenvalues from resonance, where a term of the series is undefined.
 
 Proposition 3.10 asks for lambda != m1 alpha1 + ... + mn alphan with the eigenvalues alpha of F and
 lambda of A. The divisors of the series are these differences: a small one makes all coefficients

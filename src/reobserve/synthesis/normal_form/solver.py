@@ -1,4 +1,4 @@
-"""What the roads share: the solver of the linear equations, and where the series begin."""
+"""Linear equations that all methods solve, and the first terms of the series."""
 
 from __future__ import annotations
 
