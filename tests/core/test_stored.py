@@ -19,7 +19,7 @@ from reobserve.cli.stages.records import read_estimates, read_record
 from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.papers.eso import keys as eso_keys
-from reobserve.papers.eso.stored_design import stored_design
+from reobserve.papers.eso.design import stored_design
 from reobserve.papers.lie import keys as lie_keys
 from reobserve.papers.lie.setup import stored_form
 from reobserve.papers.lie.table import rows as table_rows

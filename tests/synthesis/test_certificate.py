@@ -234,3 +234,10 @@ def test_a_gamma_at_the_floor_is_not_called_below_it() -> None:
     for gamma in (floor, np.nextafter(floor, 0.0)):
         assert "which no gains" not in wrong(gamma=float(gamma))
     assert "which no gains" in wrong(gamma=floor * (1 - 1e-10))
+
+
+def test_a_certificate_that_refutes_survives_its_values() -> None:
+    nothing = Gains(np.zeros((6, 2)), np.zeros((6, 2)))
+    found = certify(MOTOR, nothing)
+    assert (found.holds, found.norm_upper) == (False, np.inf)
+    assert Certificate.from_dict(found.to_dict()) == found

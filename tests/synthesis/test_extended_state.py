@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from typing import Any
 
+import cvxpy
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -170,6 +172,45 @@ def test_the_feasible_pi_observer_decays_as_asked(decay: float) -> None:
     found = pi.design_feasible(dc_motor(), decay).certificate
     assert found.poles[0][0] < -decay
     assert found.norm_lower > 1.2 * FLOOR
+
+
+@pytest.mark.parametrize("solution", pi.SOLUTIONS)
+@pytest.mark.parametrize("decay", [0.0, 3.0])
+def test_every_solution_of_the_feasible_pi_observer_decays_as_asked(
+    solution: str, decay: float
+) -> None:
+    found = pi.design_feasible(dc_motor(Az=10.0), decay, solution=solution)
+    assert found.certificate.holds
+    assert found.certificate.poles[0][0] < -decay
+    assert found.certificate.inequality_margin > 0
+
+
+def inside(decay: float) -> tuple[Any, Any, Any, Any]:
+    """For a solver: P, Y, what must be positive, and the norm of both."""
+    system = dc_motor()
+    P, Y = cvxpy.Variable((6, 6), symmetric=True), cvxpy.Variable((2, 6))
+    half = P @ (system.A_tilde + decay * np.eye(6)) - Y.T @ system.C_tilde
+    both = cvxpy.hstack([cvxpy.vec(P, order="F"), cvxpy.vec(Y, order="F")])
+    return P, Y, -half - half.T, cvxpy.norm(both)
+
+
+def test_the_largest_margin_is_that_of_a_solver() -> None:
+    P, _, left, size = inside(1.0)
+    t, one = cvxpy.Variable(), np.eye(6)
+    bounds = [P >> t * one, P << one, left >> t * one, size <= 100]
+    best = cvxpy.Problem(cvxpy.Maximize(t), bounds).solve(solver="CLARABEL")
+    found = pi.design_feasible(dc_motor(), 1.0, solution="largest_margin")
+    assert best - 1e-3 < -found.objective < best
+
+
+def test_the_centre_is_that_of_a_solver() -> None:
+    P, Y, left, size = inside(1.0)
+    whole = [cvxpy.log_det(each) for each in (P, left, np.eye(6) - P)]
+    ball = cvxpy.log(100**2 - cvxpy.square(size))
+    cvxpy.Problem(cvxpy.Maximize(sum(whole) + ball)).solve(solver="CLARABEL")
+    found = pi.design_feasible(dc_motor(), 1.0, solution="positive").gains.L
+    expected = np.linalg.solve(P.value, Y.value.T)
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(found).max())
 
 
 def test_a_pi_observer_by_the_same_criterion_estimates_the_same() -> None:

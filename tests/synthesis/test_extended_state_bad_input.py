@@ -46,6 +46,8 @@ def test_poles_must_have_room() -> None:
         pd_pi.design_least_gamma(dc_motor(), 5.0, 5.0)
     with pytest.raises(InputError, match="decay: -1 must be at least zero"):
         pi.design_feasible(dc_motor(), -1.0)
+    with pytest.raises(InputError, match=r"^solution: 'any' must be one of least_norm, positive, "):
+        pi.design_feasible(dc_motor(), 1.0, solution="any")
     with pytest.raises(InputError, match=r"radius: 0.5 must be above \d.*: no matrices fit"):
         pd_pi.design_least_gamma(dc_motor(), radius=0.5)
     with pytest.raises(InputError, match="radius: 0 must be greater than zero"):

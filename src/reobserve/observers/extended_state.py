@@ -98,7 +98,7 @@ class ExtendedStateObserver(Observer[State]):
             gain = as_floats(name, getattr(self.gains, name))
             if gain.shape != wanted:
                 raise InputError(name, f"has shape {gain.shape}, must be {wanted}")
-        values = np.linalg.svd(self._mass, compute_uv=False)
+        values = np.linalg.svd(self._Eo, compute_uv=False)
         if values[-1] <= self.system.size * np.finfo(float).eps * values[0]:
             raise InputError(
                 "Ld",
@@ -128,17 +128,17 @@ class ExtendedStateObserver(Observer[State]):
     @property
     def poles(self) -> NDArray[Any]:
         """Eigenvalues of Eo^-1 Ao [1/s], shape (N,), the slowest first."""
-        poles = np.linalg.eigvals(np.linalg.solve(self._mass, self._stiffness))
+        poles = np.linalg.eigvals(np.linalg.solve(self._Eo, self._Ao))
         return poles[np.argsort(-poles.real, kind="stable")]
 
     @property
-    def _mass(self) -> Array:
-        """Eo."""
+    def _Eo(self) -> Array:
+        """Eo of the descriptor pair (Eo, Ao)."""
         return np.eye(self.system.size) + np.asarray(self.gains.Ld) @ self.system.C_tilde
 
     @property
-    def _stiffness(self) -> Array:
-        """Ao."""
+    def _Ao(self) -> Array:
+        """Ao of the descriptor pair (Eo, Ao)."""
         return self.system.A_tilde - np.asarray(self.gains.L) @ self.system.C_tilde
 
     @cached_property
@@ -148,8 +148,8 @@ class ExtendedStateObserver(Observer[State]):
         p, m, size = self.system.outputs, self.system.B.shape[1], self.system.size
         faults = np.zeros((self.system.faults, m))
         known = np.hstack([Ld @ Az, np.vstack([self.system.Ba, faults])])
-        right = np.hstack([L - Ld @ Az, self._stiffness, known])
-        below = np.linalg.solve(self._mass, right)
+        right = np.hstack([L - Ld @ Az, self._Ao, known])
+        below = np.linalg.solve(self._Eo, right)
         above = np.hstack([-Az, np.zeros((p, size)), Az, np.zeros((p, m))])
         rates = np.vstack([above, below])
         A, B = rates[:, : p + size], rates[:, p + size :]

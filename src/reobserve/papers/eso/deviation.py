@@ -5,7 +5,11 @@ The errors are those of Indriawati, Agustinah & Jazidie, (10).
     Eo e' = Ao e + Da~ v,    v held over a period, independent from one to the next
 
 is e(k+1) = Ad e(k) + Bd v(k) at the ends of the periods, and the covariance of e there solves the
-discrete Lyapunov equation P = Ad P Ad^T + Bd V Bd^T.
+discrete Lyapunov equation P = Ad P Ad^T + Bd V Bd^T. Within a period T it is e = d + G v with the
+error at rest G = -Ao^-1 Da~ and d' = A d, A = Eo^-1 Ao, so that the mean of its covariance is
+
+    Q / T - J G V G^T - (J G V G^T)^T + G V G^T,    A Q + Q A^T = Ad W Ad^T - W,
+    W = P + G V G^T,    J = A^-1 (Ad - I) / T.
 """
 
 from __future__ import annotations
@@ -23,9 +27,13 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
 def held_deviation(
-    system: AugmentedSystem, gains: Gains, deviations: ArrayLike, period: float
+    system: AugmentedSystem,
+    gains: Gains,
+    deviations: ArrayLike,
+    period: float,
+    over_time: bool = False,
 ) -> Matrix:
-    """Of the errors of x, xz, fa and fs at the ends of the periods, shape (N,).
+    """Standard deviations of the errors of x, xz, fa and fs, shape (N,).
 
     Parameters
     ----------
@@ -35,13 +43,15 @@ def held_deviation(
         Of the disturbances and then the noise, shape (kd + kw,); they are independent.
     period
         For which they are held [s].
+    over_time
+        Whether the mean over all time is asked for, instead of the ends of the periods.
 
     Raises
     ------
     InputError
         If the deviations are not so many, or the observer is not stable.
     """
-    from scipy.linalg import solve_discrete_lyapunov
+    from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     size = np.asarray(as_floats("deviations", deviations))
     entering = as_kind("system", system, AugmentedSystem).Da.shape[1]
@@ -49,7 +59,8 @@ def held_deviation(
         raise InputError("deviations", f"has shape {size.shape}, must be ({entering},)")
     Ao, Eo = error_system(system, gains)
     drive = np.vstack([system.Da, np.zeros((system.faults, entering))])
-    Ad, Bd = zero_order_hold(np.linalg.solve(Eo, Ao), np.linalg.solve(Eo, drive), period)
+    A = np.linalg.solve(Eo, Ao)
+    Ad, Bd = zero_order_hold(A, np.linalg.solve(Eo, drive), period)
     if np.max(np.abs(np.linalg.eigvals(Ad))) >= 1:
         raise InputError("gains", "give no stable observer, so its errors have no deviation")
     spread = Bd * size
@@ -57,5 +68,12 @@ def held_deviation(
     if not np.isfinite(each).all():
         raise InputError("deviations", "give variances beyond floating-point numbers")
     covariance = solve_discrete_lyapunov(Ad, each)
+    if over_time:
+        rest = np.linalg.solve(Ao, drive * size)
+        rest = rest @ rest.T
+        start = covariance + rest
+        Q = solve_continuous_lyapunov(A, Ad @ start @ Ad.T - start) / period
+        mixed = np.linalg.solve(A, Ad - np.eye(len(A))) @ rest / period
+        covariance = Q - mixed - mixed.T + rest
     found: Matrix = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return found

@@ -10,16 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats
 from reobserve.core.validation import (
-    Count,
-    Levels,
     NotNegative,
     Positive,
     Terms,
     Window,
     array,
-    checked,
+    distinct,
     items,
     vector,
 )
@@ -33,13 +30,7 @@ Column = Annotated[Any, array(2, 1)]
 Changed = Annotated[list[Positive], items(0)]  # values to try, or none
 Solver = Literal["CLARABEL", "SCS"]
 Criterion = Literal["least_norm", "least_gamma"]
-
-
-def ranges(place: str, value: Any) -> None:
-    """Ranges of both disturbances, one pair a reading."""
-    shape = as_floats(place, value).shape
-    if len(shape) != 3 or shape[0] == 0 or shape[1:] != (2, 2):
-        raise InputError(place, f"has shape {shape}, must be (k, 2, 2): ranges of d1 and d2")
+Solution = Literal["least_norm", "positive", "largest_margin"]
 
 
 @dataclass(frozen=True)
@@ -87,13 +78,14 @@ class Feasible:
     kind: Literal["pi_feasible"]
     filter_rate: Positive
     decay: NotNegative
+    solution: Solution  # of the inequality, see `synthesis.extended_state.pi`
     solver: Solver
     title: str = ""
 
     @property
     def name(self) -> str:
         """What it is, in one word."""
-        return self.kind
+        return self.kind if self.solution == "least_norm" else f"pi_{self.solution}"
 
 
 @dataclass(frozen=True)
@@ -142,9 +134,11 @@ class Designs(job.Study):
     observers: list[str]  # none: it has designs of its own
     filter_rates: Changed
     decays: Annotated[list[NotNegative], items(0)]
+    solutions: Annotated[list[Solution], distinct]  # by each of which there is a PI observer
     factors: Changed
     pole_bounds: Changed
-    radius: Positive
+    radius: Positive  # with these bounds
+    radii: Changed  # with the first of them
     solver: Solver
 
 
@@ -164,13 +158,20 @@ class Metrics:
 class Theory:
     """What the numbers of the theory are computed for."""
 
-    cases: Count
-    excess: Positive
-    filter_rates: Levels
-    fault_frequencies: Annotated[Levels, vector(2)]
+    actuator_fault: Fault
+    sensor_fault: Fault
+    fast_frequency: Positive  # of a fault of another form
+    settled_after: Positive  # a jump
+    disturbance: Annotated[Any, array(2, 2)]
     noise_power: Positive
-    readings: Annotated[Any, checked(ranges)]
-    other_poles: Poles
+    deviation_at: Literal["hold_ends", "time_average"]
+
+    def frequency(self, fault: str) -> float:
+        """Of a fault where it varies [rad/s]; `InputError` if it has none."""
+        for term in getattr(self, f"{fault}_fault"):
+            if "frequency" in term:
+                return float(term["frequency"])
+        raise InputError(f"theory.{fault}_fault", "has no frequency: no term of it is a sine")
 
 
 @dataclass(frozen=True, kw_only=True)

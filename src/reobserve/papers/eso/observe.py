@@ -9,7 +9,7 @@ from reobserve.observers.extended_state import ExtendedStateObserver, State
 from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.run import Run
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.stored_design import stored_design
+from reobserve.papers.eso.design import stored_design
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.series import Channel, Series
 

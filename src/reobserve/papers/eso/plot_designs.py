@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reobserve.papers.eso import keys
-from reobserve.papers.eso.styles import KINDS
-from reobserve.plotting.figures import add_note, blank, few_ticks
+from reobserve.plotting.figures import STYLES, Style, add_note, blank, few_ticks
 from reobserve.plotting.look import mark, points, thick
 from reobserve.replication.parameters.figure_data import FigureData
 
+_BLACK, _ORANGE, _BLUE, _, _GREEN = STYLES
+_PURPLE = Style("#a66fc0", "-", 0.9, "D")  # whole and light: it has all of the noise
+
+# By the name of a design, and of the rows of the study.
+KINDS = {
+    "pi_feasible": (_BLACK, "PI, feasible: least norm"),
+    "pi_positive": (replace(_BLACK, marker="^"), "PI, feasible: centre"),
+    "pi_largest_margin": (replace(_BLACK, marker="x"), "PI, feasible: margin"),
+    "pd_pi_least_norm": (_ORANGE, "PD/PI, least norm"),
+    "pd_pi_least_gamma": (_PURPLE, "PD/PI, least γ"),
+    "pi_least_norm": (_BLUE, "PI, least norm"),
+    "pi_least_gamma": (_GREEN, "PI, least γ"),
+}
+
+
+def style_of(design: keys.Design) -> Style:
+    """The style of an observer, by how its gains came about."""
+    return KINDS[design.name][0]
+
+
 _FAULTS = {"actuator": "V", "sensor": "rad/s"}
-_OPEN = ("pi_least_norm", "pi_least_gamma")  # around what they fall together with
+_FILLED = ("pi_feasible", "pd_pi_least_norm", "pd_pi_least_gamma")
+_AROUND = ("pi_least_norm", "pi_least_gamma")  # larger, as they fall together with another
 
 
 def draw(data: FigureData) -> Figure:
@@ -31,9 +52,9 @@ def draw(data: FigureData) -> Figure:
                 axes.loglog(
                     *(found.where(quantity=name)["value"] for name in (f"{fault}_lag", quantity)),
                     linestyle="", marker=style.marker, color=style.color,
-                    markersize=mark(7.5 if kind in _OPEN else 4.5),
-                    markerfacecolor="none" if kind in _OPEN else style.color,
-                    markeredgewidth=1.1, label=label,
+                    markersize=mark(7.5 if kind in _AROUND else 4.5),
+                    markerfacecolor=style.color if kind in _FILLED else "none",
+                    markeredgewidth=1.1 if kind in _AROUND else 0.8, label=label,
                 )  # fmt: skip
             for at in _of_the_figures(data):
                 found = data.study.where(**at)
@@ -78,10 +99,11 @@ def _note(data: FigureData) -> str:
         f"Standard deviations at the ends of the holds of {hold:g} s, from a discrete Lyapunov "
         "equation; lags without noise and disturbance.\n"
         f"PI by feasibility: filter rates {_listed(chosen.filter_rates)} and decays "
-        f"{_listed(chosen.decays)} per second. Least norm: γ over its floor "
-        f"{_listed(chosen.factors)}.\n"
+        f"{_listed(chosen.decays)} per second, three solutions of one inequality. Least norm: "
+        f"γ over its floor\n{_listed(chosen.factors)}. "
         f"Least γ: poles within {_listed(chosen.pole_bounds)} per second, matrices within "
-        f"{chosen.radius:g}. Rings: the observers of Figs 2 to 5, and of the Remark."
+        f"{chosen.radius:g}, and with the first within {_listed(chosen.radii)}.\n"
+        "Rings: the observers of Figs 2 to 5, and of the Remark."
     )
 
 

@@ -44,6 +44,8 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     neighbours; at most ``longest`` seconds, and half the window. Neither truth nor estimate counts
     outside the window: what the estimate does after it may be an answer to a jump at its end.
     """
+    from scipy.signal import correlate
+
     chosen = window(time, *bounds)
     truth, estimate = truth[chosen], estimate[chosen]
     step, count = time[1] - time[0], len(truth)
@@ -52,27 +54,17 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     def error(shift: int) -> float:
         return float(np.mean((estimate[shift:] - truth[: count - shift]) ** 2))
 
-    best = min(_likely(truth, estimate, most), key=error)
+    # The sum of (estimate(t + k) - truth(t))^2 over all t of both, for each shift k.
+    left = np.arange(count, count - most - 1, -1)
+    squares = np.cumsum(truth**2)[left - 1] + np.cumsum(estimate[::-1] ** 2)[left - 1]
+    products = correlate(estimate, truth)[count - 1 : count + most]
+    errors = (squares - 2.0 * products) / left
+    # Transforms round off some 1e-15 of the squares: what is below 1e-12 of them is none.
+    best = int(np.argmin(np.maximum(errors, 1e-12 * squares[0] / count)))
     if not 0 < best < most:
         return float(best * step)
     before, least, after = error(best - 1), error(best), error(best + 1)
     return float((best + 0.5 * (before - after) / (before - 2.0 * least + after)) * step)
-
-
-def _likely(truth: Array, estimate: Array, most: int) -> list[int]:
-    """The shifts, in order, of which one has the least mean squared error.
-
-    All errors at once, from sums of squares and a correlation by Fourier transforms; these round
-    off some 1e-15 of the squares, and what is within 1e-9 of the least is left to be looked at.
-    """
-    count, length = len(truth), 2 ** int(np.ceil(np.log2(2 * len(truth))))
-    left = np.arange(count, count - most - 1, -1)  # samples that overlap, by shift
-    squares = np.cumsum(truth**2)[left - 1] + np.cumsum(estimate[::-1] ** 2)[left - 1]
-    spectrum = np.fft.rfft(estimate, length) * np.conj(np.fft.rfft(truth, length))
-    errors = (squares - 2.0 * np.fft.irfft(spectrum, length)[: most + 1]) / left
-    near = errors.min() + 1e-9 * squares[0] / count
-    likely: list[int] = np.flatnonzero(errors <= near).tolist()
-    return likely
 
 
 def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
@@ -83,7 +75,6 @@ def scores(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Sco
         for what in ("varying", "constant"):
             chosen = error[window(time, *getattr(rules, f"{name}_{what}"))]
             yield f"rms_{name}_error_{what}", float(root_mean_square(chosen)), unit
-            yield f"mean_{name}_error_{what}", float(np.mean(chosen)), unit
         truth, bounds = plant[channel][::2], getattr(rules, f"{name}_varying")
         yield f"{name}_lag", lag(time, truth, estimate[channel], bounds, rules.longest_lag), "s"
 
@@ -95,17 +86,15 @@ def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:
         fault = plant[f"{name}_fault"][::2][window(time, *getattr(rules, f"{name}_varying"))]
         yield f"rms_{name}_fault_varying", float(root_mean_square(fault)), unit
     speed = (plant["output"] - plant["state"])[::2, 0] - plant["sensor_fault"][::2]
-    for what in ("varying", "constant"):
-        noise = speed[window(time, *getattr(rules, f"sensor_{what}"))]
-        yield f"rms_noise_{what}", float(root_mean_square(noise)), "rad/s"
+    noise = speed[window(time, *rules.sensor_constant)]
+    yield "rms_noise_constant", float(root_mean_square(noise)), "rad/s"
 
 
 def corrected_speed(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
-    """How far y1 less the estimated sensor fault is from the speed: noise that it has is not."""
+    """How far y1 less the estimated sensor fault is from the speed where that fault is constant."""
     error = (plant["output"] - plant["state"])[::2, 0] - estimate["sensor_fault"]
-    for what in ("varying", "constant"):
-        chosen = error[window(estimate.time, *getattr(rules, f"sensor_{what}"))]
-        yield f"rms_corrected_speed_error_{what}", float(root_mean_square(chosen)), "rad/s"
+    chosen = error[window(estimate.time, *rules.sensor_constant)]
+    yield "rms_corrected_speed_error_constant", float(root_mean_square(chosen)), "rad/s"
 
 
 def differences(rules: keys.Metrics, one: Series, other: Series) -> Iterator[Score]:

@@ -1,7 +1,7 @@
-"""Stage theory: the conditions, the inequality and the promises of the paper, as numbers.
+"""Stage theory: the conditions and the promises of the paper, as numbers.
 
-Whose numbers they are stands in the column ``observer``: an observer of the ledger, or what is
-judged, such as the motor or the inequality (19).
+Whose numbers they are stands in the column ``observer``: an observer of the parameter file, or what
+they are about, such as the motor.
 """
 
 from __future__ import annotations
@@ -13,15 +13,12 @@ from typing import Any
 import numpy as np
 
 from reobserve.papers.eso import keys
+from reobserve.papers.eso.design import stored_design
 from reobserve.papers.eso.setup import augmented, controlled_motor, motor
-from reobserve.papers.eso.stored_design import stored_design
-from reobserve.papers.eso.theory_inequality import agreement
 from reobserve.papers.eso.theory_observers import (
-    biases,
     certified,
-    controller_effects,
     held,
-    margins,
+    left_of_jumps,
     missed,
 )
 from reobserve.replication.metrics.metrics import Metric
@@ -29,7 +26,6 @@ from reobserve.replication.metrics.parts import part
 from reobserve.replication.metrics.responses import settling_time
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.inputs import Signal
-from reobserve.synthesis.extended_state.gamma_bound import gamma_lower_bound
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _STEP, _DURATION = 1e-3, 10.0  # of the step response [s]
@@ -55,15 +51,11 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
         *_motors(plant),
         *_conditions(system),
         *_step_response(plant),
-        *_floors(plant, theory.filter_rates),
-        *agreement(system, theory.cases),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
-        *margins(observers, theory.excess),
-        *missed(observers, theory.fault_frequencies),
-        *held(observers, plant.hold_period, noise),
-        *biases(observers, theory.readings),
-        *controller_effects(observers, plant, theory.other_poles),
+        *missed(observers, theory),
+        *left_of_jumps(observers, theory.settled_after),
+        *held(observers, theory, plant.hold_period, noise),
     ]
 
 
@@ -86,22 +78,16 @@ def _unobservable(A: Any, C: Any) -> float:
 
 @part
 def _conditions(system: AugmentedSystem) -> Iterator[Metric]:
-    """What constant faults can be told from: both outputs, the speed alone, and a look-alike.
+    """The rank deficiency of the Rosenbrock matrix at zero, with both outputs and with the speed.
 
-    The look-alike sensor fault enters both outputs in the ratio in which a constant actuator fault
-    moves them: C A^-1 Fa.
+    It counts the combinations of constant states and faults that no output shows.
     """
     A, C, Fa, Fs = system.A, system.C, system.Fa, system.Fs
-    for name, outputs, sensor in (
-        ("two_outputs", C, Fs),
-        ("one_output", C[:1], Fs[:1]),
-        ("look_alike", C, C @ np.linalg.solve(A, Fa)),
-    ):
+    for name, outputs, sensor in (("two_outputs", C, Fs), ("one_output", C[:1], Fs[:1])):
         corner = np.zeros((len(A), sensor.shape[1])), np.zeros((len(outputs), Fa.shape[1]))
         rosenbrock = np.block([[A, Fa, corner[0]], [outputs, corner[1], sensor]])
         missing = rosenbrock.shape[1] - np.linalg.matrix_rank(rosenbrock)
-        yield Metric(name, "unobservable_states", _unobservable(A, outputs), "1")
-        yield Metric(name, "undetermined_faults", float(missing), "1")
+        yield Metric(name, "rosenbrock_rank_deficiency", float(missing), "1")
 
 
 @part
@@ -116,24 +102,3 @@ def _step_response(plant: keys.Plant) -> Iterator[Metric]:
     settled = settling_time(time, error[:-1], error[1:], _BAND)
     yield Metric("controller", "overshoot", max(0.0, float(error.max())), "1")
     yield Metric("controller", "settling_time", settled, "s")
-
-
-@part
-def _floors(plant: keys.Plant, filter_rates: list[float]) -> Iterator[Metric]:
-    """Of gamma, with and without noise, and by how much the filter's rate changes it.
-
-    With as many outputs as faults no constant disturbance is seen, so that its effect is the same
-    for all gains: e = g d2 with [Aa F; Ca 0] g = -[Da; 0], and f^ = f - e.
-    """
-    quiet = replace(plant, noise_matrix=np.zeros((2, 1)).tolist())
-    floor = gamma_lower_bound(augmented(plant, 1.0))
-    yield Metric("any_observer", "gamma_floor", floor, "1")
-    yield Metric("any_observer", "disturbance_floor", gamma_lower_bound(augmented(quiet, 1.0)), "1")
-    system = augmented(plant, 1.0)
-    unseen = np.vstack([system.A_tilde[: system.states + system.outputs], system.C_tilde])
-    entering = np.concatenate([system.Da[:, 1], np.zeros(system.outputs)])
-    found = float(np.linalg.solve(unseen, entering)[-2])
-    yield Metric("any_observer", "actuator_fault_by_constant_current_disturbance", found, "1")
-    others = [gamma_lower_bound(augmented(plant, rate)) for rate in filter_rates]
-    change = float(np.abs(np.array(others) / floor - 1.0).max())
-    yield Metric("any_observer", "filter_rate_effect", change, "1")

@@ -1,163 +1,101 @@
-"""What the error system (10) of an observer says of its estimates, without a simulation.
-
-Only the last, that u is not in it, is told by two simulations with different controllers.
-"""
+"""What the error system (10) of an observer says of its estimates, without a simulation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
-from reobserve.core.matrices import as_floats
-from reobserve.observers.extended_state import ExtendedStateObserver
 from reobserve.papers.eso import keys
-from reobserve.papers.eso import plant as plant_stage
 from reobserve.papers.eso.deviation import held_deviation
-from reobserve.papers.eso.observe import run_on
-from reobserve.papers.eso.setup import controlled_motor
-from reobserve.papers.eso.theory_inequality import margin_above_norm
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
-from reobserve.replication.parameters.job import Job
-from reobserve.signals.series import Series
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.design import Design
-from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
+from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 Array = NDArray[np.float64]
 Observers = Mapping[str, tuple[AugmentedSystem, Design]]  # with their designs, by name
 
 _FAULTS = (("actuator", "V"), ("sensor", "rad/s"))
-_DURATION = 4.0  # of the runs with different controllers [s]
+_DURATION, _SAMPLE = 4.0, 0.01  # of the errors after a jump [s]
 
 
 @part
 def certified(observers: Observers) -> Iterator[Metric]:
-    """What the certificates say, and the infinite poles of (10)."""
-    for name, (system, design) in observers.items():
-        _, Eo = error_system(system, design.gains)
+    """What the certificates say."""
+    for name, (_, design) in observers.items():
         gamma = float("nan") if design.gamma is None else design.gamma
         slowest = -design.certificate.poles[0][0]
         yield Metric(name, "norm", design.certificate.norm_upper, "1")
         yield Metric(name, "gamma", gamma, "1")
         yield Metric(name, "slowest_pole", slowest, "1/s")
-        infinite = system.size - np.linalg.matrix_rank(Eo)
-        yield Metric(name, "infinite_poles", float(infinite), "1")
 
 
 @part
-def margins(observers: Observers, excess: float) -> Iterator[Metric]:
-    """Whether (19) has a solution just above the norm; see `margin_above_norm`."""
-    for name, (system, design) in observers.items():
-        norm = design.certificate.norm_upper
-        found = margin_above_norm(system, design.gains, norm, excess)
-        yield Metric(name, "margin_above_norm", found, "1")
+def missed(observers: Observers, theory: keys.Theory) -> Iterator[Metric]:
+    """What is missed of a steady sinusoidal fault, as a share.
 
-
-@part
-def missed(observers: Observers, frequencies: list[float]) -> Iterator[Metric]:
-    """What is missed of a steady sinusoidal fault, as a share: at its frequency and in the limit.
-
-    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo, which
-    tends to that of Eo^-1 Bo as w grows.
+    By (10) with f' for the input it is j w times a diagonal entry of (j w Eo - Ao)^-1 Bo.
     """
     for name, (system, design) in observers.items():
         Ao, Eo = error_system(system, design.gains)
-        limit = np.linalg.solve(Eo, system.Bo)
-        for row, ((fault, _), frequency) in enumerate(
-            zip(_FAULTS, frequencies, strict=True), start=-2
-        ):
-            s = 1j * frequency
-            error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
-            yield Metric(name, f"missed_{fault}_fault", float(abs(error)), "1")
-            last = float(abs(limit[row, row]))
-            yield Metric(name, f"missed_{fault}_fault_in_the_limit", last, "1")
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            for which, frequency in (
+                (f"{fault}_fault", theory.frequency(fault)),
+                (f"fast_{fault}_fault", theory.fast_frequency),
+            ):
+                s = 1j * frequency
+                error = s * np.linalg.solve(s * Eo - Ao, system.Bo)[row, row]
+                yield Metric(name, f"missed_{which}", float(abs(error)), "1")
 
 
 @part
-def held(observers: Observers, period: float, noise: float) -> Iterator[Metric]:
-    """Deviations of the estimates by held noise, and what is left of held disturbances.
+def left_of_jumps(observers: Observers, after: float) -> Iterator[Metric]:
+    """The largest error ``after`` [s] and later that a fault leaves which jumps by one at zero.
+
+    By (9) the jump itself is the error to begin with, and e' = Eo^-1 Ao e from there.
+    """
+    from scipy.linalg import expm
+
+    for name, (system, design) in observers.items():
+        Ao, Eo = error_system(system, design.gains)
+        A = np.linalg.solve(Eo, Ao)
+        errors, step = np.eye(system.size)[:, -2:], expm(A * _SAMPLE)
+        errors = expm(A * after) @ errors
+        largest = np.abs(errors)
+        for _ in range(round(_DURATION / _SAMPLE)):
+            errors = step @ errors
+            largest = np.maximum(largest, np.abs(errors))
+        for row, (fault, _) in enumerate(_FAULTS, start=-2):
+            yield Metric(name, f"left_of_{fault}_jump", float(largest[row, row]), "1")
+
+
+@part
+def held(
+    observers: Observers, theory: keys.Theory, period: float, noise: float
+) -> Iterator[Metric]:
+    """Deviations of the estimates by held noise and disturbances, and what is left of the latter.
 
     Each disturbance moves one fault for good if it is constant, that of the speed the sensor fault,
     that of the current the actuator fault. Left is the deviation by a random one over that.
     ``noise`` is the deviation of the noise [rad/s].
     """
+    over_time = theory.deviation_at == "time_average"
+    low, high = np.array(theory.disturbance, dtype=float).T
     for name, (system, design) in observers.items():
         gains, (Ao, _) = design.gains, error_system(system, design.gains)
-        by_noise = held_deviation(system, gains, [0.0, 0.0, noise], period)[-2:]
-        for (fault, unit), value in zip(_FAULTS, by_noise, strict=True):
-            yield Metric(name, f"noise_in_{fault}_fault", float(value), unit)
+        for source, sizes in (
+            ("noise", [0.0, 0.0, noise]),
+            ("disturbance", [*(high - low) / np.sqrt(12.0), 0.0]),
+        ):
+            found = held_deviation(system, gains, sizes, period, over_time)[-2:]
+            for (fault, unit), value in zip(_FAULTS, found, strict=True):
+                yield Metric(name, f"{source}_in_{fault}_fault", float(value), unit)
         at_rest = np.linalg.solve(Ao, system.Bo)
         for column, (source, row) in enumerate((("speed", -1), ("current", -2))):
             size = np.eye(3)[column]
-            left = held_deviation(system, gains, size, period)[row] / abs(at_rest[row, column])
-            yield Metric(name, f"{source}_disturbance_left", float(left), "1")
-
-
-@part
-def biases(observers: Observers, readings: Any) -> Iterator[Metric]:
-    """Mean errors of the estimates, for each reading of the ranges of both disturbances."""
-    ranges = as_floats("readings", readings)
-    for name, (system, design) in observers.items():
-        Ao, _ = error_system(system, design.gains)
-        at_rest = np.linalg.solve(Ao, system.Bo[:, :2])[-2:]  # e = -Ao^-1 Bo d, and f^ = f - e
-        for number, means in enumerate(ranges.mean(axis=2), start=1):
-            for (fault, unit), value in zip(_FAULTS, at_rest @ means, strict=True):
-                yield Metric(name, f"bias_of_{fault}_fault_reading_{number}", float(value), unit)
-
-
-@part
-def controller_effects(
-    observers: Observers, plant: keys.Plant, other_poles: Any
-) -> Iterator[Metric]:
-    """The largest differences between the estimates of the same faults under two controllers.
-
-    Raises
-    ------
-    InputError
-        If the other poles cannot be placed.
-    """
-    records = records_of_two_controllers(plant, other_poles)
-    for name, (system, design) in observers.items():
-        change = _controller_effect(system, design.gains, records)
-        for (fault, unit), value in zip(_FAULTS, change, strict=True):
-            yield Metric(name, f"controller_effect_on_{fault}_fault", value, unit)
-
-
-def records_of_two_controllers(plant: keys.Plant, other_poles: Any) -> list[Series]:
-    """The motor with a step in both faults, by the ledger's controller and by another one.
-
-    Where one acts on the state, the other one does on what is measured.
-
-    Raises
-    ------
-    InputError
-        If the other poles cannot be placed.
-    """
-    feedback: Any = "output" if plant.feedback == "state" else "state"
-    other = replace(plant, controller_poles=other_poles, feedback=feedback)
-    try:
-        controlled_motor(other)
-    except InputError as error:
-        raise InputError("other_poles", error.problem) from None
-    step = [{"kind": "constant", "axis": 1, "from": 1.0, "size": 0.1}]
-    scenario = keys.Scenario(step, step, [[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
-    return [
-        plant_stage.simulate(
-            Job(replace(driven, horizon=_DURATION, hold_period=_DURATION), scenario=scenario)
-        )
-        for driven in (plant, other)
-    ]
-
-
-def _controller_effect(system: AugmentedSystem, gains: Gains, records: list[Series]) -> list[float]:
-    """The largest difference between the estimates of both faults from two records."""
-    observer = ExtendedStateObserver(system, gains, sampling_period=2.0 * records[0].step)
-    runs = [run_on(observer, record) for record in records]
-    one, two = (np.hstack([run["actuator_fault"], run["sensor_fault"]]) for run in runs)
-    return [float(value) for value in np.abs(one - two).max(axis=0)]
+            left = held_deviation(system, gains, size, period, over_time)[row]
+            share = float(left / abs(at_rest[row, column]))
+            yield Metric(name, f"{source}_disturbance_left", share, "1")

@@ -1,12 +1,12 @@
 """Smooth problems with matrix inequalities: points of the central path, by Newton's method.
 
-Unknown are matrices X, and gamma if a side has a slope in it. Of all of them with
+Unknown are matrices X, and gamma if a constraint has a slope in it. Of all of them with
 
     S = constant + gamma slope + sum of (L X R + R^T X^T L^T) > 0
 
-for each side, those with the least sum of squares of all entries are asked for, or those with the
-least gamma that have a sum of squares below a radius squared. But the latter need not exist, and of
-the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So it is
+for each constraint, those with the least sum of squares of all entries are asked for, or those with
+the least gamma that have a sum of squares below a radius squared. But the latter need not exist,
+and of the former a solver, which finds their squares to 1e-8, finds the entries to 1e-4. So it is
 
     (rows / gap) log(squares) - sum of log det S      or
     ((rows + 1) / gap) gamma - log(radius^2 - squares) - sum of log det S
@@ -55,7 +55,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class Constraint:
     """A symmetric matrix S that must be positive definite; without a slope gamma is not in it."""
 
     constant: Matrix
@@ -73,14 +73,14 @@ class Problem:
 
     shapes: dict[str, tuple[int, int]]
     symmetric: frozenset[str]
-    sides: tuple[Side, ...]
+    constraints: tuple[Constraint, ...]
     gap: float
     radius: float | None = None
 
     @cached_property
     def slant(self) -> float:
         """What gamma, or the logarithm of the squares, is multiplied by."""
-        rows = sum(len(side.constant) for side in self.sides)
+        rows = sum(len(constraint.constant) for constraint in self.constraints)
         return (rows + (self.radius is not None)) / self.gap
 
     @cached_property
@@ -144,7 +144,7 @@ def minimiser(problem: Problem, start: Vector) -> Vector:
     Parameters
     ----------
     problem, start
-        All sides must be positive definite at the start, and the squares below the radius.
+        All constraints must be positive definite at the start, and the squares below the radius.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def _value(problem: Problem, x: Vector, mu: float) -> float:
         value = problem.slant * float(x[-1]) - mu * log(room)
     else:
         return inf
-    for left in _sides(problem, x):
+    for left in _left_sides(problem, x):
         try:
             factor = np.linalg.cholesky(left)
         except np.linalg.LinAlgError:
@@ -226,13 +226,13 @@ def _value(problem: Problem, x: Vector, mu: float) -> float:
     return value
 
 
-def _sides(problem: Problem, x: Vector) -> list[Matrix]:
+def _left_sides(problem: Problem, x: Vector) -> list[Matrix]:
     matrices = problem.matrices(x)
     found = []
-    for side in problem.sides:
-        half = sum(term.left @ matrices[term.name] @ term.right for term in side.terms)
-        left = side.constant + half + half.T
-        found.append(left if side.slope is None else left + x[-1] * side.slope)
+    for constraint in problem.constraints:
+        half = sum(term.left @ matrices[term.name] @ term.right for term in constraint.terms)
+        left = constraint.constant + half + half.T
+        found.append(left if constraint.slope is None else left + x[-1] * constraint.slope)
     return found
 
 
@@ -240,7 +240,7 @@ def _pull(problem: Problem, x: Vector, mu: float) -> tuple[float, float]:
     """First and second derivative by the sum of squares.
 
     The second one of the logarithm is left out, which would make the Hessian indefinite afar: it is
-    but the part ``gap`` of what the sides give, and Newton's steps err by no more.
+    but the part ``gap`` of what the constraints give, and Newton's steps err by no more.
     """
     squares = float(problem.weights @ x**2)
     if problem.radius is None:
@@ -253,13 +253,13 @@ def _gradient(problem: Problem, x: Vector, mu: float) -> Vector:
     gradient = 2.0 * _pull(problem, x, mu)[0] * problem.weights * x
     if problem.radius is not None:
         gradient[-1] = problem.slant
-    for side, left in zip(problem.sides, _sides(problem, x), strict=True):
+    for constraint, left in zip(problem.constraints, _left_sides(problem, x), strict=True):
         inverse = np.linalg.inv(left)
-        for term in side.terms:
+        for term in constraint.terms:
             full = 2.0 * term.left.T @ inverse @ term.right.T
             gradient[problem.places[term.name]] -= mu * problem.fold(term.name, full)
-        if side.slope is not None:
-            gradient[-1] -= mu * float(np.sum(inverse * side.slope))
+        if constraint.slope is not None:
+            gradient[-1] -= mu * float(np.sum(inverse * constraint.slope))
     return gradient
 
 
@@ -269,23 +269,23 @@ def _hessian(problem: Problem, x: Vector, mu: float) -> Matrix:
     hessian = np.diag(2.0 * pull * problem.weights)
     if curvature:
         hessian += curvature * np.outer(outer, outer)
-    for side, left in zip(problem.sides, _sides(problem, x), strict=True):
+    for constraint, left in zip(problem.constraints, _left_sides(problem, x), strict=True):
         inverse = np.linalg.inv(left)
         inverse = (inverse + inverse.T) / 2.0
-        for first_of_two, one in enumerate(side.terms):
+        for first_of_two, one in enumerate(constraint.terms):
             rows = problem.places[one.name]
-            for other in side.terms[first_of_two:]:
+            for other in constraint.terms[first_of_two:]:
                 columns = problem.places[other.name]
                 mixed = mu * _mixed(problem, inverse, one, other)
                 hessian[rows, columns] += mixed
                 if other is not one:
                     hessian[columns, rows] += mixed.T
-        if side.slope is not None:
-            turned = inverse @ side.slope @ inverse
-            for term in side.terms:
+        if constraint.slope is not None:
+            turned = inverse @ constraint.slope @ inverse
+            for term in constraint.terms:
                 full = 2.0 * mu * term.left.T @ turned @ term.right.T
                 hessian[problem.places[term.name], -1] += problem.fold(term.name, full)
-            hessian[-1, -1] += mu * float(np.sum(turned * side.slope))
+            hessian[-1, -1] += mu * float(np.sum(turned * constraint.slope))
     if problem.radius is not None:
         hessian[-1, :-1] = hessian[:-1, -1]
     return hessian

@@ -9,15 +9,15 @@ import numpy as np
 
 from reobserve.core.errors import InputError
 from reobserve.core.extras import package
-from reobserve.synthesis.extended_state.central_path import Problem, Side, Vector
+from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Vector
 
 SOLVERS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-5, "tol_gap_rel": 1e-5},  # nearer would be beyond the minimiser
     "SCS": {"eps": 1e-6, "max_iters": 200_000},
 }
 
-# Eigenvalues of all sides stay above these, a hundred times what each misses inequalities by. Where
-# gamma is unknown all of the central path is still to go, and the wider is right.
+# Eigenvalues of all constraints stay above these, a hundred times what each misses inequalities by.
+# Where gamma is unknown all of the central path is still to go, and the wider is right.
 _STRICT = {"CLARABEL": 1e-6, "SCS": 1e-4}
 _WIDE = 1e-4
 
@@ -42,17 +42,17 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     }
     gamma: Any = cvxpy.Variable()
     squared = [*unknowns.values(), *([] if problem.radius is None else [gamma])]
-    sides = [_expression(side, unknowns, gamma) for side in problem.sides]
+    constraints = [_expression(constraint, unknowns, gamma) for constraint in problem.constraints]
     strict = _STRICT[solver] if problem.radius is None else _WIDE
-    constraints = [side >> strict * np.eye(side.shape[0]) for side in sides]
+    bounds = [constraint >> strict * np.eye(constraint.shape[0]) for constraint in constraints]
     stated: Any = cvxpy.Problem(
-        cvxpy.Minimize(sum(cvxpy.sum_squares(each) for each in squared)), constraints
+        cvxpy.Minimize(sum(cvxpy.sum_squares(each) for each in squared)), bounds
     )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy, which the status tells
             stated.solve(solver=solver, **SOLVERS[solver])
-    except (cvxpy.SolverError, ValueError) as error:  # ValueError: sides that overflow
+    except (cvxpy.SolverError, ValueError) as error:  # ValueError: constraints that overflow
         raise InputError("solver", f"{solver} failed: {str(error).splitlines()[0]}") from None
     if stated.status != "optimal":
         raise InputError("solver", f"{solver} ended with status {stated.status!r}, not 'optimal'")
@@ -64,11 +64,12 @@ def strictly_feasible(problem: Problem, solver: str) -> tuple[Vector, str]:
     return start, stated.status
 
 
-def _expression(side: Side, unknowns: dict[str, Any], gamma: Any) -> Any:
+def _expression(constraint: Constraint, unknowns: dict[str, Any], gamma: Any) -> Any:
     from scipy.sparse import csr_array
 
     half = sum(
-        csr_array(term.left) @ unknowns[term.name] @ csr_array(term.right) for term in side.terms
+        csr_array(term.left) @ unknowns[term.name] @ csr_array(term.right)
+        for term in constraint.terms
     )
-    found = side.constant + half + half.T
-    return found if side.slope is None else found + side.slope * gamma
+    found = constraint.constant + half + half.T
+    return found if constraint.slope is None else found + constraint.slope * gamma

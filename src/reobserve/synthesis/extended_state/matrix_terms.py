@@ -15,17 +15,17 @@ from math import inf, isfinite
 
 import numpy as np
 
-from reobserve.synthesis.extended_state.central_path import Side, Term
+from reobserve.synthesis.extended_state.central_path import Constraint, Term
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 
-def pd_pi_sides(
+def pd_pi_constraints(
     system: AugmentedSystem,
     gamma: float | None,
     decay: float = 0.0,
     bound: float = inf,
     derivative: bool = True,
-) -> list[Side]:
+) -> list[Constraint]:
     """The inequality, and the bound of the poles if there is one; gamma is unknown if it is none.
 
     Indriawati, Agustinah & Jazidie, (19).
@@ -46,9 +46,9 @@ def pd_pi_sides(
         *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
     ]
     if gamma is None:
-        found = [Side(constant, tuple(terms), slope)]
+        found = [Constraint(constant, tuple(terms), slope)]
     else:
-        found = [Side(constant + gamma * slope, tuple(terms))]
+        found = [Constraint(constant + gamma * slope, tuple(terms))]
     if isfinite(bound):
         J1, J2 = np.split(np.eye(2 * size), [size], axis=1)
         terms = [
@@ -58,11 +58,11 @@ def pd_pi_sides(
             Term("Y1", -J2 @ C.T, J1.T),
             *([Term("Y2", J2 @ C.T, J2.T)] if derivative else []),
         ]
-        found.append(Side(np.zeros((2 * size, 2 * size)), tuple(terms)))
+        found.append(Constraint(np.zeros((2 * size, 2 * size)), tuple(terms)))
     return found
 
 
-def pi_sides(system: AugmentedSystem, decay: float) -> list[Side]:
+def pi_constraints(system: AugmentedSystem, decay: float) -> list[Constraint]:
     """-P1 Ao - Ao^T P1 - 2 alpha P1, with Y = L^T P1 for L."""
     one = np.eye(system.size)
     terms = (
@@ -70,10 +70,10 @@ def pi_sides(system: AugmentedSystem, decay: float) -> list[Side]:
         Term("P1", -decay * one, one),
         Term("Y", system.C_tilde.T, one),
     )
-    return [Side(np.zeros(one.shape), terms)]
+    return [Constraint(np.zeros(one.shape), terms)]
 
 
-def above(name: str, size: int, least: float) -> Side:
+def above(name: str, size: int, least: float) -> Constraint:
     """X + X^T >= 2 ``least`` I of the square matrix ``name``."""
     one = np.eye(size)
-    return Side(-2.0 * least * one, (Term(name, one, one),))
+    return Constraint(-2.0 * least * one, (Term(name, one, one),))

@@ -13,9 +13,9 @@ least gamma of matrices inside a radius. Both are points of the central path, of
 stated gap, which the dual proves. So they are unique and well conditioned: a change of the paper's
 data moves gains, relatively, by some hundred times as much at most, and they are the same to ten
 digits and more whatever solver and processor found where to begin. A solver alone does not give
-that: with all sides above 1e-6 the gains of least gamma that Clarabel returns are 10 to 100 % off
-and move by up to 3 % with the kernels of OpenBLAS, and with all sides above 0 most are refuted by
-the certificate, those of least norm on some processors only.
+that: with all constraints above 1e-6 the gains of least gamma that Clarabel returns are 10 to 100 %
+off and move by up to 3 % with the kernels of OpenBLAS, and with all above 0 most are refuted by the
+certificate, those of least norm on some processors only.
 
 The lower bound is from constant disturbances only. Where others are harder on the observer a factor
 of 1.05 is infeasible, as the solver then tells, and a larger one will do.
@@ -27,12 +27,12 @@ from math import inf
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.matrices import as_positive
-from reobserve.synthesis.extended_state.central_path import Problem, Side
+from reobserve.synthesis.extended_state.central_path import Constraint, Problem
 from reobserve.synthesis.extended_state.certificate import as_strip
 from reobserve.synthesis.extended_state.design import Design, optimised
 from reobserve.synthesis.extended_state.gamma_bound import as_gamma
 from reobserve.synthesis.extended_state.inequality import PdPiVariables
-from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_sides
+from reobserve.synthesis.extended_state.matrix_terms import above, pd_pi_constraints
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
 _LEAST = 0.01  # eigenvalue of P1 and of the symmetric part of P3
@@ -75,7 +75,7 @@ def design(
     """
     gamma = as_gamma(system, factor, gamma)
     method = f"{'PD/PI' if derivative else 'PI'}, least norm"
-    problem = _problem(system, pd_pi_sides(system, gamma, derivative=derivative), _GAP)
+    problem = _problem(system, pd_pi_constraints(system, gamma, derivative=derivative), _GAP)
     return optimised(method, system, problem, PdPiVariables, gamma, solver)
 
 
@@ -106,19 +106,20 @@ def design_least_gamma(
     as_kind("system", system, AugmentedSystem)
     decay, bound = as_strip(decay, bound)
     radius, gap = as_positive("radius", radius), as_positive("gap", gap)
-    sides = pd_pi_sides(system, None, decay, bound, derivative)
-    problem = _problem(system, sides, gap, radius)
+    constraints = pd_pi_constraints(system, None, decay, bound, derivative)
+    problem = _problem(system, constraints, gap, radius)
     method = f"{'PD/PI' if derivative else 'PI'}, least gamma"
     return optimised(method, system, problem, PdPiVariables, None, solver, decay, bound)
 
 
 def _problem(
-    system: AugmentedSystem, sides: list[Side], gap: float, radius: float | None = None
+    system: AugmentedSystem, constraints: list[Constraint], gap: float, radius: float | None = None
 ) -> Problem:
-    """Of all matrices that are in the sides."""
+    """Of all matrices that are in the constraints."""
     size, flat = system.size, (system.outputs, system.size)
     shapes = {
-        term.name: flat if term.name.startswith("Y") else (size, size) for term in sides[0].terms
+        term.name: flat if term.name.startswith("Y") else (size, size)
+        for term in constraints[0].terms
     }
     edges = [above(name, size, _LEAST) for name in ("P1", "P3")]
-    return Problem(shapes, frozenset({"P1"}), (*sides, *edges), gap, radius)
+    return Problem(shapes, frozenset({"P1"}), (*constraints, *edges), gap, radius)

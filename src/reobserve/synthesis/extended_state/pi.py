@@ -1,24 +1,42 @@
 """Gains of the classical PI observer (6).
 
-The paper takes them from the feasibility of a linear matrix inequality: any solution will do, and
-it is up to the solver. Here it is the Lyapunov inequality with a decay rate, which is homogeneous:
-P1 >= I fixes the scale, and of all solutions the one of least Frobenius norm is taken, but for a
-gap that makes it a point of the central path: unique, and well conditioned.
+The paper takes them from the feasibility of a linear matrix inequality. Here it is the Lyapunov
+inequality with a decay rate alpha,
+
+    P1 Ao + Ao^T P1 + 2 alpha P1 < 0,    P1 > 0,    P1 L = Y^T,
+
+which is homogeneous and has many solutions. Which one is taken decides how fast the observer is,
+and the paper does not say. What a solver returns for feasibility alone moves by tens of per cent
+with the kernels of BLAS, so three are proposed that are unique (`SOLUTIONS`).
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
 
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_scalar
 from reobserve.synthesis.extended_state import pd_pi
-from reobserve.synthesis.extended_state.central_path import Problem
-from reobserve.synthesis.extended_state.design import Design, optimised
+from reobserve.synthesis.extended_state.central_path import Constraint, Problem, Term, minimiser
+from reobserve.synthesis.extended_state.design import Design, accepted, optimised
+from reobserve.synthesis.extended_state.feasible_point import strictly_feasible
 from reobserve.synthesis.extended_state.inequality import PiVariables
-from reobserve.synthesis.extended_state.matrix_terms import above, pi_sides
+from reobserve.synthesis.extended_state.matrix_terms import above, pi_constraints
+from reobserve.synthesis.extended_state.polishing import polished
 from reobserve.synthesis.extended_state.system import AugmentedSystem
 
+# Which solution of the inequality is taken: the one of least Frobenius norm with P1 >= I; the
+# analytic centre of all with P1 > 0; or the one of largest margin. Of the latter two the norm is
+# bounded, and P1 < I fixes the scale: P1 > 0 and P1 >= I have the same gains, by homogeneity. With
+# the norm alone to fix it the centre would be several times as slow as what Clarabel returns.
+SOLUTIONS = ("least_norm", "positive", "largest_margin")
+
 _GAP = 1e-5  # of the sum of squares to its optimum, relative
+_RADIUS = 100.0  # Frobenius norm of P1 and Y, without which gains tend to infinity
+_MARGIN_GAP = 1e-3  # of the margin to the largest
 
 
 def design(
@@ -34,24 +52,67 @@ def design(
     return pd_pi.design(system, factor, gamma, solver, derivative=False)
 
 
-def design_feasible(system: AugmentedSystem, decay: float, solver: str = "CLARABEL") -> Design:
-    """The smallest P1 and Y, as to the sum of all squares, with poles left of -``decay`` [1/s].
+def design_feasible(
+    system: AugmentedSystem,
+    decay: float,
+    solver: str = "CLARABEL",
+    solution: str = "least_norm",
+) -> Design:
+    """A solution P1 and Y of the inequality, with poles left of -``decay`` [1/s].
 
     Indriawati, Agustinah & Jazidie, (6).
 
-    To 1e-5 of the sum: none is below the design's ``lower``.
+    Parameters
+    ----------
+    system, decay
+        The plant, and alpha.
+    solver
+        CLARABEL or SCS.
+    solution
+        One of `SOLUTIONS`, each of which is unique. That of least norm is within 1e-5 of its
+        optimum, and none is below the design's ``lower``.
 
     Raises
     ------
     InputError
-        If ``decay`` is below zero, the solver does not end with "optimal", or the certificate does
-        not hold.
+        If ``decay`` is below zero, the solution is none of these, the solver does not end with
+        "optimal", or the certificate does not hold.
     """
     decay = as_scalar("decay", decay)
     if decay < 0:
         raise InputError("decay", f"{decay:g} must be at least zero")
     size = as_kind("system", system, AugmentedSystem).size
+    if solution not in SOLUTIONS:
+        raise InputError("solution", f"{solution!r} must be one of {', '.join(SOLUTIONS)}")
+    if solution != "least_norm":
+        return _inside(system, decay, solver, solution)
     shapes = {"P1": (size, size), "Y": (system.outputs, size)}
-    sides = (*pi_sides(system, decay), above("P1", size, 1.0))
-    problem = Problem(shapes, frozenset({"P1"}), sides, _GAP)
+    constraints = (*pi_constraints(system, decay), above("P1", size, 1.0))
+    problem = Problem(shapes, frozenset({"P1"}), constraints, _GAP)
     return optimised("PI, feasible", system, problem, PiVariables, None, solver, decay)
+
+
+def _inside(system: AugmentedSystem, decay: float, solver: str, solution: str) -> Design:
+    """The design of a solution far inside the inequality, polished to all digits.
+
+    The matrices are those of least gamma where -gamma I is the margin of all that is positive, or
+    where nothing but gamma > 0 holds gamma, so that it is the barriers that decide.
+    """
+    size, one = system.size, np.eye(system.size)
+    (lyapunov,), positive = pi_constraints(system, decay), above("P1", size, 0.0)
+    constraints = [lyapunov, positive]
+    if solution == "largest_margin":
+        constraints = [replace(lyapunov, slope=one), replace(positive, slope=2.0 * one)]
+    else:
+        nothing = Term("P1", np.zeros((1, size)), np.zeros((size, 1)))
+        constraints.append(Constraint(np.zeros((1, 1)), (nothing,), np.ones((1, 1))))
+    constraints.append(Constraint(2.0 * one, (Term("P1", -one, one),)))
+    shapes = {"P1": (size, size), "Y": (system.outputs, size)}
+    problem = Problem(shapes, frozenset({"P1"}), tuple(constraints), _MARGIN_GAP, _RADIUS)
+    start, status = strictly_feasible(problem, solver)
+    x = np.array([float(entry) for entry in polished(problem, minimiser(problem, start)).x])
+    found = problem.matrices(x)
+    method = f"PI, feasible, {solution.replace('_', ' ')}"
+    variables = PiVariables(found["P1"], found["Y"])
+    objective = float(x[-1]) if solution == "largest_margin" else 0.0
+    return accepted(method, system, variables, None, solver, status, objective, decay)

@@ -4,8 +4,8 @@ Newton's method is repeated with the gradient in balls of 256 bits. The Hessian 
 it is wrong by a part that makes each step reduce the error by some digits, not by all. What is left
 once the steps are below 2^-96 of the unknowns owes nothing to solver, start or processor.
 
-Weak duality: for any Z >= 0, one for each side, with sum of tr(Z slope) = 1 and any lambda > 0 all
-matrices inside the radius that meet the inequalities have
+Weak duality: for any Z >= 0, one for each constraint, with sum of tr(Z slope) = 1, and lambda > 0
+any matrices inside the radius that meet the inequalities have
 
     gamma >= - sum of tr(Z constant) - |G|^2 / (4 lambda) - lambda radius^2,
 
@@ -41,7 +41,7 @@ class Minimum(NamedTuple):
     lower: float
 
 
-class _BallSide(NamedTuple):
+class _BallConstraint(NamedTuple):
     constant: arb_mat
     terms: list[tuple[str, arb_mat, arb_mat]]
     slope: arb_mat | None
@@ -66,37 +66,39 @@ def polished(problem: Problem, start: Vector) -> Minimum:
     except np.linalg.LinAlgError:
         raise too_flat from None
     with ctx.workprec(_BITS):
-        sides = [_in_balls(side) for side in problem.sides]
+        constraints = [_in_balls(constraint) for constraint in problem.constraints]
         x = np.array([arb(value) for value in start.tolist()])
         largest, before = float(np.abs(start).max()), np.inf
         for _ in range(_STEPS):
-            gradient = _gradient(problem, sides, x)
+            gradient = _gradient(problem, constraints, x)
             step = step_of(np.array([float(entry.mid()) for entry in gradient]))
             size = float(np.abs(step).max())
             if not size < before:
                 break
             x = np.array([(a + arb(b)).mid() for a, b in zip(x, step.tolist(), strict=True)])
             if size < _SMALL * largest:
-                return Minimum(x, _lower(problem, sides, x))
+                return Minimum(x, _lower(problem, constraints, x))
             before = size
     raise too_flat
 
 
-def _in_balls(side: Any) -> _BallSide:
-    terms = [(term.name, ball_matrix(term.left), ball_matrix(term.right)) for term in side.terms]
-    slope = None if side.slope is None else ball_matrix(side.slope)
-    return _BallSide(ball_matrix(side.constant), terms, slope)
+def _in_balls(constraint: Any) -> _BallConstraint:
+    terms = [
+        (term.name, ball_matrix(term.left), ball_matrix(term.right)) for term in constraint.terms
+    ]
+    slope = None if constraint.slope is None else ball_matrix(constraint.slope)
+    return _BallConstraint(ball_matrix(constraint.constant), terms, slope)
 
 
-def _left(problem: Problem, side: _BallSide, x: Any) -> arb_mat:
+def _left(problem: Problem, constraint: _BallConstraint, x: Any) -> arb_mat:
     """S."""
     from flint import arb_mat
 
     matrices = {name: arb_mat(m.tolist()) for name, m in problem.matrices(x).items()}
-    halves = [left * matrices[name] * right for name, left, right in side.terms]
+    halves = [left * matrices[name] * right for name, left, right in constraint.terms]
     half = sum(halves[1:], halves[0])
-    found = side.constant + half + half.transpose()
-    return found if side.slope is None else found + side.slope * x[-1]
+    found = constraint.constant + half + half.transpose()
+    return found if constraint.slope is None else found + constraint.slope * x[-1]
 
 
 def _pull(problem: Problem, x: Any) -> arb:
@@ -111,32 +113,33 @@ def _pull(problem: Problem, x: Any) -> arb:
     return 1 / (arb(problem.radius) ** 2 - squares)
 
 
-def _gradient(problem: Problem, sides: list[_BallSide], x: Any) -> Any:
+def _gradient(problem: Problem, constraints: list[_BallConstraint], x: Any) -> Any:
     pull = 2 * _pull(problem, x)
     gradient = np.array([v * w * pull for v, w in zip(x, problem.weights.tolist(), strict=True)])
     if problem.radius is not None:
         gradient[-1] = gradient[-1] + problem.slant
-    for side in sides:
-        inverse = _left(problem, side, x).inv()
-        for name, full in _derivatives(side, inverse):
+    for constraint in constraints:
+        inverse = _left(problem, constraint, x).inv()
+        for name, full in _derivatives(constraint, inverse):
             gradient[problem.places[name]] -= problem.fold(name, _array(full))
-        if side.slope is not None:
-            gradient[-1] -= _inner(inverse, side.slope)
+        if constraint.slope is not None:
+            gradient[-1] -= _inner(inverse, constraint.slope)
     return gradient
 
 
-def _derivatives(side: _BallSide, Z: arb_mat) -> list[tuple[str, arb_mat]]:
+def _derivatives(constraint: _BallConstraint, Z: arb_mat) -> list[tuple[str, arb_mat]]:
     """Of tr(Z S), by each matrix."""
     return [
-        (name, left.transpose() * Z * right.transpose() * 2) for name, left, right in side.terms
+        (name, left.transpose() * Z * right.transpose() * 2)
+        for name, left, right in constraint.terms
     ]
 
 
-def _lower(problem: Problem, sides: list[_BallSide], x: Any) -> float:
-    """What the objective is proved not to be below; -inf if a side is not proved to be positive."""
+def _lower(problem: Problem, constraints: list[_BallConstraint], x: Any) -> float:
+    """What the objective is proved not to be below; -inf where a constraint is not proved."""
     from flint import arb, arb_mat
 
-    lefts = [_left(problem, side, x) for side in sides]
+    lefts = [_left(problem, constraint, x) for constraint in constraints]
     if not all(is_negative_definite(-left) for left in lefts):
         return -np.inf
     inverses = [left.inv() for left in lefts]
@@ -144,17 +147,17 @@ def _lower(problem: Problem, sides: list[_BallSide], x: Any) -> float:
     scale = 1 / pull
     if problem.radius is not None:
         parts = [
-            _inner(inverse, side.slope)
-            for inverse, side in zip(inverses, sides, strict=True)
-            if side.slope is not None
+            _inner(inverse, constraint.slope)
+            for inverse, constraint in zip(inverses, constraints, strict=True)
+            if constraint.slope is not None
         ]
         scale = 1 / sum(parts[1:], parts[0])
     found = arb(0)
     derivatives = {name: arb_mat(*shape) for name, shape in problem.shapes.items()}
-    for inverse, side in zip(inverses, sides, strict=True):
+    for inverse, constraint in zip(inverses, constraints, strict=True):
         Z = inverse * scale
-        found -= _inner(Z, side.constant)
-        for name, full in _derivatives(side, Z):
+        found -= _inner(Z, constraint.constant)
+        for name, full in _derivatives(constraint, Z):
             derivatives[name] += full
     weight = pull * scale  # lambda
     for name, full in derivatives.items():
