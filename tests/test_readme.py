@@ -16,6 +16,8 @@ import pytest
 import yaml
 
 from reobserve.core.documents import read_yaml
+from reobserve.replication.claims.registry import read_claims
+from reobserve.replication.claims.verdict_table import THRESHOLDS
 from reobserve.replication.claims.verdicts import VERDICTS
 from reobserve.replication.figure_diff.pixels import compare, read_pixels
 from reobserve.replication.parameters.ledger import Ledger
@@ -90,7 +92,9 @@ def of_verdicts() -> Iterator[str]:
     for paper in dict.fromkeys(name for name, _ in found):
         verdicts = [verdict for name, verdict in found if name == paper]
         counts = " | ".join(str(verdicts.count(word)) for word in VERDICTS)
-        yield f"| {len(verdicts)} | {counts} |"
+        set_by = [claim.threshold for claim in read_claims(ROOT, paper).claims.values()]
+        thresholds = ", ".join(f"{set_by.count(who)} {who}" for who in THRESHOLDS)  # type: ignore[arg-type]
+        yield f"| {len(verdicts)} | {counts} | {thresholds} |"
 
 
 def of_the_project() -> Iterator[str]:
