@@ -15,13 +15,7 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.papers.lie import (
-    keys,
-    study_domain,
-    study_ensemble,
-    study_injections,
-    study_orders,
-)
+from reobserve.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve.papers.lie.study_rows import Row
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.series import Series
@@ -29,8 +23,8 @@ from reobserve.synthesis.normal_form.design import NormalForm
 
 METHODS = {
     "orders": study_orders.run,
-    "ensemble": study_ensemble.run,
-    "injections": study_injections.run,
+    "ensemble": ensemble.run,
+    "injections": ensemble.run_injections,
     "domain": study_domain.run,
 }
 

@@ -1,4 +1,4 @@
-"""The identity form over the order and the reading of its gain, and why its errors decay.
+"""The identity form over the order and the kind of its gain, and why its errors decay.
 
 Along the limit cycle a small error obeys e' = (f'(x) + L(x) (l(h))'(x)) e. Its Floquet exponents
 say how fast it decays there, which is where every trajectory of the example ends.
@@ -61,16 +61,14 @@ def _errors(
 ) -> Iterator[Row]:
     run, every = observe(observer, initial, job.plant, plant, "return")
     step = observer.sampling_period
-    squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
+    ise, settled, lost = NAN, NAN, NAN
     if run.diverged_at is not None:
         lost = run.diverged_at
     else:
         error = run["state"] - plant["state"][:: 2 * every]
-        squares = integral_of_squares(error, step)
+        ise = float(integral_of_squares(error, step).sum())
         settled = settling_time(error, step, job.metrics.settling_band)
-    for i, value in enumerate(squares):
-        yield summary(name, order, f"ise_{i + 1}", value, "s")
-    yield summary(name, order, "ise", float(squares.sum()), "s")
+    yield summary(name, order, "ise", ise, "s")
     yield summary(name, order, "settling_time", settled, "s")
     yield summary(name, order, "diverged_at", lost, "s")
 
