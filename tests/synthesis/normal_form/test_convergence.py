@@ -175,9 +175,8 @@ def test_check_domain_warns_and_returns_the_sentence() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert observer.check_domain(inside) is None
-    with pytest.warns(
-        ConvergenceWarning, match=r"50 % are outside and 0 % within .* first at t ="
-    ) as given:
+    said = r"50 % are outside and 0 % within .* first at t ="
+    with pytest.warns(ConvergenceWarning, match=said) as given:
         sentence = observer.check_domain(outside)
     assert str(given[0].message) == sentence
     assert given[0].filename == __file__

@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are judged."""
+    """How estimates are scored."""
 
     settling_band: Positive
     decay_window: Window

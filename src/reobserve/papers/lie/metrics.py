@@ -1,10 +1,10 @@
-"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief.
+"""Stage metrics: size and decay of the error by observer, and a summary of the study.
 
 e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
 at an order or a degree summarise the study behind it, where the observer column holds the kind
 of the gain, `transformed`, the series, `cubic` for a set of injections, or `cycle` for the limit
 cycle. From `radius_ratio` on they are those of the theory, where it holds the injection, the
-form, the kind of systems or the formula that is judged. `nan` means that it never happens.
+form, or the kind of systems. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ MEANINGS = {
     "settling_time": "until |e| stays below two per cent of its first value",
     "floquet_exponent": "largest one of a small error on the limit cycle",
     "period": "of the limit cycle",
-    "mean_square_output": "mean of y^2 over the limit cycle",
     "ise order=<order>": "`ise` of an order; `nan` where the run diverges",
     "settling_time order=<order>": "`settling_time` of an order",
     "diverged_at order=<order>": "last time at which the estimate is finite",
@@ -95,8 +94,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
 def _orders(data: FigureData) -> Iterator[Metric]:
     """All of the study where a figure draws it; else the exponents of the figure's observers."""
     study, job = data.study, data.job
-    for quantity, unit in (("period", "s"), ("mean_square_output", "1")):
-        yield Metric("cycle", quantity, study.value(form="cycle", quantity=quantity), unit)
+    yield Metric("cycle", "period", study.value(form="cycle", quantity="period"), "s")
     if job.figure.layout == "orders":
         for (form, order, quantity, unit), rows in study.groups(
             "form", "order", "quantity", "unit"

@@ -1,6 +1,6 @@
 """Stage study: many runs and series over one plant, as one long table.
 
-The ``method`` of a study in the ledger is one of
+The ``method`` of a study is one of
 
     orders      errors of the identity form over order and gain, and its Floquet exponents
     ensemble    every order against the constant gain over a grid of initial states

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
 from reobserve.papers.lie.floquet import LimitCycle, floquet_exponents, limit_cycle
@@ -34,10 +32,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     with located("studies.orders"):
         cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
     where = cycle.points(2 * (study.cycle_points // 2))
-    rows = [
-        summary("cycle", 0, "period", cycle.period, "s"),
-        summary("cycle", 0, "mean_square_output", _mean_square(form, where), "1"),
-    ]
+    rows = [summary("cycle", 0, "period", cycle.period, "s")]
     model = next(iter(observers.values()))
     for gain in GAINS:
         for order in study.orders:
@@ -83,8 +78,3 @@ def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int
     corrected = gain_at(gain, order, form.S, form.T, form.gain, x)
     jacobians = slopes + corrected @ injected.jacobian()(x).reshape(-1, n, n)
     return summary(name, order, "floquet_exponent", floquet_exponents(cycle, jacobians)[0], "1/s")
-
-
-def _mean_square(form: NormalForm, x: Any) -> float:
-    outputs = form.problem.system.output(x)
-    return float(np.mean(np.sum(outputs * outputs, axis=1)))
