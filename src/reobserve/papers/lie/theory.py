@@ -124,7 +124,8 @@ def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
         form = forms[name]
         yield Metric(name, "deviation", deviation_from_linear(form, order, case), "1")
         yield Metric(name, "form_difference", difference_of_forms(form, order, case), "1")
-        yield Metric(name, "inverse_radius", _inverse_radius(form.S), "1")
+        body = job.designs[name]
+        yield Metric(name, "inverse_radius", _inverse_radius(job, body, theory.series_degree), "1")
     linear = forms["linear"]
     decay = error_decay(linear.problem, linear.T, theory.decay_start, theory.decay_duration)
     yield Metric("linear", "error_decay", decay, "1/s")
@@ -292,9 +293,13 @@ def _form(problem: NormalFormProblem) -> NormalForm:
     return normal_form(problem.system, problem.degree, injection=problem.injection)
 
 
-def _inverse_radius(series: PolynomialMap) -> float:
-    """Of convergence; 0 for a series that ends, nan if its degree is too low to tell."""
-    try:
-        return 1.0 / convergence(series).radius
-    except InputError:
-        return float("nan")
+def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
+    """Of convergence of S; 0 for a series that ends, nan if its degree is too low to tell."""
+    for each in (degree, design.degree):  # of a series that ends the high degrees are rounding
+        problem = build_problem(job.plant, design, degree=each)
+        S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
+        try:
+            return 1.0 / convergence(S).radius
+        except InputError:
+            continue
+    return float("nan")
