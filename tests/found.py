@@ -53,13 +53,19 @@ def of_lie() -> Iterator[str]:
         numbers = [f"{fig1[observer, name]:.3g}" for name in names]
         yield f"| `{observer}` | {' | '.join(numbers)} |"
     share = golden_metrics("lie", "fig1_ensemble")["series", "share_better order=4"]
-    yield f"Order 4 is better from {percent(share)} of the initial states"
+    yield f"a smaller integral of the squared error from {percent(share)} of the initial states"
     ensemble = golden_metrics("lie", "fig1_ensemble")
     terms = Ledger.load(ROOT, "lie").section("designs", "cubic")["injection"]
     first, second = (term["coefficient"] for term in terms if term["powers"] == [3])
     yield f"({first:g}, {second:g}) y³, in identity form of order 4, has an integral"
     better = percent(ensemble["cubic4", "share_better order=4"])
     yield f"of {ensemble['cubic4', 'ise']:.3g} s and is better from {better} of the initial states"
+    settled, decay = (
+        [abs(ensemble[name, metric]) for name in ("cubic4", "constant")]
+        for metric in ("settling_time", "decay_rate")
+    )
+    yield f"after {settled[0]:.3g} s against {settled[1]:.3g} s"
+    yield f"at {decay[0]:.3g} against {decay[1]:.3g} 1/s"
     table = read_numbers(golden_file(ROOT, "lie", "table_coefficients"))
     rows = {row for (row, column, _), cell in table.items() if column == "printed" and cell.value}
     agree = [table[row, "agrees", ""].value for row in rows]

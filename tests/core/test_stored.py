@@ -366,7 +366,6 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
         ({"gain": design["gain"][:-1]}, "^design.gain: has 3 rows, must have 4$"),
         ({"monomials": design["monomials"][::-1]}, "^design.monomials: are not those up to degree"),
         ({"S": "x"}, "^design.S: 'x' is not a number"),
-        ({"resonance": {}}, "^design.resonance.distance: is missing"),
         ({"more": 1}, "^design.more: unknown key"),
     ):
         with pytest.raises(InputError, match=said):

@@ -12,8 +12,7 @@ import pytest
 from reobserve.papers.lie import design as design_stage
 from reobserve.papers.lie import study as study_stage
 from reobserve.papers.lie.scoring import ratios, share_better
-from reobserve.papers.lie.styles import FORMS, OBSERVERS
-from reobserve.papers.lie.words import pair, vector
+from reobserve.papers.lie.styles import FORMS, OBSERVERS, pair, vector
 from reobserve.signals.series import Series
 from tests.papers.lie.test_paper import evaluator
 

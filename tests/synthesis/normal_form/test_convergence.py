@@ -160,9 +160,9 @@ def test_the_warning_says_how_far_how_long_and_when() -> None:
     states = np.array([[0.0, 0.0], [0.2, 0.2], [0.5, 0.46], [1.0, 1.0]])
     assert warning(domain, states[:2], 0.25) is None
     assert warning(domain, states, 0.25) == (
-        "the series converges up to a radius of 0.707 or little beyond; the trajectory is "
-        "outside or at the edge for 50 % of its samples, first at t = 0.5 s, where a higher "
-        "order need not be better"
+        "the series converges up to a radius of 0.707 or little beyond; of the samples of the "
+        "trajectory 25 % are outside and 25 % within 5 % of the edge, the first at t = 0.5 s, "
+        "where a higher order need not be better"
     )
 
 
@@ -175,7 +175,8 @@ def test_check_domain_warns_and_returns_the_sentence() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert observer.check_domain(inside) is None
-    with pytest.warns(ConvergenceWarning, match=r"for 50 % of its samples, first at t =") as given:
+    said = r"50 % are outside and 0 % within .* first at t ="
+    with pytest.warns(ConvergenceWarning, match=said) as given:
         sentence = observer.check_domain(outside)
     assert str(given[0].message) == sentence
     assert given[0].filename == __file__

@@ -6,13 +6,12 @@ from typing import Any
 
 from reobserve.papers.lie import keys
 from reobserve.papers.lie.setup import build_problem
-from reobserve.polynomials.maps import PolynomialMap
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.synthesis.normal_form.design import normal_form
 
 
 def compute(settings: Settings) -> dict[str, Any]:
-    """Coefficients of S, T and the gain, one row a component, and the smallest divisor.
+    """Coefficients of S, T and the gain, one row a component.
 
     The order of the monomials is that of `reobserve.polynomials.monomials`.
 
@@ -24,20 +23,8 @@ def compute(settings: Settings) -> dict[str, Any]:
     job = read_job(keys.Ledger, settings)
     problem = build_problem(job.plant, job.design)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
-    found: dict[str, Any] = {
+    series = {"S": form.S, "T": form.T, "gain": form.gain}
+    return {
         "monomials": form.S.basis.exponents.tolist(),
-        **{name: _rows(getattr(form, name)) for name in ("S", "T", "gain")},
+        **{name: one.coefficients.tolist() for name, one in series.items()},
     }
-    if form.resonance is not None:
-        found["resonance"] = {
-            "distance": form.resonance.distance,
-            "powers": list(form.resonance.powers),
-            "eigenvalue": [form.resonance.eigenvalue.real, form.resonance.eigenvalue.imag],
-            "poincare": form.resonance.poincare,
-        }
-    return found
-
-
-def _rows(series: PolynomialMap) -> list[list[float]]:
-    rows: list[list[float]] = series.coefficients.tolist()
-    return rows

@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are judged."""
+    """How estimates are scored."""
 
     settling_band: Positive
     decay_window: Window
@@ -226,23 +226,26 @@ class Theory:
     seed: Seed
     cases: Annotated[int, within(1, 10_000)]
     case_degree: Annotated[int, within(3, MOST_DEGREE)]
+    case_terms: Annotated[int, within(2, 10)]
     initial_state: State
     printed_eigenvalue: Annotated[list[float], vector(2)]
-    lie_derivative: Literal["of U along p", "of p along U"]
     near_share: Positive
     near_duration: Positive
+    series_degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
+    decay_start: Positive
+    decay_duration: Positive
     spectrum_degree: Annotated[int, within(2, MOST_DEGREE)]
     scalar_dynamics: Polynomial
     scalar_injection: Polynomial
     siegel_dynamics: Polynomial
     siegel_injection: Polynomial
-    siegel_degree: Annotated[int, within(LEAST_DEGREE, MOST_DEGREE)]
     poles: Annotated[list[float], vector(2)]
     choices: Count
     tries: Annotated[int, within(1, 1000)]
     margin: Positive
     compared_order: Order
     compared_gain: Gain
+    compared_error: Literal["x", "x1", "x2"]
     compared_half_width: Positive
     compared_points: Annotated[int, within(2, 1000)]
     compared_duration: Positive

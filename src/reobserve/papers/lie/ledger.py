@@ -1,4 +1,4 @@
-"""What of the ledger takes building to see: errors show before a long build."""
+"""Checks that need systems and observers to be constructed: errors show before a long build."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.papers.lie import keys, plant, theory_conditions
+from reobserve.papers.lie import keys, plant, theory
 from reobserve.papers.lie.setup import build_observer, build_problem
 from reobserve.papers.lie.study import check_study
 from reobserve.replication.parameters.check import Checks
@@ -30,8 +30,8 @@ def _theory(job: Job, forms: Mapping[str, NormalForm]) -> None:
         if name not in forms:
             raise InputError("designs", f"must have {name!r}")
     as_vector("initial_state", job.theory.initial_state, forms["linear"].S.variables)
-    theory_conditions.scalar(job.theory)
-    theory_conditions.siegel(job.theory)
+    theory.scalar(job.theory)
+    theory.siegel(job.theory)
     with located("compared_order"):
         IdentityObserver(forms["linear"], job.theory.compared_order, sampling_period=1.0)
 

@@ -1,4 +1,4 @@
-"""Third road: the Lie transform of Section 4, with the unknown gain solved along the way.
+"""Third method: the Lie transform of Section 4, with the unknown gain solved along the way.
 
 The observer's right-hand side is f(x) + L(x) w(x) - L(x) l(y), with w = l(h) and the gain
 L = I + L_1 + L_2 + ..., and the transformation x = T(z, eps) flows along a generator U with
@@ -17,7 +17,7 @@ terms known before. Then (20), whose ad_{Ax} U = U' A x - A U holds A = F + L0 H
     U_(k-1)' F x - A U_(k-1) = R_k + q_k' L0 H x + k! c_k L0 H x,
 
 with the known terms R_k = k! (F_(k+1) + w_(k+1) + ... + L_(k-1) w_2) - sum C ad_{f} U of (20):
-the equation of all roads. The bracket is ad_f U = U' f - f' U, and in (22) L_p U must be read as
+the equation of all methods. The bracket is ad_f U = U' f - f' U, and in (22) L_p U must be read as
 p' U, the derivative of p along U.
 
 The code divides that by (k - 1)! and keeps f_k / k!, U_i / i! and p_i^(m) / i!, so that no

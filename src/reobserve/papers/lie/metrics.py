@@ -1,10 +1,10 @@
-"""Stage metrics: how large an error is and how it decays, by observer, and the study in brief.
+"""Stage metrics: size and decay of the error by observer, and a summary of the study.
 
 e is the estimate minus the state. `ise` and what follows stand for each observer of a figure; those
-at an order or a degree summarise the study behind it, where the observer column holds the reading
+at an order or a degree summarise the study behind it, where the observer column holds the kind
 of the gain, `transformed`, the series, `cubic` for a set of injections, or `cycle` for the limit
-cycle. From `eigenvalue_<part>` on they are those of the theory, where it holds the injection, the
-form, the kind of systems or the formula that is judged. `nan` means that it never happens.
+cycle. From `radius_ratio` on they are those of the theory, where it holds the injection, the
+form, or the kind of systems. `nan` means that it never happens.
 """
 
 from __future__ import annotations
@@ -28,13 +28,9 @@ from reobserve.replication.parameters.figure_data import FigureData
 MEANINGS = {
     "ise": "integral of |e|^2 over time",
     "ise_<component>": "the same of one component",
-    "peak_error": "largest |e|",
-    "peak_error_<component>": "the same of one component",
-    "final_error": "|e| at the end",
     "settling_time": "until |e| stays below two per cent of its first value",
     "floquet_exponent": "largest one of a small error on the limit cycle",
     "period": "of the limit cycle",
-    "mean_square_output": "mean of y^2 over the limit cycle",
     "ise order=<order>": "`ise` of an order; `nan` where the run diverges",
     "settling_time order=<order>": "`settling_time` of an order",
     "diverged_at order=<order>": "last time at which the estimate is finite",
@@ -43,38 +39,34 @@ MEANINGS = {
         "of initial states, with an `ise` below that of the constant gain"
     ),
     "share_settled order=<order>": "of initial states, from which e settles within the run",
-    "share_diverged order=<order>": "of initial states, from which the estimate leaves all bounds",
+    "share_diverged order=<order>": "of initial states, from which the estimate diverges",
     "median_ise_ratio order=<order>": "median of `ise` over that of the constant gain",
     "least_ise_ratio order=<order>": "the same from the initial state where it is least",
     "distance": "of the limit cycle from the origin",
     "<extreme>_growth": "factor by which the parts of S grow; below 1 it converges there",
     "radius degree=<degree>": "estimated radius of convergence of S from its parts up to a degree",
-    "largest_error degree=<degree>": "of S(x) or T(z), cut off at a degree, on the limit cycle",
-    "eigenvalue_<part>": "real and largest imaginary part of the eigenvalues of A",
-    "eigenvalue_error": "largest distance of one of the two from what is printed",
-    "largest_real_part": "of the eigenvalues of A",
+    "largest_error degree=<degree>": "of S(x) or T(z), truncated at a degree, on the limit cycle",
+    "radius_ratio": "of the radius at the highest degree to that at half of it",
+    "eigenvalue_error": "largest distance of real or imaginary part of A's from what is printed",
     "coefficients_printed": "how many coefficients of T(z) the paper prints",
     "coefficients_agreeing": "how many exact ones round to them",
     "imaginary_part": "largest left over of a real part of S or T, relative to its size",
-    "largest_difference": "of S, T or L between Lie transform and direct roads, over fractions",
+    "largest_difference": "of S, T or L between Lie transform and direct methods, over fractions",
     "largest_residual": "largest coefficient left in the equation for S, over fractions",
     "deviation": "of z - S(x) from e^(A t) times its first value, relative to that",
     "form_difference": "largest distance between estimates in z and in identity form",
     "inverse_radius": "of the ball where S converges; 0 where the series ends",
-    "first_wrong_degree": "of T by (22), on the example",
     "spectrum_difference": "largest from an eigenvalue of ad_A to those of Lemma 4.17",
     "off_diagonal": "largest entry of ad_A beside its diagonal for a diagonal A",
-    "share_unobservable": "of random systems, with a mode that the output does not show",
-    "smallest_eigenvalue": "of ad_A in absolute value",
     "solvable": "1 where the equation for S has one solution, else 0",
     "share": "of random linear parts, with poles found whose divisors are above a margin",
-    "share_siegel": "1 where the eigenvalues of F are in the Siegel domain, else 0",
-    "smallest_divisor": "|lambda - m.alpha| up to the degree",
+    "radius": "of convergence of S, estimated from its parts",
     "decay_rate": "mean slope of log |e| over a turn of the limit cycle; of the theory, of |xi|",
+    "error_decay": "mean slope of log |T(z) - x| near the origin; the slowest of random systems",
     "share_better": "of initial states, with an `ise` below that of the constant gain",
     "share_settled": "of initial states, from which e settles within the run",
     "latest_settling_time": "largest `settling_time` over initial states; `nan` if one is",
-    "largest_improvement": "on the `ise` of the constant gain, from the state where it is largest",
+    "largest_improvement": "on the squared error of the constant gain, over initial states",
     "share_mostly_better": "of cubic injections, better than the constant gain from most states",
     "least_median_ise_ratio": "least over cubic injections",
     "median_ise_ratio": "median over initial states of `ise` over that of the constant gain",
@@ -92,14 +84,9 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
     rules, estimate = data.job.metrics, data.estimates[name]
     step, error = estimate.step, error_of(data.plant, estimate, "state")
     squares = integral_of_squares(error, step)
-    size = np.linalg.norm(error, axis=1)
     for i, value in enumerate(squares):
         yield f"ise_{i + 1}", float(value), "s"
     yield "ise", float(squares.sum()), "s"
-    for i, value in enumerate(np.max(np.abs(error), axis=0)):
-        yield f"peak_error_{i + 1}", float(value), "1"
-    yield "peak_error", float(np.max(size)), "1"
-    yield "final_error", float(size[-1]), "1"
     yield "settling_time", settling_time(error, step, rules.settling_band), "s"
     yield "decay_rate", decay_rate(error, step, *rules.decay_window), "1/s"
 
@@ -107,8 +94,7 @@ def _scores(data: FigureData, name: str) -> Iterator[Score]:
 def _orders(data: FigureData) -> Iterator[Metric]:
     """All of the study where a figure draws it; else the exponents of the figure's observers."""
     study, job = data.study, data.job
-    for quantity, unit in (("period", "s"), ("mean_square_output", "1")):
-        yield Metric("cycle", quantity, study.value(form="cycle", quantity=quantity), unit)
+    yield Metric("cycle", "period", study.value(form="cycle", quantity="period"), "s")
     if job.figure.layout == "orders":
         for (form, order, quantity, unit), rows in study.groups(
             "form", "order", "quantity", "unit"
@@ -129,7 +115,7 @@ def _domain(data: FigureData) -> Iterator[Metric]:
     study = data.study
     for (form, order, quantity, unit), rows in study.groups("form", "order", "quantity", "unit"):
         if np.isnan(rows["x1"]).all():
-            degree = {"degree": order} if form in ("S", "T") else {}
+            degree = {"degree": order} if order else {}
             yield Metric.at(form, (quantity, rows.value(), unit), **degree)
 
 

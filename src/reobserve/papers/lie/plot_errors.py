@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reobserve.papers.lie.styles import style_of
-from reobserve.papers.lie.words import starts, vector
+from reobserve.papers.lie.styles import starts, style_of, vector
 from reobserve.plotting.figures import TRUTH, add_note, decades, headroom, new_figure, thin
 from reobserve.replication.metrics.responses import error_of
 from reobserve.replication.parameters.figure_data import FigureData
@@ -92,6 +91,6 @@ def _note(data: FigureData) -> str:
             injections += f"; {observer.label}: ℓ(y) = {other}"
     return (
         f"{starts(job)}, {injections}.\n"
-        f"Simulated for {job.plant.horizon:g} s in Runge-Kutta steps of "
+        f"Simulated for {job.plant.horizon:g} s, identity observers in Runge-Kutta steps of "
         f"{1000 * first.sampling_period:g} ms."
     )

@@ -1,4 +1,4 @@
-"""From the ledger's values to system, normal form and observers."""
+"""System, normal form and observers from their parameters."""
 
 from __future__ import annotations
 
@@ -61,16 +61,6 @@ def build_problem(
     return NormalFormProblem(system, injection, degree or design.degree)
 
 
-@dataclass(frozen=True)
-class StoredResonance:
-    """The smallest divisor of a stored design; see `Resonance`."""
-
-    distance: float
-    powers: tuple[int, ...]
-    eigenvalue: tuple[float, float]
-    poincare: bool
-
-
 @dataclass(frozen=True, eq=False)
 class StoredSeries:
     """A design as its stage keeps it: monomials, and their coefficients, one row a component."""
@@ -79,7 +69,6 @@ class StoredSeries:
     S: Array
     T: Array
     gain: Array
-    resonance: StoredResonance | None = None
 
 
 def stored_form(plant: keys.Plant, design: keys.Design, series: Mapping[str, Any]) -> NormalForm:
@@ -119,7 +108,7 @@ def forms(job: Job, design: Mapping[str, Any]) -> dict[str, NormalForm]:
 
 
 def build_observer(observer: keys.Observer, form: NormalForm) -> NormalFormObserver:
-    """The observer that an ``observers`` branch of the ledger states.
+    """The observer of an ``observers`` branch.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Stage study: many runs and series over one plant, as one long table.
 
-The ``method`` of a study in the ledger is one of
+The ``method`` of a study is one of
 
     orders      errors of the identity form over order and gain, and its Floquet exponents
     ensemble    every order against the constant gain over a grid of initial states
@@ -15,13 +15,7 @@ from typing import Any
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
-from reobserve.papers.lie import (
-    keys,
-    study_domain,
-    study_ensemble,
-    study_injections,
-    study_orders,
-)
+from reobserve.papers.lie import ensemble, keys, study_domain, study_orders
 from reobserve.papers.lie.study_rows import Row
 from reobserve.replication.parameters.job import Settings, read_job
 from reobserve.signals.series import Series
@@ -29,8 +23,8 @@ from reobserve.synthesis.normal_form.design import NormalForm
 
 METHODS = {
     "orders": study_orders.run,
-    "ensemble": study_ensemble.run,
-    "injections": study_injections.run,
+    "ensemble": ensemble.run,
+    "injections": ensemble.run_injections,
     "domain": study_domain.run,
 }
 

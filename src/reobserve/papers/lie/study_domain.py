@@ -27,7 +27,7 @@ from reobserve.synthesis.normal_form.solver import solver_for
 
 Array = NDArray[np.float64]
 
-_TURNS = 15  # of the cycle, until the start of z is forgotten
+_FORGOTTEN = 1e-15  # of the start of z is left when the true z is read
 
 
 def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
@@ -59,10 +59,10 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
         *_points("S", degree, "boundary", _boundary(domain, count)),
     ]
     # f is odd, and so are S and T: every other degree adds nothing.
-    rows += [
-        summary("S", d, "radius", convergence(S.upto(d)).radius, "1")
-        for d in range(keys.LEAST_DEGREE, degree + 1, 2)
-    ]
+    radii = {d: convergence(S.upto(d)).radius for d in range(keys.LEAST_DEGREE, degree + 1, 2)}
+    rows += [summary("S", d, "radius", radius, "1") for d, radius in radii.items()]
+    half = convergence(S.upto(max(keys.LEAST_DEGREE, degree // 2 + 1))).radius
+    rows.append(summary("S", 0, "radius_ratio", convergence(S).radius / half, "1"))
     for name, series, at, true in (("S", S, x, z), ("T", form.T, z, x)):
         sums = np.cumsum(series.parts(at), axis=0)
         rows += [
@@ -107,7 +107,8 @@ def _true_coordinates(problem: NormalFormProblem, cycle: LimitCycle, x: Array) -
         fed = problem.injection(system.output(state))
         return np.concatenate([system.dynamics(state), problem.A @ z - fed])
 
-    first = _TURNS * cycle.period
+    slowest = float(np.max(np.linalg.eigvals(problem.A).real))
+    first = np.ceil(np.log(_FORGOTTEN) / slowest / cycle.period) * cycle.period
     time = first + np.arange(len(x)) * (cycle.period / len(x))
     start = np.concatenate([cycle.start, np.zeros(n)])
     solution = solve_ivp(

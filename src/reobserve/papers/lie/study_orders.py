@@ -1,4 +1,4 @@
-"""The identity form over the order and the reading of its gain, and why its errors decay.
+"""The identity form over the order and the kind of its gain, and why its errors decay.
 
 Along the limit cycle a small error obeys e' = (f'(x) + L(x) (l(h))'(x)) e. Its Floquet exponents
 say how fast it decays there, which is where every trajectory of the example ends.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
-
-import numpy as np
 
 from reobserve.core.errors import located
 from reobserve.observers.normal_form_identity import IdentityObserver
@@ -34,10 +32,7 @@ def run(job: Job, plant: Series, design: Mapping[str, Any]) -> list[Row]:
     with located("studies.orders"):
         cycle = limit_cycle(form.problem.system, plant["state"][0], study.settle)
     where = cycle.points(2 * (study.cycle_points // 2))
-    rows = [
-        summary("cycle", 0, "period", cycle.period, "s"),
-        summary("cycle", 0, "mean_square_output", _mean_square(form, where), "1"),
-    ]
+    rows = [summary("cycle", 0, "period", cycle.period, "s")]
     model = next(iter(observers.values()))
     for gain in GAINS:
         for order in study.orders:
@@ -61,16 +56,14 @@ def _errors(
 ) -> Iterator[Row]:
     run, every = observe(observer, initial, job.plant, plant, "return")
     step = observer.sampling_period
-    squares, settled, lost = np.full(observer.normal_form.S.components, NAN), NAN, NAN
+    ise, settled, lost = NAN, NAN, NAN
     if run.diverged_at is not None:
         lost = run.diverged_at
     else:
         error = run["state"] - plant["state"][:: 2 * every]
-        squares = integral_of_squares(error, step)
+        ise = float(integral_of_squares(error, step).sum())
         settled = settling_time(error, step, job.metrics.settling_band)
-    for i, value in enumerate(squares):
-        yield summary(name, order, f"ise_{i + 1}", value, "s")
-    yield summary(name, order, "ise", float(squares.sum()), "s")
+    yield summary(name, order, "ise", ise, "s")
     yield summary(name, order, "settling_time", settled, "s")
     yield summary(name, order, "diverged_at", lost, "s")
 
@@ -85,8 +78,3 @@ def _exponent(cycle: LimitCycle, x: Any, form: NormalForm, gain: str, order: int
     corrected = gain_at(gain, order, form.S, form.T, form.gain, x)
     jacobians = slopes + corrected @ injected.jacobian()(x).reshape(-1, n, n)
     return summary(name, order, "floquet_exponent", floquet_exponents(cycle, jacobians)[0], "1/s")
-
-
-def _mean_square(form: NormalForm, x: Any) -> float:
-    outputs = form.problem.system.output(x)
-    return float(np.mean(np.sum(outputs * outputs, axis=1)))

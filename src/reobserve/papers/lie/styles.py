@@ -1,4 +1,4 @@
-"""One colour and one dash for each observer and each reading of the gain, in all figures.
+"""One colour and one dash for each observer and each kind of gain, and settings as text.
 
 Fig. 1 of the paper names its dashes: the constant gain solid, order 4 long and short, the nonlinear
 injection long.
@@ -6,7 +6,11 @@ injection long.
 
 from __future__ import annotations
 
+from fractions import Fraction
+from typing import Any
+
 from reobserve.plotting.figures import Style
+from reobserve.replication.parameters.job import Job
 
 SOLID, LONG_SHORT, LONG = "-", (0, (7, 1.6, 2.5, 1.6)), (0, (9, 3))
 
@@ -22,23 +26,62 @@ OBSERVERS = {
     "jacobian4": JACOBIAN,
     "composed4": COMPOSED,
     "transformed4": TRANSFORMED,
-    "cubic4": Style("#b0305c", (0, (3, 1, 1, 1)), 1.4, "*"),
+    "cubic4": Style("#b0305c", (0, (1, 0.8)), 2.0, "*"),
 }
 
 EDGE = Style("#00796b", (0, (5, 1.5)), 1.2, "s")  # of a domain, and of what belongs to no observer
 
-# Over orders: the readings of the identity form's gain, and the other form.
-READINGS = {
+# Over orders: the kinds of gain of the identity form. Over initial states: the other form, too.
+GAINS = {
+    "series": (SERIES, "series of L"),
+    "jacobian": (JACOBIAN, "(∂S/∂x)⁻¹"),
+    "composed": (COMPOSED, "∂T/∂z at S(x)"),
+}
+FORMS = {
     "series": (SERIES, "identity form, series of L"),
     "jacobian": (JACOBIAN, "identity form, (∂S/∂x)⁻¹"),
-    "composed": (COMPOSED, "identity form, ∂T/∂z at S(x)"),
+    "transformed": (TRANSFORMED, "transformed form"),
 }
-FORMS = {**READINGS, "transformed": (TRANSFORMED, "transformed form")}
 
-# Observers that the ledger adds take these in turn.
+# Observers that are added take these in turn.
 OTHERS = (Style("0.45", "-", 1.1, "x"), Style("0.6", (0, (2, 2)), 1.1, "+"))
 
 
 def style_of(observer: str, index: int = 0) -> Style:
     """The style of an observer; of one of the ``index``-th place that none is kept for."""
     return OBSERVERS.get(observer, OTHERS[index % len(OTHERS)])
+
+
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def starts(job: Job) -> str:
+    """Where the plant starts, and the estimate of the first observer."""
+    first = next(iter(job.observers.values()))
+    return f"x(0) = {pair(job.scenario.initial_state)}, x̂(0) = {pair(first.initial_estimate)}"
+
+
+def vector(injection: Any) -> str:
+    """An injection of one output, as a row of polynomials: (−2 y + ⅓ y³, −4 y)."""
+    rows: dict[int, list[str]] = {}
+    for term in injection:
+        (power,) = term["powers"]
+        rows.setdefault(term["component"], []).append(_term(term["coefficient"], power))
+    return "(" + ", ".join(_sum(rows[component]) for component in sorted(rows)) + ")"
+
+
+def _term(coefficient: Any, power: int) -> str:
+    fraction = Fraction(coefficient).limit_denominator(1000)
+    number = f"{float(coefficient):g}"
+    if abs(float(fraction) - float(coefficient)) < 1e-12 and len(number) > 5:
+        number = str(fraction)
+    return f"{number} y{str(power).translate(_RAISED) if power > 1 else ''}".replace("-", "−")
+
+
+def _sum(terms: list[str]) -> str:
+    return " + ".join(terms).replace("+ −", "− ")
+
+
+def pair(values: Any) -> str:
+    """A state: (2, 0.5)."""
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"

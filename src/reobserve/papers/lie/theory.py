@@ -1,4 +1,4 @@
-"""Stage theory: what the paper states of series, equations and eigenvalues, in numbers.
+"""Stage theory: what the paper states of series, equations, eigenvalues and orders, in numbers.
 
 Statements about all systems are tried on random ones; everything is exact where it can be.
 """
@@ -12,34 +12,46 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.core.errors import InputError
+from reobserve.core.errors import InputError, located
 from reobserve.core.matrices import as_vector
 from reobserve.core.random_streams import random_stream
-from reobserve.papers.lie import keys, table, theory_comparison, theory_conditions
+from reobserve.observers.normal_form_identity import IdentityObserver
+from reobserve.observers.normal_form_transformed import TransformedObserver
+from reobserve.papers.lie import keys, table
+from reobserve.papers.lie.ensemble import Outcome, axis, records
 from reobserve.papers.lie.lie_transform import lie_transform
-from reobserve.papers.lie.setup import build_problem, stored_form
-from reobserve.papers.lie.theory_cases import random_problem
+from reobserve.papers.lie.scoring import ratios, share_better
+from reobserve.papers.lie.setup import build_problem, build_system, stored_form
 from reobserve.papers.lie.theory_runs import (
     Case,
     decay_rate,
     deviation_from_linear,
     difference_of_forms,
+    error_decay,
 )
 from reobserve.papers.lie.theory_series import (
-    Roads,
+    Solutions,
     ad_matrix,
     largest,
+    random_problem,
+    solvable,
     spectrum_difference,
 )
+from reobserve.plants.polynomial import PolynomialPlant
 from reobserve.polynomials.maps import PolynomialMap
+from reobserve.polynomials.monomials import monomials
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.parameters.job import Job, Settings, named, read_job
-from reobserve.synthesis.linear import unobservable_modes
+from reobserve.signals.grid import multiple
 from reobserve.synthesis.normal_form.convergence import convergence
+from reobserve.synthesis.normal_form.design import NormalForm, normal_form
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.homological import SchurSolver
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.resonance import resonance
+from reobserve.synthesis.normal_form.solver import solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 
@@ -50,17 +62,24 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
     Raises
     ------
     InputError
-        If a value of the ledger cannot be used.
+        If a parameter cannot be used.
     """
     job = read_job(keys.Ledger, settings)
+    theory = job.theory
     return [
         *_example(job, designs["linear"]),
         *_runs(job, designs),
         *_series(job),
-        *_random_systems(job.theory.seed, job.theory.cases, job.theory.case_degree),
-        *theory_conditions.measure(job.theory),
-        *theory_comparison.measure(job, designs["linear"]),
-    ]
+        *_random_systems(
+            theory.seed, theory.cases, theory.case_degree, theory.case_terms,
+            theory.decay_start, theory.decay_duration,
+        ),
+        *_conditions(theory),
+        *_nonresonant(theory),
+        *_settled(job, designs["linear"]),
+        *_constant(job, designs["linear"]),
+        *_better(job, designs["linear"]),
+    ]  # fmt: skip
 
 
 @part
@@ -70,8 +89,6 @@ def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
     problem = build_problem(job.plant, body)
     A = problem.A
     fastest = max(np.linalg.eigvals(A), key=lambda value: value.imag)
-    yield Metric("linear", "eigenvalue_real", float(fastest.real), "1/s")
-    yield Metric("linear", "eigenvalue_imaginary", float(fastest.imag), "1/s")
     away = np.array([fastest.real, fastest.imag]) - theory.printed_eigenvalue
     yield Metric("linear", "eigenvalue_error", float(np.max(np.abs(away))), "1/s")
     printed = keys.Table("linear", theory.printed, theory.printed_degree)
@@ -87,43 +104,41 @@ def _example(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
 
 @part
 def _runs(job: Job, designs: Mapping[str, Any]) -> Iterator[Metric]:
-    """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S and T."""
+    """Section 2.2 and Remarks 3.12 and 3.13: errors in z, both forms, and the domain of S."""
     theory, plant, observer = job.theory, job.plant, job.observers
     injection, order4 = (named(observer, name, keys.Observer) for name in ("injection", "order4"))
     forms = {
-        name: stored_form(plant, job.designs[name], designs[name])
-        for name in ("linear", "nonlinear")
+        "linear": _form(build_problem(plant, job.designs["linear"], degree=theory.series_degree)),
+        "nonlinear": stored_form(plant, job.designs["nonlinear"], designs["nonlinear"]),
     }
     start = as_vector("initial_state", theory.initial_state, forms["linear"].S.variables)
-    near = theory.near_share * start
     figure = Case(start, injection.initial_estimate, plant.horizon, injection.sampling_period)
-    close = Case(
-        near,
-        order4.initial_estimate,
-        theory.near_duration,
+    near = Case(
+        theory.near_share * start, order4.initial_estimate, theory.near_duration,
         order4.sampling_period,
-    )
-    highest = forms["linear"].problem.degree - 1
+    )  # fmt: skip
     for name, order, case in (
-        ("linear", highest, close),
+        ("linear", theory.series_degree - 1, near),
         ("nonlinear", injection.order, figure),
     ):
         form = forms[name]
         yield Metric(name, "deviation", deviation_from_linear(form, order, case), "1")
         yield Metric(name, "form_difference", difference_of_forms(form, order, case), "1")
-        yield Metric(name, "inverse_radius", _inverse_radius(form.S), "1")
+        body = job.designs[name]
+        yield Metric(name, "inverse_radius", _inverse_radius(job, body, theory.series_degree), "1")
+    linear = forms["linear"]
+    decay = error_decay(linear.problem, linear.T, theory.decay_start, theory.decay_duration)
+    yield Metric("linear", "error_decay", decay, "1/s")
 
 
 @part
 def _series(job: Job) -> Iterator[Metric]:
-    """Section 4 on the example: Lie transform and direct roads, Lemma 4.17, the triangle (22)."""
+    """Section 4 on the example: Lie transform and direct methods, Lemma 4.17."""
     theory, body = job.theory, job.designs["linear"]
     exact = build_problem(job.plant, body, degree=theory.degree, exact=True)
-    roads = Roads(exact)
-    yield Metric("linear", "largest_difference", roads.difference(), "1")
-    yield Metric("linear", "largest_residual", roads.residual(), "1")
-    wrong = roads.first_wrong_degree(literal=theory.lie_derivative == "of U along p")
-    yield Metric("triangle", "first_wrong_degree", wrong, "1")
+    found = Solutions(exact)
+    yield Metric("linear", "largest_difference", found.difference(), "1")
+    yield Metric("linear", "largest_residual", found.residual(), "1")
     A = exact.A.astype(np.float64)
     highest = theory.spectrum_degree
     differences = [spectrum_difference(A, d) for d in range(2, highest + 1)]
@@ -134,46 +149,157 @@ def _series(job: Job) -> Iterator[Metric]:
 
 @part
 @cache
-def _random_systems(seed: int, cases: int, degree: int) -> tuple[Metric, ...]:
+def _random_systems(
+    seed: int, cases: int, degree: int, terms: int, start: float, duration: float
+) -> tuple[Metric, ...]:
     """Section 2.1, Proposition 3.10 and Remark 3.11 on systems with terms of all degrees."""
-    streams = [random_stream(seed, "lie", "random", str(k)) for k in range(cases)]
-    found = [
-        Roads(random_problem(stream, 2 + k % 2, degree - k % 2)) for k, stream in enumerate(streams)
-    ]
-    metrics = [
-        Metric("random", "largest_difference", max(one.difference() for one in found), "1"),
-        Metric("random", "largest_residual", max(one.residual() for one in found), "1"),
-        Metric("random", "largest_real_part", _slowest(found), "1/s"),
-    ]
-    streams = [random_stream(seed, "lie", "hidden", str(k)) for k in range(cases)]
-    hidden = [Roads(random_problem(stream, 3, degree - 1, hidden=True)) for stream in streams]
-    unseen = [unobservable_modes(*_linear_part(one.problem)).size > 0 for one in hidden]
-    return (
-        *metrics,
-        Metric("hidden", "share_unobservable", float(np.mean(unseen)), "1"),
-        Metric("hidden", "largest_residual", max(one.residual() for one in hidden), "1"),
-        Metric("hidden", "largest_real_part", _slowest(hidden), "1/s"),
-        Metric("hidden", "decay_rate", max(decay_rate(one.problem) for one in hidden), "1/s"),
+
+    def drawn(name: str, k: int, states: int, highest: int) -> NormalFormProblem:
+        stream = random_stream(seed, "lie", name, str(k))
+        return random_problem(stream, states, highest, terms, unobservable=name == "hidden")
+
+    systems = {
+        "random": [drawn("random", k, 2 + k % 2, degree - k % 2) for k in range(cases)],
+        "hidden": [drawn("hidden", k, 3, degree - 1) for k in range(cases)],
+    }
+    metrics = []
+    for name, problems in systems.items():
+        found = [Solutions(problem) for problem in problems]
+        decays = [
+            error_decay(one.problem, PolynomialMap(one.problem.basis, one.T), start, duration)
+            for one in found
+        ]
+        residual = max(one.residual() for one in found)
+        metrics += [
+            Metric(name, "largest_residual", residual, "1"),
+            Metric(name, "error_decay", max(decays), "1/s"),
+        ]
+        if name == "random":
+            difference = max(one.difference() for one in found)
+            metrics.append(Metric(name, "largest_difference", difference, "1"))
+    slowest = max(decay_rate(problem, start, duration) for problem in systems["hidden"])
+    return (*metrics, Metric("hidden", "decay_rate", slowest, "1/s"))
+
+
+@part
+def _conditions(theory: keys.Theory) -> Iterator[Metric]:
+    """Remark 3.7 and Proposition 3.9: which conditions let the series exist, and converge."""
+    yield Metric("scalar", "solvable", float(solvable(scalar(theory))), "1")
+    problem = siegel(theory)
+    S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
+    radii = [convergence(S.upto(d)).radius for d in (problem.degree, problem.degree // 2 + 1)]
+    yield Metric("siegel", "radius", radii[0], "1")
+    yield Metric("siegel", "radius_ratio", radii[0] / radii[1], "1")
+
+
+def scalar(theory: keys.Theory) -> NormalFormProblem:
+    """The system of one state, y = x, that has no series; `InputError` for terms that are none.
+
+    Thomas, Kwatny & Chang, Remark 3.7.
+    """
+    dynamics, injection = (
+        PolynomialMap.from_terms(name, terms, 1, 1, exact=True)
+        for name, terms in (
+            ("scalar_dynamics", theory.scalar_dynamics),
+            ("scalar_injection", theory.scalar_injection),
+        )
     )
+    system = PolynomialSystem(dynamics, PolynomialMap.linear(np.array([[1]], dtype=object)))
+    return NormalFormProblem(system, injection, theory.case_degree)
 
 
-def _inverse_radius(series: PolynomialMap) -> float:
-    """Of convergence; 0 for a series that ends, nan if its degree is too low to tell."""
-    try:
-        return 1.0 / convergence(series).radius
-    except InputError:
-        return float("nan")
+def siegel(theory: keys.Theory) -> NormalFormProblem:
+    """The system of two states, y = x1, of the Siegel domain; `InputError` for terms of none.
+
+    Thomas, Kwatny & Chang, Proposition 3.9.
+    """
+    dynamics = PolynomialMap.from_terms("siegel_dynamics", theory.siegel_dynamics, 2, 2)
+    injection = PolynomialMap.from_terms("siegel_injection", theory.siegel_injection, 2, 1)
+    system = PolynomialSystem(dynamics, PolynomialMap.linear([[1.0, 0.0]]))
+    return NormalFormProblem(system, injection, theory.series_degree)
 
 
-def _slowest(found: list[Roads]) -> float:
-    """The largest real part of all eigenvalues of A."""
-    return max(_stability(one.problem.A.astype(np.float64)) for one in found)
+@part
+def _nonresonant(theory: keys.Theory) -> Iterator[Metric]:
+    """Of random linear parts of two states, with a pair of real poles that keeps divisors large.
+
+    So many pairs are tried for each.
+    """
+    stream = random_stream(theory.seed, "lie", "poles")
+    basis = monomials(2, theory.printed_degree)
+    slowest, fastest = sorted(as_vector("poles", theory.poles, 2))
+
+    def far(F: Array) -> bool:
+        found = resonance(F, np.diag(stream.uniform(slowest, fastest, 2)), basis)
+        return found.distance >= theory.margin * found.size
+
+    parts = (stream.standard_normal((2, 2)) for _ in range(theory.choices))
+    good = sum(any(far(F) for _ in range(theory.tries)) for F in parts)
+    yield Metric("nonresonant", "share", good / theory.choices, "1")
 
 
-def _linear_part(problem: NormalFormProblem) -> tuple[Array, Array]:
-    return problem.F.astype(np.float64), problem.system.H.astype(np.float64)
+@part
+def _settled(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: from which share of initial states an order settles, in both forms."""
+    for name, outcomes in _outcomes(job, design, "identity", "transformed").items():
+        settled = float(np.mean([one.settled for one in outcomes]))
+        yield Metric(name, "share_settled", settled, "1")
 
 
-def _stability(matrix: Array) -> float:
-    """The largest real part of the eigenvalues."""
-    return float(np.max(np.linalg.eigvals(matrix).real))
+@part
+def _constant(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how long the constant gain takes from the worst initial state."""
+    outcomes = _outcomes(job, design, "constant")["constant"]
+    latest = float(np.max([one.settling_time for one in outcomes]))
+    yield Metric("constant", "latest_settling_time", latest, "s")
+
+
+@part
+def _better(job: Job, design: Mapping[str, Any]) -> Iterator[Metric]:
+    """Section 6: how often and by how much an order is better than the constant gain."""
+    found = _outcomes(job, design, "identity", "constant")
+    ise, reference = (
+        [one.ise_of(job.theory.compared_error) for one in found[name]]
+        for name in ("identity", "constant")
+    )
+    yield Metric("identity", "share_better", share_better(ise, reference), "1")
+    most = 1.0 - float(np.min(ratios(ise, reference)))
+    yield Metric("identity", "largest_improvement", max(0.0, most), "1")
+
+
+def _outcomes(job: Job, design: Mapping[str, Any], *names: str) -> dict[str, list[Outcome]]:
+    """Of the constant gain, and of an order in identity and in transformed form, over a grid."""
+    theory, body = job.theory, named(job.observers, "constant", keys.Identity)
+    form = stored_form(job.plant, job.designs["linear"], design)
+    step, order = theory.compared_period, theory.compared_order
+    steps = multiple("compared_duration", theory.compared_duration, step, "compared_period")
+    with located("compared_order"):
+        observers = {
+            "constant": IdentityObserver(form, 0, sampling_period=step),
+            "identity": IdentityObserver(form, order, theory.compared_gain, sampling_period=step),
+            "transformed": TransformedObserver(form, order, sampling_period=step),
+        }
+    plant = PolynomialPlant(build_system(job.plant))
+    estimate = np.array(body.initial_estimate)
+    coordinates = axis(theory.compared_half_width, theory.compared_points)
+    runs = list(records(plant, coordinates, estimate, steps, step))
+    return {
+        name: [run.outcome(observers[name], estimate, theory.compared_band) for run in runs]
+        for name in names
+    }
+
+
+def _form(problem: NormalFormProblem) -> NormalForm:
+    return normal_form(problem.system, problem.degree, injection=problem.injection)
+
+
+def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
+    """Of convergence of S; 0 for a series that ends, nan if its degree is too low to tell."""
+    for each in (degree, design.degree):  # of a series that ends the high degrees are rounding
+        problem = build_problem(job.plant, design, degree=each)
+        S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
+        try:
+            return 1.0 / convergence(S).radius
+        except InputError:
+            continue
+    return float("nan")

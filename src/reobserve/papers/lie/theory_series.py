@@ -1,25 +1,27 @@
-"""What Sections 3 and 4 say of series and of their equations, in numbers."""
+"""Series by three methods, the operator ad_Ax, and random systems over fractions to try them on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import product
-from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.core.errors import InputError
 from reobserve.papers.lie.lie_transform import LieTransform, lie_transform
-from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along, zeros
+from reobserve.polynomials.arithmetic import Coefficients, add_derivatives_along
 from reobserve.polynomials.maps import PolynomialMap
-from reobserve.polynomials.monomials import monomials
+from reobserve.polynomials.monomials import Monomials, monomials
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.direct_t import solve_t
 from reobserve.synthesis.normal_form.gain import gain_series
 from reobserve.synthesis.normal_form.problem import NormalFormProblem
+from reobserve.synthesis.normal_form.resonance import check_nonresonant
 from reobserve.synthesis.normal_form.solver import identity, solver_for
+from reobserve.systems.polynomial import PolynomialSystem
 
 Array = NDArray[np.float64]
 
@@ -30,8 +32,8 @@ def largest(values: Coefficients) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Roads:
-    """What the three roads find for one problem, each gone when it is first asked for."""
+class Solutions:
+    """Solutions of one problem by the three methods, computed on first use."""
 
     problem: NormalFormProblem
 
@@ -47,7 +49,7 @@ class Roads:
 
     @cached_property
     def lie(self) -> LieTransform:
-        """All by the Lie transform."""
+        """U, T, S and the gain by the Lie transform."""
         return lie_transform(self.problem, solver_for(self.problem))
 
     def difference(self) -> float:
@@ -67,12 +69,6 @@ class Roads:
             add_derivatives_along(basis, self.S, problem.dynamics, 1, d, d, 1, left)
         back = PolynomialMap(basis, self.T).after(PolynomialMap(basis, self.S), problem.degree)
         return max(largest(left), largest(back.coefficients - identity(problem)))
-
-    def first_wrong_degree(self, *, literal: bool) -> float:
-        """The lowest degree at which T by the triangle (22) is wrong; nan if it is right."""
-        found = transformation_by_triangle(self.problem, self.lie.U, literal=literal)
-        degree = lowest_degree(self.problem, found - self.T)
-        return float(degree) if degree else float("nan")
 
 
 def solvable(problem: NormalFormProblem) -> bool:
@@ -127,35 +123,49 @@ def spectrum_difference(A: Array, degree: int) -> float:
     return float(max(distances.min(axis=0).max(), distances.min(axis=1).max()))
 
 
-def transformation_by_triangle(
-    problem: NormalFormProblem, U: Coefficients, *, literal: bool = False
-) -> Coefficients:
-    """T by the triangle from a generator U as `lie_transform` gives it.
+def random_problem(
+    stream: np.random.Generator, states: int, degree: int, terms: int, *, unobservable: bool = False
+) -> NormalFormProblem:
+    """A nonresonant problem with one output and the linear injection of the paper.
 
-    Thomas, Kwatny & Chang, (22), Proposition 4.20 and Remark 4.21.
-
-    In the sum L_p U stands for the derivative of p along U, p' U; ``literal`` reads it as the Lie
-    derivative of U along p, U' p. As there, p_i^(m) / i! is kept, part i + m + 2 of one series.
+    f and h have terms of even and odd degrees up to ``terms``. A has negative diagonals that
+    dominate their rows, and F = A - L0 H. With ``unobservable`` the output does not show the last
+    mode, which then belongs to F and to A alike.
     """
-    basis, degree = problem.basis, problem.degree
-    T, generator = identity(problem), zeros(U.shape, U)
-    for d in range(2, degree + 1):
-        generator[:, basis.part(d)] = U[:, basis.part(d)] / factorial(d - 2)
-    p = generator
-    for m in range(degree - 1):
-        T[:, basis.part(m + 2)] += p[:, basis.part(m + 2)] / factorial(m + 1)
-        after = zeros(U.shape, U)
-        for d in range(m + 3, degree + 1):
-            after[:, basis.part(d)] = (d - m - 2) * p[:, basis.part(d)]
-            if literal:
-                add_derivatives_along(basis, generator, p, 2, d - m - 1, d, 1, after)
-            else:
-                add_derivatives_along(basis, p, generator, m + 2, d - 1, d, 1, after)
-        p = after
-    return T
+    while True:
+        A = _fractions(stream, (states, states), 4)
+        for i in range(states):
+            A[i, i] = -2 - i + A[i, i] / 2
+        H, L0 = _fractions(stream, (1, states), 2), _fractions(stream, (states, 1), 2)
+        if unobservable:
+            A[:-1, -1] = Fraction(0)
+            H[0, -1] = Fraction(0)
+        basis = monomials(states, terms)
+        f, h = (_higher(stream, size, basis) for size in (states, 1))
+        f[:, basis.part(1)] = A - L0 @ H
+        h[:, basis.part(1)] = H
+        system = PolynomialSystem(PolynomialMap(basis, f), PolynomialMap(basis, h))
+        problem = NormalFormProblem(system, PolynomialMap.linear(L0), degree)
+        try:
+            check_nonresonant(problem)
+        except InputError:
+            continue
+        return problem
 
 
-def lowest_degree(problem: NormalFormProblem, series: Coefficients) -> int:
-    """The lowest degree at which a series has a term; 0 for none."""
-    degrees = problem.basis.exponents[np.any(series != 0, axis=0)].sum(axis=1)
-    return int(degrees.min()) if degrees.size else 0
+def _fractions(stream: np.random.Generator, shape: tuple[int, ...], below: int) -> Coefficients:
+    """One, two or three times 1 / ``below``, of either sign."""
+    drawn = stream.integers(1, 4, shape) * stream.choice([-1, 1], shape)
+    found: Coefficients = drawn.astype(object) * Fraction(1, below)
+    return found
+
+
+def _higher(stream: np.random.Generator, rows: int, basis: Monomials) -> Coefficients:
+    """Coefficients of degree 2 and above: two of five are drawn, and always that of x1^2."""
+    shape = rows, len(basis.exponents)
+    kept = stream.random(shape) < 0.4
+    kept[:, : basis.first[2]] = False
+    kept[:, basis.first[2]] = True
+    found = _fractions(stream, shape, 4)
+    found[~kept] = Fraction(0)
+    return found

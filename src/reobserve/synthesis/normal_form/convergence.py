@@ -141,12 +141,14 @@ def part_norms(series: PolynomialMap) -> Array:
 
 def warning(domain: Convergence, states: ArrayLike, step: float) -> str | None:
     """A sentence if a trajectory sampled every ``step`` seconds leaves the domain; None if not."""
-    outside = domain.outside(states)
-    if not outside.any():
+    growth = domain.growth(states)
+    outside, edge = growth >= 1.0, domain.outside(states)
+    if not edge.any():
         return None
-    first = int(np.argmax(outside)) * step
+    first = int(np.argmax(edge)) * step
     return (
-        f"the series converges up to a radius of {domain.radius:.3g} or little beyond; the "
-        f"trajectory is outside or at the edge for {100 * float(np.mean(outside)):.3g} % of its "
-        f"samples, first at t = {first:g} s, where a higher order need not be better"
+        f"the series converges up to a radius of {domain.radius:.3g} or little beyond; of the "
+        f"samples of the trajectory {100 * float(np.mean(outside)):.3g} % are outside and "
+        f"{100 * float(np.mean(edge & ~outside)):.3g} % within {100 * domain.error:.2g} % of the "
+        f"edge, the first at t = {first:g} s, where a higher order need not be better"
     )
