@@ -91,7 +91,12 @@ def of_delay() -> Iterator[str]:
         yield f"| `{observer}`, {figure} |{'|'.join(numbers)}|"
     ledger = Ledger.load(ROOT, "delay")
     runs = ledger.section("studies", "tradeoff")["runs"]
-    yield f"RMS errors from {ledger.section('metrics')['start']:g} s on"
+    metrics = ledger.section("metrics")
+    yield f"RMS errors from {metrics['start']:g} s on"
+    yield f"from {metrics['varying_from']:g} to {metrics['varying_until']:g} s"
+    (start,) = dict(ledger.entries())["metrics.start"]["named"]
+    yield f"not from t = {start:g} on"
+    yield f"but from {metrics['start']:g} s on"
     yield f"means over {runs} runs with other noise:"
     second, lower = (gains[f"order{m}_noise", "varying_rms_delay_error rho=2.5"] for m in (2, 1))
     yield f"({second:.3g} against {lower:.3g} s without noise)"

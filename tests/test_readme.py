@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from matplotlib import rc_context, rcdefaults
 
 from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.registry import read_claims
@@ -36,7 +37,9 @@ def test_the_python_of_the_readme_and_of_the_library_s_page_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     short, figure = python_of(README)
-    exec(compile(short, "README.md", "exec"), {})
+    with rc_context():
+        rcdefaults()
+        exec(compile(short, "README.md", "exec"), {})
     (shown,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
     assert capsys.readouterr().out == shown
     stored, drawn = ROOT / "docs/pages/start/tank.png", tmp_path / "tank.png"

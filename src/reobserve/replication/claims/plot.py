@@ -28,6 +28,13 @@ from reobserve.replication.claims.sensitivity import (
 )
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
+_OTHER = "other"  # of a draw: this check is satisfied, and another one is not
+_MARKS: dict[object, tuple[str, str, str]] = {
+    True: ("claim holds", _HELD, "o"),
+    False: ("claim fails", _FAILED, "x"),
+    _OTHER: ("fails by another check", "0.5", "+"),
+}
+_MOST_DECADES = 1e12  # of a logarithmic axis; what is less stands below it
 _SMALL = 6.3  # points
 _LEFT = 1.95  # inches, for the names of choices
 _MOST_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
@@ -102,26 +109,25 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
         key=lambda trial: _last_if_none(trial.outcome.numbers[k]),
     )
     numbers = [trial.outcome.numbers[k] for trial in trials]
-    for held, color, marker in ((True, _HELD, "o"), (False, _FAILED, "x")):
-        places = [
-            x
-            for x, trial in enumerate(trials)
-            if trial.outcome.held is held and math.isfinite(numbers[x])
-        ]
-        curve.plot(
-            places, [numbers[x] for x in places], marker, color=color, markersize=3,
-            label="claim holds" if held else "claim fails",
-        )  # fmt: skip
+    marks = [
+        _OTHER if not trial.outcome.held and check.satisfied_by(number) else trial.outcome.held
+        for trial, number in zip(trials, numbers, strict=True)
+    ]
+    for kind, (label, color, marker) in _MARKS.items():
+        places = [x for x, mark in enumerate(marks) if mark == kind and math.isfinite(numbers[x])]
+        if places or kind != _OTHER:
+            shown = [numbers[x] for x in places]
+            curve.plot(places, shown, marker, color=color, markersize=3, label=label)
     for bound in _bounds(check):
         curve.axhline(bound, color="0.4", linewidth=0.8, linestyle=(0, (5, 2)))
     stated = one.stated.numbers[k] if one.stated.numbers else math.nan
     if math.isfinite(stated):
-        curve.axhline(stated, color=_STATED, linewidth=0.8, label="with the ledger as it is")
+        curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
     _scale(curve, [*filter(math.isfinite, [*numbers, stated]), *_bounds(check)])
     lost = one.draws - len(trials)
-    noted = f" ({lost} more diverged)" if lost else ""
+    noted = f" ({lost} diverged or were refused)" if lost else ""
     curve.set_title(f"{_spoken(claim)}: held in {one.held} of {one.draws} draws{noted}")
-    curve.set_ylabel("\n".join(textwrap.wrap(check.name, 26)), fontsize=_SMALL)
+    curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
     curve.legend(fontsize=_SMALL, ncols=3, loc="best")
     curve.set_xticks([])
     for row in range(len(one.names)):
@@ -132,7 +138,10 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
         )  # fmt: skip
     _label_rows(choices, one.names)
     choices.set_xlim(curve.get_xlim())
-    choices.set_xlabel("draws in order; dark: high in its range", fontsize=_SMALL)
+    choices.set_xlabel(
+        "draws in order; dark: high in its range, or late among its words in alphabetic order",
+        fontsize=_SMALL,
+    )
     choices.set_xticks([])
     choices.grid(visible=False)
 
@@ -151,6 +160,7 @@ def _scale(axes: Axes, shown: Sequence[float]) -> None:
     low, high = min(shown, default=1.0), max(shown, default=1.0)
     if low > 0 and high > 100 * low:
         axes.set_yscale("log")
+        axes.set_ylim(bottom=max(low, high / _MOST_DECADES) / 2)
 
 
 def _last_if_none(number: float) -> float:
@@ -168,6 +178,16 @@ def _label_rows(axes: Axes, names: Sequence[str]) -> None:
     short = [re.sub(r"\{.*?\}", "*", name) for name in names]
     axes.set_yticks(range(len(names)), short, fontsize=5.6)
     axes.set_ylim(len(names) - 0.4, -0.6)
+
+
+def _spelled(check: Check) -> str:
+    """What the axis shows: numbers of figures or of the theory, in words."""
+    value = check.value[0]
+    name = f"{value.metric.replace('_', ' ')} of {value.observer}, {value.figure}"
+    if not check.how:
+        return name
+    other = check.other[0]
+    return f"{name} {'over' if check.how == 'over' else 'less'} that of {other.observer}"
 
 
 def _spoken(claim: Claim) -> str:
