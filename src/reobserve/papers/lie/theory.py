@@ -295,11 +295,15 @@ def _form(problem: NormalFormProblem) -> NormalForm:
 
 def _inverse_radius(job: Job, design: keys.Design, degree: int) -> float:
     """Of convergence of S; 0 for a series that ends, nan if its degree is too low to tell."""
-    for each in (degree, design.degree):  # of a series that ends the high degrees are rounding
+    found = float("nan")
+    # Of a series that ends the high degrees are rounding: the low degree is asked first.
+    for each in (design.degree, degree):
         problem = build_problem(job.plant, design, degree=each)
         S = PolynomialMap(problem.basis, solve_s(problem, solver_for(problem)))
         try:
-            return 1.0 / convergence(S).radius
+            found = 1.0 / convergence(S).radius
         except InputError:
-            continue
-    return float("nan")
+            found = float("nan")
+        if found == 0.0:
+            break
+    return found
