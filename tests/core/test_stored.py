@@ -398,7 +398,7 @@ HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
 LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
     "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
-    "refused": [], "looked": True, "flip": FLIP, "basis": "0a", "kept": 0,
+    "refused": [], "looked": True, "flip": FLIP, "basis": "0a", "kept": 0, "quantifier": "is",
 }  # fmt: skip
 
 

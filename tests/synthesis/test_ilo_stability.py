@@ -16,7 +16,6 @@ from reobserve.synthesis.ilo_sampled_stability import (
     sampled_stability,
 )
 from reobserve.synthesis.ilo_stability import continuous_stability
-from tests.papers.ilo.limits import scalar_sampled_limit
 
 Array = NDArray[np.float64]
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
@@ -176,7 +175,6 @@ LIMITS = [
 def test_sampled_limit_for_the_satellite(interval: float, K1: float, expected: float) -> None:
     limit = sampled_limit_gain(Law(INERTIA, 1.0, 1.0, K1, 1.0, interval))
     assert limit == pytest.approx(expected, rel=2e-4 if K1 < 1 else 1e-5)
-    assert limit == pytest.approx(scalar_sampled_limit(SMALLEST, 1.0, K1, interval), rel=1e-9)
 
 
 def test_sampled_limit_against_the_closed_form() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reobserve.core.arguments import as_whole
 from reobserve.core.errors import InputError
 from reobserve.core.finite import finite
 from reobserve.core.matrices import (
@@ -124,13 +125,13 @@ def lyapunov_values(
     Raises
     ------
     InputError
-        If a shape is wrong or ``inertia`` is not symmetric positive definite.
+        If a shape is wrong, ``inertia`` is not symmetric positive definite, or ``samples`` is no
+        whole number from 1 to len - 1.
     """
     rates = as_rows("rate_error", rate_error)
     errors = as_rows("error", error, rates)
     size = rates.shape[1]
-    if not 0 < samples < len(rates):
-        raise InputError("samples", f"{samples} must be above 0 and below {len(rates)}")
+    samples = as_whole("samples", samples, 1, len(rates) - 1)
     # V = w~^T J w~ + the integral of e^T W e over the last interval
     energy = quadratic_form(as_positive_definite("inertia", inertia, size), rates)
     density = quadratic_form(as_matrix("memory_weight", memory_weight, size), errors)
