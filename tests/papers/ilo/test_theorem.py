@@ -368,5 +368,7 @@ def test_the_repaired_function_by_hand_and_the_samples_that_it_takes() -> None:
     np.testing.assert_allclose(values, expected, rtol=1e-14)
     assert lyapunov_values([[2.0]], kept, rate, error, 1.0, 3).shape == (1,)
     for samples in (0, -1, 4, 5):
-        with pytest.raises(InputError, match=f"samples: {samples} must be a whole number, from 1 to 3"):
+        with pytest.raises(
+            InputError, match=f"samples: {samples} must be a whole number, from 1 to 3"
+        ):
             lyapunov_values([[2.0]], kept, rate, error, 1.0, samples)

@@ -44,8 +44,6 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     neighbours; at most ``longest`` seconds, and half the window. Neither truth nor estimate counts
     outside the window: what the estimate does after it may be an answer to a jump at its end.
     """
-    from scipy.signal import correlate
-
     chosen = window(time, *bounds)
     truth, estimate = truth[chosen], estimate[chosen]
     step, count = time[1] - time[0], len(truth)
@@ -57,7 +55,8 @@ def lag(time: Array, truth: Array, estimate: Array, bounds: Any, longest: float)
     # The sum of (estimate(t + k) - truth(t))^2 over all t of both, for each shift k.
     left = np.arange(count, count - most - 1, -1)
     squares = np.cumsum(truth**2)[left - 1] + np.cumsum(estimate[::-1] ** 2)[left - 1]
-    products = correlate(estimate, truth)[count - 1 : count + most]
+    spectra = np.fft.rfft([estimate, truth], 2 * count)
+    products = np.fft.irfft(spectra[0] * spectra[1].conj(), 2 * count)[: most + 1]
     errors = (squares - 2.0 * products) / left
     # Transforms round off some 1e-15 of the squares: what is below 1e-12 of them is none.
     best = int(np.argmin(np.maximum(errors, 1e-12 * squares[0] / count)))

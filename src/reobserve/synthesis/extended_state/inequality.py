@@ -58,7 +58,7 @@ _BITS = 256  # of the gains, before they are rounded
 class PdPiVariables:
     """What is solved for: P1, P2, P3, shape (N, N), and Y1, Y2, shape (p, N).
 
-    Indriawati, Agustinah & Jazidie, (17).
+    Indriawati, Agustinah & Jazidie, Lemma 1 and (17).
 
     They may be arrays of floats, arrays of balls (of dtype object) or expressions of cvxpy: the
     blocks are formed from any of them.
@@ -91,7 +91,7 @@ class PdPiVariables:
     def blocks(self, system: AugmentedSystem, gamma: Any, decay: float = 0.0) -> Rows:
         """The left side of the inequality, 4 x 4 blocks; ``decay`` [1/s] is alpha.
 
-        Indriawati, Agustinah & Jazidie, (19).
+        Indriawati, Agustinah & Jazidie, (18), (19), (22), (23) and (24).
         """
         top = self.P2 + self.P2.T + 2.0 * decay * self.P1
         side, below = self._side(system), self._below(system)
