@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.scoring import Errors, scored_errors
-from reobserve.papers.ilo.setup import known_body
 from reobserve.replication.metrics.metrics import Metric, Score, scores_of
 from reobserve.replication.metrics.responses import first_crossing, peak, settling_time
 from reobserve.replication.parameters.figure_data import FigureData

@@ -8,25 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reobserve.core.errors import InputError, located
+from reobserve.core.errors import InputError
 from reobserve.core.random_streams import held_normal
 from reobserve.observers.adaptive import AdaptiveObserver
 from reobserve.observers.ilo import ILO
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.replication.parameters.job import Job, named
 from reobserve.signals.grid import noise_hold, plant_grid
-from reobserve.systems.rigid_body import RigidBody
 
 MOST_STEPS = 20_000_000  # of a plant record: about a gigabyte
-
-
-def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
-    """The rigid body as an observer knows it, its inertia off by ``factor``."""
-    with located("plant"):
-        body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
-    return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)
 
 
 def build_observer(plant: keys.Plant, observer: keys.Observer) -> RigidBodyObserver:

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.metrics import LEARNING
-from reobserve.papers.ilo.setup import known_body
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part
 from reobserve.replication.parameters.job import Job, named

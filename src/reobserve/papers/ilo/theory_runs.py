@@ -16,12 +16,13 @@ from reobserve.observers.fixed_step import run_on_halves
 from reobserve.observers.ilo_sampled import SampledILO
 from reobserve.observers.rigid_body_observer import State
 from reobserve.papers.ilo import keys
+from reobserve.papers.ilo.body import known_body
 from reobserve.papers.ilo.lyapunov import gyroscopic_eta, lyapunov_values, repaired_weights
 from reobserve.papers.ilo.metrics import LEARNING
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors, scored, scored_errors
-from reobserve.papers.ilo.setup import build_observer, known_body, pure_integrator, stride
+from reobserve.papers.ilo.setup import build_observer, pure_integrator, stride
 from reobserve.papers.ilo.theorem import bound18, certify
 from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.parts import part

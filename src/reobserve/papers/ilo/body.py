@@ -1,0 +1,14 @@
+"""The rigid body of the parameter file; metrics take it without the compiled observers."""
+
+from __future__ import annotations
+
+from reobserve.core.errors import located
+from reobserve.papers.ilo import keys
+from reobserve.systems.rigid_body import RigidBody
+
+
+def known_body(plant: keys.Plant, factor: float = 1.0) -> RigidBody:
+    """The rigid body as an observer knows it, its inertia off by ``factor``."""
+    with located("plant"):
+        body = RigidBody(plant.inertia, plant.input_matrix, plant.fault_matrix)
+    return RigidBody(factor * body.inertia, body.input_matrix, body.fault_matrix)
