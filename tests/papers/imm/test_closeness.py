@@ -16,15 +16,11 @@ from reobserve.core.errors import InputError
 from reobserve.core.validation import parse
 from reobserve.observers.kalman import KalmanFilter
 from reobserve.papers.imm import keys, study, study_closeness, study_rows
+from reobserve.papers.imm.detection import Share, curve, enough_gap, judge, measure
 from reobserve.papers.imm.detectors import (
-    Share,
-    curve,
     distances,
-    enough_gap,
-    judge,
     likelihoods,
     log_odds,
-    measure,
     rest_likelihoods,
     threshold,
     unmixed_log_odds,

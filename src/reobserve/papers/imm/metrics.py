@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from reobserve.papers.imm import detectors
+from reobserve.papers.imm import detection
 from reobserve.papers.imm.keys import MODES
 from reobserve.papers.imm.record import UNITS
 from reobserve.papers.imm.scoring import check_rules, probabilities
@@ -179,7 +179,7 @@ def _changes(data: FigureData) -> Iterator[Metric]:
 
 def _closeness(data: FigureData) -> Iterator[Metric]:
     """Detected faults and false alarms by detector, plant, noise and share; the least gaps."""
-    yield from detectors.measure(data.study, data.job.study.enough)
+    yield from detection.measure(data.study, data.job.study.enough)
 
 
 def _causes(data: FigureData) -> Iterator[Metric]:
