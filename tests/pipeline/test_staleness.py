@@ -59,7 +59,7 @@ MORE_EDITS = {
     "papers/ilo/observe.py": FROM_OBSERVE,
     "cli/stages/observe.py": {"observe": 14, "metrics": 6, "plot": 6},  # the study calls the paper
     "papers/ilo/study.py": {"study": 1, "metrics": 1, "plot": 1},
-    "papers/ilo/keys.py": ALL,  # types of settings, and columns of files
+    "papers/ilo/study_rows.py": {"study": 1, "metrics": 6, "plot": 6},
     "synthesis/ilo_accuracy.py": {"metrics": 6, "plot": 6},  # by way of the prediction
     "papers/ilo/plot.py": {"plot": 6},
     "plotting/figures.py": {"plot": 6},

@@ -23,11 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from reobserve.core.arguments import as_kind
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats, as_vector
-from reobserve.observers.contract import Observer, OnDivergence, Record, Rows
-from reobserve.observers.fixed_step import Pair
-from reobserve.observers.gaussian_filter import State, as_covariances
+from reobserve.observers.contract import Record, Rows
+from reobserve.observers.gaussian_filter import NoiseByRow, State, as_covariances
 from reobserve.observers.kalman import KalmanFilter
-from reobserve.observers.run import Estimate, Run
 from reobserve.synthesis.linear import undetectable_modes
 from reobserve.systems.linear import LinearModel, as_covariance
 
@@ -35,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AugmentedKalmanFilter(Observer[State]):
+class AugmentedKalmanFilter(NoiseByRow):
     """The Kalman filter on the state and q unknown inputs.
 
     Its estimates are ``state``, shape (k, n), and ``unknown_input``, (k, q); ``variance`` and
@@ -177,48 +175,6 @@ class AugmentedKalmanFilter(Observer[State]):
         spread[:n, :n] = as_covariance("covariance", covariance, n)
         spread[n:, n:] = as_covariance("unknown_input_covariance", unknown_input_covariance, q)
         return self._kalman.init(np.concatenate([as_vector("mean", mean, n), d]), spread, u=u)
-
-    def step(
-        self,
-        state: State,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        Q: ArrayLike | None = None,
-        R: ArrayLike | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-    ) -> tuple[State, Estimate]:
-        """Take one sample, as `reobserve.observers.gaussian_filter.GaussianFilter.step`.
-
-        Q and R are the covariances of the noises of the model, in place of its own.
-        """
-        return Observer.step(self._with_noise(Q, R, 1), state, y, u, before=before, middle=middle)
-
-    def run(
-        self,
-        y: ArrayLike,
-        u: ArrayLike | None = None,
-        *,
-        state: State | None = None,
-        time: ArrayLike | None = None,
-        Q: ArrayLike | None = None,
-        R: ArrayLike | None = None,
-        before: Pair | None = None,
-        middle: Pair | None = None,
-        on_divergence: OnDivergence = "raise",
-    ) -> Run[State]:
-        """Estimates of a record, as `reobserve.observers.gaussian_filter.GaussianFilter.run`.
-
-        Q, shape (n, n) or (k, n, n), and R, (m, m) or (k, m, m), are the covariances of the noises
-        of the model, in place of its own, for the whole record or for each row.
-        """
-        changed = Q is not None or R is not None
-        rows = len(self._read_measurements("y", y)) if changed else 0
-        return Observer.run(
-            self._with_noise(Q, R, rows), y, u, state=state, time=time, before=before,
-            middle=middle, on_divergence=on_divergence,
-        )  # fmt: skip
 
     def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
         """The same filter with other noise, for one record."""

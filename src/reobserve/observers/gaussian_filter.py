@@ -94,66 +94,8 @@ class Noise:
     R: Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class GaussianFilter(Observer[State]):
-    """A filter of mean and covariance; what derives from it has a ``model`` with Q and R.
-
-    Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), with ``variance``,
-    (k, n), on its diagonal, after each measurement; ``innovation``, (k, m), and
-    ``innovation_covariance``, (k, m, m), nan where a measurement is missing; and
-    ``log_likelihood``, (k,), of the measurement, zero where all of it is missing.
-    """
-
-    model: Any
-    sampling_period: float = field(init=False)
-
-    reads_between: ClassVar[bool] = False
-    reads_missing: ClassVar[bool] = True
-    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("state", "variance", "covariance", "innovation", "innovation_covariance",
-         "log_likelihood"), "",
-    )  # fmt: skip
-
-    @property
-    def measurements(self) -> int:
-        """How many numbers a row of y has."""
-        return int(self.model.outputs)
-
-    @property
-    def inputs(self) -> int:
-        """How many numbers a row of u has."""
-        return int(self.model.inputs)
-
-    @cached_property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Tuples as long as there are states and outputs, for which loops are compiled."""
-        return (0,) * self.model.states, (0,) * self.model.outputs
-
-    def init(self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None) -> State:
-        """The state before the first row of a record.
-
-        Parameters
-        ----------
-        mean
-            Of the state, shape (n,).
-        covariance
-            Of the state: a number, n numbers or (n, n); positive semidefinite.
-        u
-            Left out, mean and covariance are meant at the first row, whose measurement corrects
-            them. Given, they are meant a sampling period before it, and u, shape (p,), is the
-            input that is held up to it: the filter then predicts first.
-
-        Raises
-        ------
-        InputError
-            If one of them is not that.
-        """
-        belief = Gaussian(
-            as_vector("mean", mean, self.model.states),
-            as_covariance("covariance", covariance, self.model.states),
-            np.zeros(self.model.outputs),
-        )
-        return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
+class NoiseByRow(Observer[State]):
+    """An observer that takes the covariances of its model's noise for each row of a record."""
 
     def step(
         self,
@@ -233,6 +175,72 @@ class GaussianFilter(Observer[State]):
             self._with_noise(Q, R, rows), y, u, state=state, time=time, before=before,
             middle=middle, on_divergence=on_divergence,
         )  # fmt: skip
+
+    def _with_noise(self, Q: ArrayLike | None, R: ArrayLike | None, rows: int) -> Self:
+        """The same observer with other noise, for one record."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GaussianFilter(NoiseByRow):
+    """A filter of mean and covariance; what derives from it has a ``model`` with Q and R.
+
+    Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), with ``variance``,
+    (k, n), on its diagonal, after each measurement; ``innovation``, (k, m), and
+    ``innovation_covariance``, (k, m, m), nan where a measurement is missing; and
+    ``log_likelihood``, (k,), of the measurement, zero where all of it is missing.
+    """
+
+    model: Any
+    sampling_period: float = field(init=False)
+
+    reads_between: ClassVar[bool] = False
+    reads_missing: ClassVar[bool] = True
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("state", "variance", "covariance", "innovation", "innovation_covariance",
+         "log_likelihood"), "",
+    )  # fmt: skip
+
+    @property
+    def measurements(self) -> int:
+        """How many numbers a row of y has."""
+        return int(self.model.outputs)
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers a row of u has."""
+        return int(self.model.inputs)
+
+    @cached_property
+    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Tuples as long as there are states and outputs, for which loops are compiled."""
+        return (0,) * self.model.states, (0,) * self.model.outputs
+
+    def init(self, mean: ArrayLike, covariance: ArrayLike, *, u: ArrayLike | None = None) -> State:
+        """The state before the first row of a record.
+
+        Parameters
+        ----------
+        mean
+            Of the state, shape (n,).
+        covariance
+            Of the state: a number, n numbers or (n, n); positive semidefinite.
+        u
+            Left out, mean and covariance are meant at the first row, whose measurement corrects
+            them. Given, they are meant a sampling period before it, and u, shape (p,), is the
+            input that is held up to it: the filter then predicts first.
+
+        Raises
+        ------
+        InputError
+            If one of them is not that.
+        """
+        belief = Gaussian(
+            as_vector("mean", mean, self.model.states),
+            as_covariance("covariance", covariance, self.model.states),
+            np.zeros(self.model.outputs),
+        )
+        return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
 
     @property
     def _noise(self) -> Noise:

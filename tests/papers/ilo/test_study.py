@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.papers.ilo import keys, study
+from reobserve.papers.ilo import study, study_rows
 from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
@@ -34,7 +34,7 @@ def settings() -> dict[str, Any]:
 def table(settings: dict[str, Any]) -> StudyTable:
     fault = fixed_ledger("ilo").section("scenarios", "aperiodic")
     record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
-    return StudyTable.of(study.run(settings, record), keys.KINDS)
+    return StudyTable.of(study.run(settings, record), study_rows.KINDS)
 
 
 def over_time(table: StudyTable, observer: str) -> np.ndarray:

@@ -159,5 +159,8 @@ def test_half_of_the_draws_take_a_value_that_the_paper_names() -> None:
     assert abs(np.mean(drawn == 1.0) - 0.5) < 4 * 0.5 / math.sqrt(len(drawn))
     others = drawn[drawn != 1.0]
     assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
+    words = {"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]}
+    chosen = values(ledger(solver=words), "plant.solver", 400)
+    assert abs(np.mean(chosen == "B") - (0.5 + 0.5 / 3)) < 0.1
     (knob,) = find_choice(ILO, GAIN).knobs
     assert "named" not in repr(knob)  # digests of kept draws are of this

@@ -23,8 +23,13 @@ from reobserve.replication.claims.registry import Claim, Quantifier, read_regist
 from reobserve.replication.claims.robustness import Robustness, Trial
 from reobserve.replication.claims.robustness_file import read_robustness, to_data
 from reobserve.replication.claims.table import row, tell_flip
-from reobserve.replication.claims.verdict_table import put_into
-from reobserve.replication.claims.verdicts import count, replicated, title_margin, verdict
+from reobserve.replication.claims.verdict_table import put_into, titles
+from reobserve.replication.claims.verdicts import (
+    count,
+    replicated,
+    title_margin,
+    verdict,
+)
 from reobserve.replication.parameters.ledger import Ledger
 
 ROOT = Path(__file__).parents[3]
@@ -197,6 +202,21 @@ def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
     spelled = {"r": "reproduced", "c": "contradicted", "d": "depends on unstated choices"}
     rows = made(*(spelled[word] for word in words), promised=range(len(words)))
     assert title_margin(rows) == said
+
+
+def test_the_titles_under_other_choices_of_headlines() -> None:
+    rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0, 2])
+    rows[3] |= {"place": "Section 2", "promised": "conclusions"}
+    head, _, told = titles(rows).strip().splitlines()
+    assert (
+        head
+        == "| paper | abstract and conclusions | abstract | conclusions | figures | all claims |"
+    )
+    assert told == (
+        "| `a` | [Re] 2 of 2, 0 contradicted | [Re] 1 of 1, 0 contradicted | [Re] 1 of 1, 0 "
+        "contradicted | [¬Re] 1 of 2, 1 contradicted | [¬Re] 2 of 3, 1 contradicted |"
+    )
+    assert "| none | [Re] 1 of 1" in titles([row | {"promised": "abstract"} for row in rows[:1]])
 
 
 def test_broken_claims_count() -> None:

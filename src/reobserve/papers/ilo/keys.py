@@ -1,4 +1,4 @@
-"""The keys of the parameter file, as types, and the columns of the paper's files."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from reobserve.core.files import NAME, NUMBER, SCORE, WHOLE
 from reobserve.core.validation import (
     Count,
     Levels,
@@ -25,7 +24,6 @@ from reobserve.core.validation import (
 )
 from reobserve.replication.parameters import job
 from reobserve.replication.parameters.job import signal
-from reobserve.signals.series import Shape
 
 Torque = Annotated[Terms, signal(3)]
 Vector = Annotated[list[float], vector(3)]
@@ -186,30 +184,3 @@ class Ledger:
     metrics: Metrics
     theory: Theory
     figures: Mapping[str, Annotated[Estimation | MatchingFigure, Field(discriminator="layout")]]
-
-
-# Of the record of the plant; the channels have limits from the left where they jump.
-EVENTS = ("onsets",)
-
-
-def plant(_: job.Job) -> dict[str, Shape]:
-    """The channels of a record."""
-    return {
-        "rate": Shape("rad/s", 3),
-        **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
-        **dict.fromkeys(("control", "fault"), Shape("N m", 3)),
-        **dict.fromkeys(("control_before", "fault_before"), Shape("N m", 3, optional=True)),
-    }
-
-
-def estimates(_: job.Job) -> dict[str, Shape]:
-    """The channels of an observer's estimates."""
-    return {"rate": Shape("rad/s", 3), **dict.fromkeys(("fault", "fault_before"), Shape("N m", 3))}
-
-
-# Of the study.
-KINDS = {
-    **dict.fromkeys(("sweep", "observer"), NAME),
-    "level": NUMBER, "run": WHOLE, "relative_rms_error": SCORE,
-}  # fmt: skip
-HEADER = tuple(KINDS)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from reobserve.core.errors import located
 from reobserve.core.random_streams import random_stream
 from reobserve.observers.rigid_body_observer import RigidBodyObserver
-from reobserve.papers.ilo import keys
+from reobserve.papers.ilo import keys, study_rows
 from reobserve.papers.ilo.observe import observe
 from reobserve.papers.ilo.scoring import Errors, scored_errors
 from reobserve.papers.ilo.setup import build_observer, held_noise, pure_integrator
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
-    """One row for each run, with the columns of `keys.HEADER`.
+    """One row for each run, with the columns of `study_rows.HEADER`.
 
     ``level`` is Gamma, the noise, or the time at the end of the second [s] over which e is taken
     while it is relative to the fault over the scored window, as everywhere.
@@ -100,7 +100,7 @@ def _with_noise(plant: Series, level: float, noise: tuple[Array, Array]) -> Seri
 
 
 def _row(sweep: str, observer: str, level: float, run: int, score: float) -> dict[str, Any]:
-    return dict(zip(keys.HEADER, (sweep, observer, float(level), run, score), strict=True))
+    return dict(zip(study_rows.HEADER, (sweep, observer, float(level), run, score), strict=True))
 
 
 def _estimate(

@@ -25,8 +25,8 @@ class Knob:
     """One number (or word) of a choice, and where it may stand.
 
     ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
-    are the alternatives of anything else. ``named`` are values in the interval that the paper
-    names: half of the draws take one of them.
+    are the alternatives of anything else. ``named`` are those of the values that the paper names:
+    half of the draws take one of them.
     """
 
     keys: tuple[str, ...]
@@ -71,10 +71,10 @@ class Knob:
 
     def drawn(self, stream: np.random.Generator) -> Any:
         """A value that another reader could have set."""
-        if self.words:
-            return self.words[int(stream.integers(len(self.words)))]
         if self.named and stream.random() < 0.5:
             return self.named[int(stream.integers(len(self.named)))]
+        if self.words:
+            return self.words[int(stream.integers(len(self.words)))]
         return self.at(float(stream.random()))
 
 
@@ -152,9 +152,9 @@ def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
-    allowed, value = entry["range"], entry["value"]
+    allowed, value, named = entry["range"], entry["value"], tuple(entry.get("named", ()))
     if isinstance(allowed, dict) and "choices" in allowed:
-        yield Knob(keys, (), value, words=tuple(allowed["choices"]))
+        yield Knob(keys, (), value, words=tuple(allowed["choices"]), named=named)
         return
     intervals = allowed if isinstance(allowed, dict) else {"": allowed}
     grids = entry.get("multiple_of", {})
@@ -165,7 +165,6 @@ def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
         if spans:
             span = max(low for low, _ in spans), min(high for _, high in spans)
             multiple = [grid for place, grid in grids.items() if matches(place, path)]
-            named = tuple(entry.get("named", ()))
             yield Knob(keys, path, leaf, span, multiple[0] if multiple else 0.0, named=named)
 
 

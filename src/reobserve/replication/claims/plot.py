@@ -34,7 +34,7 @@ _MARKS: dict[object, tuple[str, str, str]] = {
     False: ("claim fails", _FAILED, "x"),
     _OTHER: ("fails by another check", "0.5", "+"),
 }
-_MOST_DECADES = 1e12  # of a logarithmic axis; what is less stands below it
+_WIDEST = 1e12  # the ratio of the ends of a logarithmic axis; what is less stands below it
 _SMALL = 6.3  # points
 _LEFT = 1.95  # inches, for the names of choices
 _MOST_BARS = 6  # the greatest; the others explain less, and seldom more than chance does
@@ -160,7 +160,7 @@ def _scale(axes: Axes, shown: Sequence[float]) -> None:
     low, high = min(shown, default=1.0), max(shown, default=1.0)
     if low > 0 and high > 100 * low:
         axes.set_yscale("log")
-        axes.set_ylim(bottom=max(low, high / _MOST_DECADES) / 2)
+        axes.set_ylim(bottom=max(low, high / _WIDEST) / 2)
 
 
 def _last_if_none(number: float) -> float:

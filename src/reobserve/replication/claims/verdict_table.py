@@ -48,9 +48,9 @@ def titles(rows: Sequence[Mapping[str, str]]) -> str:
         cells = []
         for rule in HEADLINES:
             found = headlines(_of(rows, paper), rule)
-            words = [found.count(word) for word in (REPRODUCED, CONTRADICTED)]
-            title = _title(replicated(_of(rows, paper), rule)) if found else "none"
-            cells.append(f"{title} {words[0]} of {len(found)}, {words[1]} contradicted")
+            good, bad = (found.count(word) for word in (REPRODUCED, CONTRADICTED))
+            title = _title(replicated(_of(rows, paper), rule))
+            cells.append(f"{title} {good} of {len(found)}, {bad} contradicted" if found else "none")
         lines.append(f"| `{paper}` | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 

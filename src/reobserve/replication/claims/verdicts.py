@@ -69,7 +69,7 @@ HEADLINES: Mapping[str, Callable[[Row], bool]] = {
     "abstract and conclusions": lambda row: bool(row["promised"]),
     "abstract": lambda row: "abstract" in row["promised"],
     "conclusions": lambda row: "conclusions" in row["promised"],
-    "figures": lambda row: re.search(r"\bFigs?\b|\bT\(z\)", row["place"]) is not None,
+    "figures": lambda row: re.search(r"\bFigs?\b", row["place"]) is not None,
     "all claims": lambda row: True,
 }
 RULE = "abstract and conclusions"

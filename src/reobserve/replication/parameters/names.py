@@ -17,20 +17,13 @@ SECTIONS = {
 
 DEFAULT_STYLE = "default"
 
-_COLUMNS = ("record", "study_rows")  # parts of a paper that say what its files hold
 _PAPERS = Path(__file__).parents[2] / "papers"  # a package for each paper, or a module
 
 
 def paper_part(paper: str, part: str) -> str:
-    """The module in which a paper has a part: its own, or that of the whole paper.
-
-    What files hold, a paper may say in its module ``keys``.
-    """
-    if (_PAPERS / f"{paper}.py").is_file():
-        return f"reobserve.papers.{paper}"
-    if part in _COLUMNS and not (_PAPERS / paper / f"{part}.py").is_file():
-        part = "keys"
-    return f"reobserve.papers.{paper}.{part}"
+    """The module in which a paper has a part: its own, or that of the whole paper."""
+    whole = (_PAPERS / f"{paper}.py").is_file()
+    return f"reobserve.papers.{paper}" if whole else f"reobserve.papers.{paper}.{part}"
 
 
 def stored_parameters(paper: str) -> str:

@@ -106,7 +106,7 @@ class Entry(Model):
     source: Text = Field(description="Where the paper states it, or `assumed`.")
     why: Text | None = Field(None, description="Why it is assumed to be this.")
     range: Range | None = Field(None, description="What else it could be.")
-    named: Annotated[list[float], Field(min_length=1)] | None = Field(
+    named: Annotated[list[Any], Field(min_length=1)] | None = Field(
         None, description="Values in the range that the paper names; half of the draws take one."
     )
     multiple_of: Multiples | None = Field(

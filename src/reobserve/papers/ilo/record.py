@@ -1,0 +1,23 @@
+"""Channels of a record of the plant and of estimates, with their units."""
+
+from __future__ import annotations
+
+from reobserve.replication.parameters.job import Job
+from reobserve.signals.series import Shape
+
+EVENTS = ("onsets",)
+
+
+def plant(_: Job) -> dict[str, Shape]:
+    """The channels of a record; there are limits from the left of what jumps."""
+    return {
+        "rate": Shape("rad/s", 3),
+        **dict.fromkeys(("measured", "measured_before"), Shape("rad/s", 3, optional=True)),
+        **dict.fromkeys(("control", "fault"), Shape("N m", 3)),
+        **dict.fromkeys(("control_before", "fault_before"), Shape("N m", 3, optional=True)),
+    }
+
+
+def estimates(_: Job) -> dict[str, Shape]:
+    """The channels of an observer's estimates."""
+    return {"rate": Shape("rad/s", 3), **dict.fromkeys(("fault", "fault_before"), Shape("N m", 3))}
