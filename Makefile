@@ -20,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept draws mutations docs lock package env \
+.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept samples mutations docs lock package env \
 	cluster clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -81,8 +81,8 @@ figdiff: $(STAMP)  ## build, compare with the accepted figures and numbers, writ
 accept: $(STAMP)  ## build, accept new figures and golden numbers: make accept REASON="why they moved" [PAPER=ilo]
 	reobserve accept $(PAPER) --reason "$(REASON)" --cores $(CORES)
 
-draws: $(STAMP)  ## draw on where claims are undecided, and keep it in config/draws: make draws [MOST=400] [PAPER=ilo]
-	reobserve draws $(PAPER) --most $(or $(MOST),40)
+samples: $(STAMP)  ## draw on where claims are undecided, and keep it in config/samples: make samples [MOST=400] [PAPER=ilo]
+	reobserve sample $(PAPER) --most $(or $(MOST),40)
 
 mutations: $(STAMP)  ## change a module one operator at a time, list what its tests miss: make mutations MODULE=src/…
 	python -m pip install --quiet --require-hashes -r requirements-mutation.lock

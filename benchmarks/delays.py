@@ -240,14 +240,14 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     start, limits = observer.init(*_START[1:]), np.array([*_BOUNDS, 0.7])
     stream = random_stream(0, "benchmark")
     # Eight records, each used many times: drawing is not what is measured.
-    draws = []
+    samples = []
     for _ in range(8):
         both = zip(held_normal(stream, len(y), 2), held_normal(stream, len(y), 2), strict=True)
-        draws.append([(y + _NOISE * a, u + _NOISE * np.outer(b, (1, 0, 0))) for a, b in both])
-    records = [[observer._table(*side, 0) for side in draw] for draw in draws]
+        samples.append([(y + _NOISE * a, u + _NOISE * np.outer(b, (1, 0, 0))) for a, b in both])
+    records = [[observer._table(*side, 0) for side in draw] for draw in samples]
 
     def checked(number: int) -> float:
-        (output, inputs), (output_before, inputs_before) = draws[number % len(draws)]
+        (output, inputs), (output_before, inputs_before) = samples[number % len(samples)]
         done = run_on_halves(
             observer, output, inputs, state=start, y_before=output_before, u_before=inputs_before
         )
@@ -256,7 +256,7 @@ def _many_runs(section: Section, runs: int, repeats: int) -> None:
     def alone(number: int) -> float:
         states, off = np.empty((steps + 1, 3)), np.empty(steps)
         states[0] = start.values
-        right, left = records[number % len(draws)]
+        right, left = records[number % len(samples)]
         observer_loop(
             MODEL.drift, MODEL.input_gain, MODEL.parameters, _ORDER, 1, limits, _COARSE, right,
             left, states, off,

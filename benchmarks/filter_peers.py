@@ -85,21 +85,23 @@ class OwnFilter:
 
     model: LinearModel
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
         """Time update."""
         A, B, _, _, Q, _ = self.model.arrays
-        return Gaussian(A @ belief.mean + B @ u, A @ belief.covariance @ A.T + Q, belief.error)
+        return Gaussian(
+            A @ posterior.mean + B @ u, A @ posterior.covariance @ A.T + Q, posterior.error
+        )
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
         """Measurement update."""
         _, _, C, D, _, R = self.model.arrays
-        P = belief.covariance
-        innovation = y - C @ belief.mean - D @ u
+        P = posterior.covariance
+        innovation = y - C @ posterior.mean - D @ u
         cross = P @ C.T
         S = C @ cross + R
         inverse = np.linalg.inv(S)
         K = cross @ inverse
-        mean = belief.mean + K @ innovation
+        mean = posterior.mean + K @ innovation
         rest = np.eye(len(mean)) - K @ C
         after = Gaussian(mean, rest @ P @ rest.T + K @ R @ K.T, y - C @ mean - D @ u)
         distance = innovation @ inverse @ innovation
@@ -118,10 +120,10 @@ class CalledFilter:
         """The model of the filter within."""
         return self.inner.model
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
         """Time update."""
-        return self.inner.predict(belief, u)
+        return self.inner.predict(posterior, u)
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
         """Measurement update."""
-        return self.inner.correct(belief, y, u)
+        return self.inner.correct(posterior, y, u)

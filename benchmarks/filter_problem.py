@@ -70,12 +70,12 @@ def record(steps: int) -> tuple[Array, Array, NDArray[np.intp]]:
     controls = 5.0 * np.repeat(stream.standard_normal(steps // 10 + 1), 10)[: steps + 1, np.newaxis]
     process = stream.standard_normal((steps, 4)) * np.sqrt(np.diag(_PROCESS))
     noise = stream.standard_normal((steps, 1)) * np.sqrt(_MEASUREMENT)
-    draws = stream.random(steps)
+    samples = stream.random(steps)
     thresholds = np.cumsum(TRANSITION, axis=1)
     measurements, modes = np.empty((steps, 1)), np.empty(steps, dtype=np.intp)
     x, mode = np.zeros(4), 0
     for k in range(steps):
-        mode = min(int(np.searchsorted(thresholds[mode], draws[k])), 2)
+        mode = min(int(np.searchsorted(thresholds[mode], samples[k])), 2)
         modes[k] = mode
         A, B, C, D, _, _ = arrays[mode]
         x = A @ x + B @ controls[k] + process[k]

@@ -15,7 +15,7 @@ from benchmarks.filter_problem import LAYER, MEMORY, TRANSITION, banks, models, 
 from benchmarks.report import Check, Row, Section
 from benchmarks.timing import medians
 from reobserve.observers.imm import IMM
-from reobserve.observers.imm_loop import Beliefs, new_bank_rows, new_bank_work, run_bank
+from reobserve.observers.imm_loop import Posteriors, new_bank_rows, new_bank_work, run_bank
 
 Array = NDArray[np.float64]
 Peer = Callable[[], Found]
@@ -86,11 +86,11 @@ def _loop(bank: IMM, z: Array, u: Array) -> Callable[[], int]:
 
     def call() -> int:
         covariances = np.tile(np.eye(4), (3, 1, 1))
-        beliefs = Beliefs(
+        posteriors = Posteriors(
             np.zeros((3, 4)), covariances, np.zeros((3, 1)), np.log(np.full(3, 1.0 / 3.0))
         )
-        work = new_bank_work(beliefs, compiled.mixing)
-        return run_bank((0,) * 4, (0,), compiled, law, beliefs, z, u, False, work, rows)
+        work = new_bank_work(posteriors, compiled.mixing)
+        return run_bank((0,) * 4, (0,), compiled, law, posteriors, z, u, False, work, rows)
 
     return call
 
@@ -109,8 +109,8 @@ def _c_call(library: ctypes.CDLL, law: str, bank: IMM, z: Array, u: Array) -> Pe
     places = [pointer(array) for array in found[:4]]
 
     def call() -> Found:
-        beliefs = first.copy()
-        function(pointer(constants), pointer(beliefs), pointer(z), pointer(u), steps, *places)
+        posteriors = first.copy()
+        function(pointer(constants), pointer(posteriors), pointer(z), pointer(u), steps, *places)
         return found.state, found.probability
 
     return call

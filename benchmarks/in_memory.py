@@ -18,7 +18,7 @@ pin_code_paths()  # as the command line does it
 from reobserve.core.documents import read_yaml  # noqa: E402
 from reobserve.replication.evaluation import Evaluator, draw  # noqa: E402
 from reobserve.replication.parameters.config import known_papers  # noqa: E402
-from reobserve.replication.parameters.ledger import Ledger  # noqa: E402
+from reobserve.replication.parameters.parameters import Parameters  # noqa: E402
 
 PROJECT = Path(__file__).parents[1]
 
@@ -26,9 +26,9 @@ PROJECT = Path(__file__).parents[1]
 def make(paper: str, figures: Iterable[str] = ()) -> None:
     """Make these figures of a paper, or all."""
     config = read_yaml(PROJECT / "config" / "config.yaml")
-    ledger = Ledger.load(PROJECT, paper, seed=config["seed"])
-    evaluator = Evaluator(ledger)
-    for figure in figures or ledger.tree["figures"]:
+    parameters = Parameters.load(PROJECT, paper, seed=config["seed"])
+    evaluator = Evaluator(parameters)
+    for figure in figures or parameters.tree["figures"]:
         drawing = draw(evaluator.figure(figure), notes=True)
         for kind in config["formats"]:
             drawing.savefig(io.BytesIO(), format=kind)

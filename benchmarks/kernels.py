@@ -190,7 +190,7 @@ def _first_call(section: Section, c_compile: float | None) -> None:
 
 
 def _outputs(steps: int) -> list[Array]:
-    """Room for the rate, the fault and its limits from the left."""
+    """Margin for the rate, the fault and its limits from the left."""
     return [np.empty((steps + 1, 3)) for _ in range(3)]
 
 

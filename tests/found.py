@@ -10,7 +10,7 @@ from typing import Any
 
 from reobserve.replication.golden.files import golden_file, read_metrics, read_numbers
 from reobserve.replication.metrics.metrics import Numbers
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[1]
 
@@ -36,8 +36,8 @@ def of_ilo() -> Iterator[str]:
     worst = percent(fig4["adaptive", "relative_rms_error"], 3)
     yield f"an error of {worst} with the smallest gains"
     matching = golden_metrics("ilo", "fig4_matched")
-    law = Ledger.load(ROOT, "ilo").section("observers", "continuous")
-    gains = Ledger.load(ROOT, "ilo").section("studies", "matching")["integral_gains"]
+    law = Parameters.load(ROOT, "ilo").section("observers", "continuous")
+    gains = Parameters.load(ROOT, "ilo").section("studies", "matching")["integral_gains"]
     matched, greatest = (
         percent(matching["integral", f"relative_rms_error integral_gain={gain:g}"])
         for gain in (law["K2"] / law["update_interval"], max(gains))
@@ -55,7 +55,7 @@ def of_lie() -> Iterator[str]:
     share = golden_metrics("lie", "fig1_ensemble")["series", "share_better order=4"]
     yield f"a smaller integral of the squared error from {percent(share)} of the initial states"
     ensemble = golden_metrics("lie", "fig1_ensemble")
-    terms = Ledger.load(ROOT, "lie").section("designs", "cubic")["injection"]
+    terms = Parameters.load(ROOT, "lie").section("designs", "cubic")["injection"]
     first, second = (term["coefficient"] for term in terms if term["powers"] == [3])
     yield f"({first:g}, {second:g}) y³, in identity form of order 4, has an integral"
     better = percent(ensemble["cubic4", "share_better order=4"])
@@ -89,12 +89,12 @@ def of_delay() -> Iterator[str]:
             for name in names
         ]
         yield f"| `{observer}`, {figure} |{'|'.join(numbers)}|"
-    ledger = Ledger.load(ROOT, "delay")
-    runs = ledger.section("studies", "tradeoff")["runs"]
-    metrics = ledger.section("metrics")
+    parameters = Parameters.load(ROOT, "delay")
+    runs = parameters.section("studies", "tradeoff")["runs"]
+    metrics = parameters.section("metrics")
     yield f"RMS errors from {metrics['start']:g} s on"
     yield f"from {metrics['varying_from']:g} to {metrics['varying_until']:g} s"
-    (start,) = dict(ledger.entries())["metrics.start"]["named"]
+    (start,) = dict(parameters.entries())["metrics.start"]["named"]
     yield f"not from t = {start:g} on"
     yield f"but from {metrics['start']:g} s on"
     yield f"means over {runs} runs with other noise:"
@@ -116,7 +116,7 @@ _NOISE = 0.1  # of the outputs, for the detectors that are compared
 def of_imm() -> Iterator[str]:
     plain = {**golden_metrics("imm", "fig5_plain"), **golden_metrics("imm", "fig7_plain")}
     tuned = {**golden_metrics("imm", "fig5"), **golden_metrics("imm", "fig7")}
-    observers = Ledger.load(ROOT, "imm").section("observers")
+    observers = Parameters.load(ROOT, "imm").section("observers")
     for name in ("kalman", "svsf", "svsf_thin"):
         normal, leak = observers[name]["quoted"]
         columns = [f"{100 * normal:g} % / {100 * leak:g} %"]
@@ -124,7 +124,7 @@ def of_imm() -> Iterator[str]:
             values = [found[observer, f"{mode}_after"] for mode in ("normal", "leakage")]
             columns.append(" / ".join(percent(round(value, 8)) for value in values))
         yield f"| `{name}` | {' | '.join(columns)} |"
-    yield f"from {_after()}, after a leak at {_ledger('scenarios', 'plain')['onset']:g} s"
+    yield f"from {_after()}, after a leak at {_parameters('scenarios', 'plain')['onset']:g} s"
     near = golden_metrics("imm", "fig5_neighbourhood")
     yield f"({near['search', 'trials']:g} trials,"
     low, high = (near["leave", f"{end}_factor"] - 1 for end in ("least", "greatest"))
@@ -134,10 +134,10 @@ def of_imm() -> Iterator[str]:
     yield "no innovation leaves the boundary layers"
     yield from _of_layers_that_switch()
     gaps = golden_metrics("imm", "fig8_closeness")
-    enough = _ledger("studies", "closeness")["enough"]
+    enough = _parameters("studies", "closeness")["enough"]
     yield f"With noise of {100 * _NOISE:g} %"
     yield f"suffice for {100 * enough:g} % of the faults"
-    scale = f"{_ledger('studies', 'closeness')['layer_scales'][0]:g}"
+    scale = f"{_parameters('studies', 'closeness')['layer_scales'][0]:g}"
     yield f"psi × {scale}"
     yield "in brackets intervals of 95 % over the runs"
     detectors = ("cusum", "kalman", "svsf", f"svsf_scale_{scale}", "glr")
@@ -156,13 +156,13 @@ def of_imm() -> Iterator[str]:
         yield f"| {told} | {' | '.join(needed)} |"
 
 
-def _ledger(section: str, name: str) -> dict[str, Any]:
-    return Ledger.load(ROOT, "imm").section(section, name)
+def _parameters(section: str, name: str) -> dict[str, Any]:
+    return Parameters.load(ROOT, "imm").section(section, name)
 
 
 def _after() -> str:
     """The time over which probabilities are compared."""
-    start, end = Ledger.load(ROOT, "imm").section("metrics")["after"]
+    start, end = Parameters.load(ROOT, "imm").section("metrics")["after"]
     return f"{start:g} to {end:g} s"
 
 
@@ -187,7 +187,7 @@ def _of_layers_that_switch() -> Iterator[str]:
         "the variance of the measured acceleration by": ("measurement_noise_3", "least"),
         "the velocity may rise by": ("measurement_noise_2", "greatest"),
     }
-    band = _ledger("studies", "switching_neighbourhood")["band"]
+    band = _parameters("studies", "switching_neighbourhood")["band"]
     yield f"before one value is more than {band:g} off"
     for what, (number, end) in room.items():
         yield f"{what} {percent(abs(near[number, f'{end}_factor'] - 1))}"
@@ -211,7 +211,7 @@ def of_eso() -> Iterator[str]:
         units = ("s", "s", "V", "rad/s")
         cells = [f"{v:.2g} {u}" for v, u in zip(found.values(), units, strict=True)]
         yield f"| `{name}` | {' | '.join(cells)} |"
-    designs = Ledger.load(ROOT, "eso").section("designs")
+    designs = Parameters.load(ROOT, "eso").section("designs")
     yield f"With gamma {100 * (designs['pd_pi']['factor'] - 1):g} % above it"
     bound, radius = (designs["least_gamma"][key] for key in ("pole_bound", "radius"))
     yield f"poles within {bound:g}/s and matrices of norm up to {radius:g}"
@@ -232,7 +232,7 @@ def of_eso() -> Iterator[str]:
         for one in _ESO_FAULTS
     )
     yield f"by {100 * share:.1g} % of the fault at most"
-    levels = Ledger.load(ROOT, "eso").section("studies", "designs")
+    levels = Parameters.load(ROOT, "eso").section("studies", "designs")
     bound, radius = levels["pole_bounds"][0], levels["radii"][-1]
     shares = [
         study.at("pd_pi_least_gamma", f"{f}_lag", rate=1, radius=radius)

@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError
 from reobserve.replication.golden.values import part_names
 from reobserve.replication.meanings import LISTS, meanings, write_lists
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.provenance import import_closure
 
 from . import FIVE
@@ -86,7 +86,7 @@ def test_tests_mirror_the_packages() -> None:
     assert all(any((ROOT / folder).rglob("test_*.py")) for folder in TESTED_ELSEWHERE.values())
 
 
-# What draws; captions do without.
+# What samples; captions do without.
 DRAWING = ("look", "figures", "fitting", "formats", "pgf")
 
 
@@ -206,7 +206,7 @@ def test_metadata_agrees() -> None:
 def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
     """All that are kept, and no others."""
     told = [pattern for pattern, _ in meanings(paper)]
-    tree = Ledger.load(ROOT, paper).tree
+    tree = Parameters.load(ROOT, paper).tree
     parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
     metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}
     assert {one for one in metrics if not any(p.fullmatch(one) for p in told)} == set()

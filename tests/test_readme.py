@@ -21,8 +21,8 @@ from reobserve.replication.claims.registry import read_claims
 from reobserve.replication.claims.verdict_table import THRESHOLDS
 from reobserve.replication.claims.verdicts import VERDICTS
 from reobserve.replication.figure_diff.pixels import compare, read_pixels
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.parameter_file import Configuration
+from reobserve.replication.parameters.parameters import Parameters
 
 from . import FIVE
 from .found import numbers_left, squeezed
@@ -44,7 +44,7 @@ def test_the_python_of_the_readme_and_of_the_library_s_page_runs(
     assert capsys.readouterr().out == shown
     stored, drawn = ROOT / "docs/pages/start/tank.png", tmp_path / "tank.png"
     pixels = (read_pixels(path) for path in (stored, drawn))
-    assert not compare(*pixels, drawn.name).exceeded, "copy what the README draws"
+    assert not compare(*pixels, drawn.name).exceeded, "copy what the README samples"
     replicated: dict[str, object] = {}
     exec(compile(figure, "README.md", "exec"), replicated)
     assert replicated["result"].metrics.shape[1] == 4  # type: ignore[attr-defined]
@@ -106,7 +106,7 @@ def of_the_project() -> Iterator[str]:
     assert "3.15" in (ROOT / "Makefile").read_text().replace("(3, 15)", "3.15")
     yield "Python 3.11 or newer (up to 3.14, as long as cvxpy has no wheels for 3.15)"
     for paper in FIVE:
-        year = Ledger.load(ROOT, paper).tree["about"].get("year")
+        year = Parameters.load(ROOT, paper).tree["about"].get("year")
         if year:
             yield f"({year}),"
 

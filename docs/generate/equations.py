@@ -35,7 +35,7 @@ def _row(paper: str, one: Equation) -> tuple[str, ...]:
     note = f"<br>*{prose(one.note).strip()}*" if one.note else ""
     places = [_implemented(name) for name in one.implemented]
     tests = [f"*shown by* {_long(test.removeprefix('tests/'))}" for test in one.tests]
-    return place, prose(one.says) + note, "<br>".join([*places, *tests])
+    return place, prose(one.statement) + note, "<br>".join([*places, *tests])
 
 
 def _implemented(name: str) -> str:

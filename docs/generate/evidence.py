@@ -1,6 +1,6 @@
-"""The evidence that git holds of a paper: its ledger, claims, errata, golden numbers and figures.
+"""The evidence that git holds of a paper: its parameter file, claims, errata, golden numbers and figures.
 
-A claim's numbers are the golden ones, its draws those of `config/draws`, its verdict is the
+A claim's numbers are the golden ones, its samples those of `config/samples`, its verdict is the
 accepted one; that the first two give the third is checked here, so that no page says otherwise.
 """
 
@@ -16,8 +16,8 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.files import read_table
 from reobserve.replication.captions import render
+from reobserve.replication.claims.cached_samples import CachedSamples, read_cached
 from reobserve.replication.claims.checks import THEORY
-from reobserve.replication.claims.kept_draws import KeptDraws, read_kept
 from reobserve.replication.claims.outcomes import outcome
 from reobserve.replication.claims.registry import Claim as Registered
 from reobserve.replication.claims.registry import Registry, read_registry
@@ -27,8 +27,8 @@ from reobserve.replication.errata import Erratum, read_errata
 from reobserve.replication.golden.files import read_metrics
 from reobserve.replication.metrics.metrics import Metric, lookup
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import caption_template, samples_path
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.report.assumptions import Entry, entries
 from reobserve.replication.report.claims import Claim, claim_of_row
 from reobserve.replication.report.markup import to_html, without_title
@@ -65,25 +65,28 @@ class Paper:
     seed: int = 0
 
     @cached_property
-    def ledger(self) -> Ledger:
-        """Its ledger."""
-        return Ledger.load(self.root, self.name, seed=self.seed)
+    def parameters(self) -> Parameters:
+        """Its parameters."""
+        return Parameters.load(self.root, self.name, seed=self.seed)
 
     @property
     def about(self) -> Mapping[str, Any]:
         """Title, authors, and year and DOI if there are any."""
-        found: Mapping[str, Any] = self.ledger.tree["about"]
+        found: Mapping[str, Any] = self.parameters.tree["about"]
         return found
 
     @cached_property
     def registry(self) -> Registry:
         """Its claims as they are registered."""
-        return read_registry(self.root, self.ledger)
+        return read_registry(self.root, self.parameters)
 
     @cached_property
     def numbers(self) -> dict[str, list[Metric]]:
         """The golden numbers by figure, and of the theory."""
-        names = [*self.ledger.tree["figures"], *([THEORY] if "theory" in self.ledger.tree else [])]
+        names = [
+            *self.parameters.tree["figures"],
+            *([THEORY] if "theory" in self.parameters.tree else []),
+        ]
         return {name: read_metrics(self.root, self.name, name) for name in names}
 
     @cached_property
@@ -93,21 +96,25 @@ class Paper:
         Raises
         ------
         InputError
-            If a claim was not accepted, or numbers and draws give another verdict.
+            If a claim was not accepted, or numbers and samples give another verdict.
         """
-        kept = read_kept(self.root / samples_path(self.name), self.name)
-        return tuple(self._claim(one, kept.get(one.name)) for one in self.registry.claims)
+        cached = read_cached(self.root / samples_path(self.name), self.name)
+        return tuple(self._claim(one, cached.get(one.name)) for one in self.registry.claims)
 
-    def _claim(self, claim: Registered, kept: KeptDraws | None) -> Claim:
+    def _claim(self, claim: Registered, cached: CachedSamples | None) -> Claim:
         place = f"claims.{self.name}.{claim.name}"
         if claim.name not in self.accepted:
             raise InputError(place, "has no accepted verdict: make accept keeps it")
         accepted = self.accepted[claim.name]["verdict"]
         numbers = {name: lookup(found) for name, found in self.numbers.items()}
-        drawn = _robustness(claim, kept, numbers)
-        told = {key: str(value) for key, value in row(claim, self.ledger, numbers, drawn).items()}
+        drawn = _robustness(claim, cached, numbers)
+        told = {
+            key: str(value) for key, value in row(claim, self.parameters, numbers, drawn).items()
+        }
         if told["verdict"] != accepted:
-            problem = f"{told['verdict']} by golden numbers and kept draws, accepted as {accepted}"
+            problem = (
+                f"{told['verdict']} by golden numbers and cached samples, accepted as {accepted}"
+            )
             raise InputError(place, f"{problem}: make accept keeps what is so")
         return claim_of_row({**dict.fromkeys(HEADER, ""), **told}, drawn or Robustness())
 
@@ -118,17 +125,19 @@ class Paper:
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
-        """The entries of its ledger, those that say the same together."""
-        return entries(self.ledger, self.claims)
+        """The entries of its parameter file, those that say the same together."""
+        return entries(self.parameters, self.claims)
 
     @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Its figures, as accepted."""
-        return tuple(self._figure(name, body) for name, body in self.ledger.tree["figures"].items())
+        return tuple(
+            self._figure(name, body) for name, body in self.parameters.tree["figures"].items()
+        )
 
     def _figure(self, name: str, body: Mapping[str, Any]) -> Figure:
         template = caption_template(self.root, self.name, name, "figure")
-        settings = self.ledger.settings("plot", name)
+        settings = self.parameters.settings("plot", name)
         text = render(self.root / template, settings, self.numbers[name])
         told, source = without_title(to_html(template, text), body["title"])
         return Figure(
@@ -154,15 +163,15 @@ def papers(root: Path) -> list[Paper]:
 
 def _robustness(
     claim: Registered,
-    kept: KeptDraws | None,
+    cached: CachedSamples | None,
     numbers: Mapping[str, Mapping[tuple[str, str], float]],
 ) -> Robustness | None:
-    """What the kept draws say of a claim; None where nothing was drawn."""
-    if kept is None:
+    """What the cached samples say of a claim; None where nothing was drawn."""
+    if cached is None:
         return None
     stated = outcome(claim, numbers)
-    found = Robustness(stated, claim.knob_names, looked=kept.looked, basis=kept.basis)
-    found.flip = kept.flip
-    for number in range(len(kept.draws)):
-        found.add(claim, (), kept.numbers(number), kept=True)
+    found = Robustness(stated, claim.knob_names, looked=cached.looked, basis=cached.basis)
+    found.reversal = cached.reversal
+    for number in range(len(cached.samples)):
+        found.add(claim, (), cached.numbers(number), cached=True)
     return found

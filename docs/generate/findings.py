@@ -41,7 +41,7 @@ def verdicts(papers: Sequence[Paper], folder: str = "") -> str:
 
 
 def titles(papers: Sequence[Paper]) -> str:
-    """The title of each paper under the rule for headlines, and under others."""
+    """The title of each paper under the rule for main claims, and under others."""
     return title_table(_rows(papers))
 
 
@@ -110,7 +110,7 @@ def _about(paper: Paper) -> str:
         f"{', '.join(lines)}.\n\n"
         f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
         f"{told}\n\n"
-        f"**Obstacles.** {ticks(paper.registry.obstacles)}"
+        f"**Limitations.** {ticks(paper.registry.limitations)}"
     )
 
 
@@ -118,49 +118,49 @@ def _claims(paper: Paper) -> str:
     rows = [
         (
             f"[{plain(_words(claim.name))}](#{anchor(claim)})"
-            + (" **headline**" if claim.headline else ""),
+            + (" **main claim**" if claim.is_main else ""),
             chip(claim.verdict),
             _share(claim),
         )
         for claim in paper.claims
     ]
-    glance = table(("claim", "verdict", "held in draws"), rows)
+    glance = table(("claim", "verdict", "held in samples"), rows)
     told = "\n".join(_claim(paper, claim) for claim in paper.claims)
     return (
         "## Claims\n\n"
         "What the paper says, in our words. A check is true if the paper is right. The share is "
-        "that of draws of the unstated choices in which the claim holds, with the range in which "
-        "it may be: each end holds with 95 % confidence at any number of draws.\n\n"
+        "that of samples of the unstated choices in which the claim holds, with the range in which "
+        "it may be: each end holds with 95 % confidence at any number of samples.\n\n"
         f"{glance}\n{told}"
     )
 
 
 def _claim(paper: Paper, claim: Claim) -> str:
-    headline = " **headline claim**" if claim.headline else ""
+    main_claim = " **main claim**" if claim.is_main else ""
     parts = [
         f"### {plain(_words(claim.name))} {{ #{anchor(claim)} .claim }}",
-        f"{chip(claim.verdict)}{headline} {plain(claim.place)}",
-        f"> {ticks(claim.says)}",
+        f"{chip(claim.verdict)}{main_claim} {plain(claim.place)}",
+        f"> {ticks(claim.statement)}",
     ]
     if claim.measured:
         parts.append("\n".join(f"- {_measured(paper, one)}" for one in claim.measured))
-    room = f" With the same verdict, {plain(claim.room)}." if claim.room else ""
+    margin = f" With the same verdict, {plain(claim.margin)}." if claim.margin else ""
     if claim.why:
         parts.append(ticks(claim.why))
     if claim.quantifier in _QUANTIFIERS:
         parts.append(_QUANTIFIERS[claim.quantifier])
     if claim.threshold:
-        parts.append(f"{_THRESHOLDS[claim.threshold]}{room}")
+        parts.append(f"{_THRESHOLDS[claim.threshold]}{margin}")
     found = claim.robustness
     if found:
-        held = f"Held in {found.held} of {found.draws} draws: {_share(claim)}."
+        held = f"Held in {found.held} of {found.samples} samples: {_share(claim)}."
         held += f" {found.diverged} diverged." if found.diverged else ""
         held += f" {found.refused} refused." if found.refused else ""
-        if found.flip_key:
-            key = _key(paper, found.flip_key)
-            held += f" The smallest change of one number that flips it: {key} {plain(found.flip)}."
+        if found.reversal_key:
+            key = _key(paper, found.reversal_key)
+            held += f" The smallest change of one number that reverses it: {key} {plain(found.reversal)}."
         else:
-            held += " No change of one number was found that flips it." if found.looked else ""
+            held += " No change of one number was found that reverses it." if found.looked else ""
         parts.append(held)
     if claim.depends_on:
         keys = ", ".join(_key(paper, key) for key in claim.depends_on)
@@ -185,20 +185,20 @@ def _share(claim: Claim) -> str:
 def _measured(paper: Paper, told: str) -> str:
     """A check, its figure with a link to the gallery."""
     figure, _, rest = told.partition(" ")
-    if figure in paper.ledger.tree["figures"]:
+    if figure in paper.parameters.tree["figures"]:
         return f"[{code(figure)}](../gallery/{paper.name}.md#{figure}) {plain(rest)}"
     return f"{code(figure)} {plain(rest)}"
 
 
 def _key(paper: Paper, key: str) -> str:
-    """A key of the ledger with a link to its entry, or to the entry that it is a number of."""
+    """A key of the parameter file with a link to its entry, or to the entry that it is a number of."""
     known = {name for entry in paper.entries for name in entry.keys}
     found = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)
     while found and found not in known:
         found = found.rpartition(".")[0]
     if not found:
         return code(key)
-    return f"[{code(key)}](../reference/ledgers/{paper.name}.md#{found})"
+    return f"[{code(key)}](../reference/parameters/{paper.name}.md#{found})"
 
 
 def _errata(paper: Paper) -> str:
@@ -239,7 +239,7 @@ def _cite(paper: Paper) -> str:
         "## How to cite it\n\n"
         f"Cite the paper whose observer or claims you use: {reference}\n\n"
         f"And this replication, as {code('CITATION.cff')} says; the assumptions that its numbers "
-        f"rest on are in [the ledger](../reference/ledgers/{paper.name}.md)."
+        f"rest on are in [the parameter file](../reference/parameters/{paper.name}.md)."
     )
 
 

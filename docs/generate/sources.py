@@ -13,7 +13,7 @@ from pathlib import Path
 
 import yaml
 
-from docs.generate import api, commands, configuration, evidence, findings, gallery, ledgers
+from docs.generate import api, commands, configuration, evidence, findings, gallery, parameters
 from docs.generate.equations import equations
 from docs.generate.markdown import Page
 from docs.generate.modules import packages_and_modules
@@ -74,7 +74,7 @@ def _generated(
     yield from findings.pages(papers, introductions)
     yield from gallery.pages(papers)
     yield from api.pages(root / "src/reobserve")
-    yield from ledgers.pages(papers)
+    yield from parameters.pages(papers)
 
 
 def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[], str]]:
@@ -95,7 +95,7 @@ def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[
         "schemas": configuration.schemas,
         "specifications": configuration.specifications,
         "models": configuration.models,
-        "ledgers": lambda: ledgers.counts(papers),
+        "parameters": lambda: parameters.counts(papers),
         "metrics": lambda: list_metrics(paper.name for paper in papers),
         "equations": lambda: equations(papers),
         "modules": lambda: packages_and_modules(source),

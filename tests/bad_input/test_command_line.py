@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reobserve.core.errors import InputError
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 from . import valid
 from .odd import NUMBERS, as_yaml, changed, values, words
@@ -27,12 +27,12 @@ PATHS = [
     "-5", "0", "1e9", "9" * 30,
 ]  # fmt: skip
 OPTIONS = [
-    "--output", "--project", "--help", "--draws", "--seed", "--why", "--nope", "-x", "--", "--out",
+    "--output", "--project", "--help", "--samples", "--seed", "--why", "--nope", "-x", "--", "--out",
     "--design-file", "--overrides", "--formats", "--papers", "--study-file", "--built", "--reason",
 ]  # fmt: skip
 # What builds for minutes or changes the project is parsed and not run.
 SLOW = {
-    "figdiff", "accept", "draws", "check", "readme", "report", "robustness",
+    "figdiff", "accept", "samples", "check", "readme", "report", "robustness",
     "sensitivity", "draw", "search", "theory", "study", "archive",
 }  # fmt: skip
 FILES = {"file": b"x\n", "folder/inner": b"", "table.csv": b"name,value\nlag,0.123456\n"}
@@ -59,7 +59,7 @@ def lines() -> list[list[str]]:
         ["stage", "claims", "eso", "--results", "folder", *out, *root],
         ["latex", "table.csv", "--digits", "3", *out],
         ["check", "eso", "--overrides", '{"eso": {"plant": {"inertia": 0.02}}}', *root],
-        ["draws", "eso", "--most", "20", "--check", *root],
+        ["samples", "eso", "--most", "20", "--check", *root],
         ["readme", *root],
         ["report", "--papers", "eso", "--formats", "pdf", "png", *out, *root],
         ["figdiff", "--reference", "folder", "--results", "folder", *root],
@@ -67,7 +67,7 @@ def lines() -> list[list[str]]:
         ["stage", "study", imm, plant, "closeness", *out],
         ["stage", "search", imm, plant, "calibrated", *out],
         ["stage", "theory", lie, "--design-files", linear, *out],
-        ["stage", "robustness", lie, "--draws", "8", "--no-flips", *out, *root],
+        ["stage", "robustness", lie, "--samples", "8", "--no-reversals", *out, *root],
         ["stage", "sensitivity", lie, "file", "--outputs", "out.pdf", "out.png", *root],
         ["stage", "archive", "results/lie/fig1.pdf", *out, *root],
         ["design", "luenberger", "file", "--set", "poles=[-3, -4]", "--out", "out.json"],
@@ -110,7 +110,7 @@ def test_odd_overrides(paper: str, data: st.DataObject) -> None:
 
 def test_an_override_says_something() -> None:
     with pytest.raises(InputError, match=r"^eso\.plant\.inertia: \{\} must be a value"):
-        Ledger.load(ROOT, "eso", {"plant": {"inertia": {}}})
+        Parameters.load(ROOT, "eso", {"plant": {"inertia": {}}})
 
 
 RUN = [sys.executable, "-c", "import sys; from reobserve.cli.main import main; sys.exit(main())"]

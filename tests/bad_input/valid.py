@@ -71,7 +71,7 @@ def observing(paper: str) -> list[object]:
 @cache
 def results() -> dict[str, bytes]:
     """What the verdicts on the claims of `eso` are computed from."""
-    nothing = {"paper": "eso", "seed": 0, "draws": 1, "claims": {}}
+    nothing = {"paper": "eso", "seed": 0, "samples": 1, "claims": {}}
     found = {"parameters.json": parameters("eso").read_bytes()}
     found["robustness.json"] = json.dumps(nothing).encode()
     for figure in (*paper("eso")["figures"], "theory"):

@@ -318,12 +318,12 @@ def test_a_small_picture_is_read_and_what_is_no_png_is_not(tmp_path: Path) -> No
             "must be a whole number from 0 to",
         ),
         (
-            ["stage", "robustness", "l.json", "--draws", "-3"],
-            "--draws: '-3' must be a whole number from 1",
+            ["stage", "robustness", "l.json", "--samples", "-3"],
+            "--samples: '-3' must be a whole number from 1",
         ),
         (
-            ["stage", "robustness", "l.json", "--draws", "0"],
-            "--draws: '0' must be a whole number from 1 to",
+            ["stage", "robustness", "l.json", "--samples", "0"],
+            "--samples: '0' must be a whole number from 1 to",
         ),
         (["report", "--formats", "gif"], "argument --formats: invalid choice: 'gif'"),
         (

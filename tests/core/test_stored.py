@@ -1,4 +1,4 @@
-"""What stages hand each other: records, designs, robustness, ledgers, checked whole when read."""
+"""What stages hand each other: records, designs, robustness, parameter files, checked whole when read."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from reobserve.papers.lie.table import rows as table_rows
 from reobserve.replication import steps as common
 from reobserve.replication.claims.robustness_file import read_robustness
 from reobserve.replication.parameters.job import read_job
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import compute_design, read_design, rows_from
 from reobserve.signals.series import Channel, Series
 from tests.pipeline.conftest import ROOT
 
 Change = Callable[[Series], Series]
 
-# A record of ilo that is short: the plant of the ledger over half a second.
+# A record of ilo that is short: the plant of the parameter file over half a second.
 SHORT = {
     "plant": {"horizon": 0.5},
     "scenarios": {
@@ -46,19 +46,19 @@ MADE = {"settings": {}, "settings_digest": "a", "code_digest": "b", "packages": 
 
 
 @pytest.fixture(scope="module")
-def ledger(tmp_path_factory: pytest.TempPathFactory) -> Ledger:
-    ledger = Ledger.load(ROOT, "ilo", SHORT)
+def parameters(tmp_path_factory: pytest.TempPathFactory) -> Parameters:
+    parameters = Parameters.load(ROOT, "ilo", SHORT)
     path = tmp_path_factory.getbasetemp() / "stored-parameters.json"
-    path.write_text(ledger.text())
-    return Ledger.read(path)
+    path.write_text(parameters.text())
+    return Parameters.read(path)
 
 
 @pytest.fixture(scope="module")
-def made(ledger: Ledger, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a ledger, a record and an estimate, by the command line."""
+def made(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a parameter file, a record and an estimate, by the command line."""
     folder = tmp_path_factory.mktemp("made")
     path = folder / "parameters.json"
-    path.write_text(ledger.text())
+    path.write_text(parameters.text())
     plant, estimate = folder / "plant.parquet", folder / "sampled.parquet"
     assert main(["stage", "plant", str(path), "constant", "--output", str(plant)]) == 0
     arguments = ["stage", "observe", str(path), str(plant), "sampled", "--output", str(estimate)]
@@ -135,14 +135,18 @@ RECORDS: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("case", RECORDS)
-def test_a_record_is_checked_against_the_ledger(
-    case: str, made: Path, ledger: Ledger, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_record_is_checked_against_the_parameters(
+    case: str,
+    made: Path,
+    parameters: Parameters,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     change, said = RECORDS[case]
     path, output = tmp_path / "plant.parquet", tmp_path / "out.parquet"
     change(Series.read(made / "plant.parquet")).write(path)
     with pytest.raises(InputError, match=said) as caught:
-        read_record(path, ledger)
+        read_record(path, parameters)
     assert str(caught.value).startswith(str(path))
     arguments = ["stage", "observe", str(made / "parameters.json"), str(path), "sampled"]
     assert main([*arguments, "--output", str(output)]) == 1
@@ -150,23 +154,28 @@ def test_a_record_is_checked_against_the_ledger(
     assert not output.exists()
 
 
-def test_records_and_estimates_as_they_were_made_are_taken(made: Path, ledger: Ledger) -> None:
-    plant = read_record(made / "plant.parquet", ledger, "constant")
-    observers = {"sampled": ledger.section("observers", "sampled")}
-    found = read_estimates(observers, [made / "sampled.parquet"], ledger, plant)
+def test_records_and_estimates_as_they_were_made_are_taken(
+    made: Path, parameters: Parameters
+) -> None:
+    plant = read_record(made / "plant.parquet", parameters, "constant")
+    observers = {"sampled": parameters.section("observers", "sampled")}
+    found = read_estimates(observers, [made / "sampled.parquet"], parameters, plant)
     assert found["sampled"].time[-1] == plant.time[-1] == 0.5
     with pytest.raises(InputError, match=r"is 'constant' of stage plant of ilo, must be a record"):
-        read_record(made / "plant.parquet", ledger, "periodic")
-    others = {"forgetting": ledger.section("observers", "forgetting")}
+        read_record(made / "plant.parquet", parameters, "periodic")
+    others = {"forgetting": parameters.section("observers", "forgetting")}
     with pytest.raises(InputError, match=r"is 'sampled' of .*, must be an estimate of"):
-        read_estimates(others, [made / "sampled.parquet"], ledger, plant)
+        read_estimates(others, [made / "sampled.parquet"], parameters, plant)
 
 
 def test_estimates_are_on_the_time_of_their_record(
-    made: Path, ledger: Ledger, tmp_path: Path
+    made: Path, parameters: Parameters, tmp_path: Path
 ) -> None:
-    plant = read_record(made / "plant.parquet", ledger)
-    observers, path = {"sampled": ledger.section("observers", "sampled")}, tmp_path / "e.parquet"
+    plant = read_record(made / "plant.parquet", parameters)
+    observers, path = (
+        {"sampled": parameters.section("observers", "sampled")},
+        tmp_path / "e.parquet",
+    )
     series = Series.read(made / "sampled.parquet")
     for change, said in (
         (lambda s: replace(s, time=2 * s.time), "has a sample at 1 s, must have it at 0.5 s"),
@@ -176,23 +185,23 @@ def test_estimates_are_on_the_time_of_their_record(
     ):
         change(series).write(path)
         with pytest.raises(InputError, match=said):
-            read_estimates(observers, [path], ledger, plant)
+            read_estimates(observers, [path], parameters, plant)
 
 
 def test_coordinates_of_lie_may_be_in_a_file_and_need_not(tmp_path: Path) -> None:
-    ledger, path = Ledger.load(ROOT, "lie"), tmp_path / "e.parquet"
+    parameters, path = Parameters.load(ROOT, "lie"), tmp_path / "e.parquet"
     time, told = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
     plant = Series(time, {})
-    observers = {name: ledger.section("observers", name) for name in ("order4", "transformed4")}
+    observers = {name: parameters.section("observers", name) for name in ("order4", "transformed4")}
     rows = Channel(np.outer(time, [1.0, 2.0]), "1")
     for name in observers:
         for channels in ({"state": rows}, {"state": rows, "coordinates": rows}):
             Series(time, channels, provenance={**told, "job": name}).write(path)
-            found = read_estimates([name], [path], ledger, plant)
+            found = read_estimates([name], [path], parameters, plant)
             assert set(found[name].channels) == set(channels)
         Series(time, {"coordinates": rows}, provenance={**told, "job": name}).write(path)
         with pytest.raises(InputError, match=r"has no channel 'state'$"):
-            read_estimates([name], [path], ledger, plant)
+            read_estimates([name], [path], parameters, plant)
 
 
 # --- The file of a series -------------------------------------------------------------------------
@@ -299,7 +308,7 @@ ESO = {
 
 
 def eso_plant() -> eso_keys.Plant:
-    return parse(eso_keys.Plant, Ledger.load(ROOT, "eso").section("plant"))
+    return parse(eso_keys.Plant, Parameters.load(ROOT, "eso").section("plant"))
 
 
 def test_a_design_of_eso_is_read_into_its_type() -> None:
@@ -351,13 +360,13 @@ def test_a_design_that_is_not_finite_is_refused(
 ) -> None:
     monkeypatch.setattr(common, "compute", lambda *_: {"gain": [[1.0, value]]})
     with pytest.raises(InputError, match=r"^lie.designs.linear: gives a number that is not finite"):
-        compute_design(Ledger.load(ROOT, "lie"), "linear")
+        compute_design(Parameters.load(ROOT, "lie"), "linear")
 
 
 def test_a_design_of_lie_that_is_none_is_refused() -> None:
-    ledger = Ledger.load(ROOT, "lie")
-    settings, design = ledger.settings("design", "linear"), compute_design(ledger, "linear")
-    job = read_job(lie_keys.Ledger, settings)
+    parameters = Parameters.load(ROOT, "lie")
+    settings, design = parameters.settings("design", "linear"), compute_design(parameters, "linear")
+    job = read_job(lie_keys.Parameters, settings)
     form = stored_form(job.plant, job.design, design)
     np.testing.assert_array_equal(form.S.coefficients, design["S"])
     for change, said in (
@@ -370,7 +379,7 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=said):
             stored_form(job.plant, job.design, {**design, **change})
-    table = ledger.settings("table", "table_coefficients")
+    table = parameters.settings("table", "table_coefficients")
     table["table"]["degree"] = 30
     with pytest.raises(InputError, match=r"^degree: 30 is beyond that of the design"):
         table_rows(table, design)
@@ -391,14 +400,15 @@ def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
         read_design(path)
 
 
-# --- Robustness, ledgers, studies -----------------------------------------------------------------
+# --- Robustness, parameter files, studies
+# -----------------------------------------------------------------
 
 FLIP = {"key": "a.b", "unit": "1", "start": 1.0, "end": 2.0, "size": 0.5}
 HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
 LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
     "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
-    "refused": [], "looked": True, "flip": FLIP, "basis": "0a", "kept": 0, "quantifier": "is",
+    "refused": [], "looked": True, "reversal": FLIP, "basis": "0a", "kept": 0, "quantifier": "is",
 }  # fmt: skip
 
 
@@ -406,17 +416,23 @@ DRAWN = {
     ("change", "said"),
     [
         ({"refused": 8}, "claims.one.refused: 8 must be a list of whole numbers$"),
-        ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of draws, rising$"),
-        ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of draws, rising$"),
-        ({"kept": 6}, "claims.one.kept: 6 must be a number of draws$"),
+        ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of samples, rising$"),
+        ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of samples, rising$"),
+        ({"kept": 6}, "claims.one.kept: 6 must be a number of samples$"),
         ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
         ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
         ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
         ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
-        ({"flip": {}}, "claims.one.flip.key: is missing; the flip needs it$"),
-        ({"flip": {**FLIP, "size": None}}, "claims.one.flip.size: None is not a number"),
-        ({"flip": {**FLIP, "end": "x"}}, "flip.end: 'x' must be another value of the kind of 1.0$"),
-        ({"flip": {**FLIP, "end": 1.0}}, "flip.end: 1.0 must be another value of the kind of 1.0$"),
+        ({"reversal": {}}, "claims.one.reversal.key: is missing; the flip needs it$"),
+        ({"reversal": {**FLIP, "size": None}}, "claims.one.reversal.size: None is not a number"),
+        (
+            {"reversal": {**FLIP, "end": "x"}},
+            "reversal.end: 'x' must be another value of the kind of 1.0$",
+        ),
+        (
+            {"reversal": {**FLIP, "end": 1.0}},
+            "reversal.end: 1.0 must be another value of the kind of 1.0$",
+        ),
         ({"names": [1]}, r"claims.one.names.0: 1 must be a word$"),
     ],
 )
@@ -424,7 +440,7 @@ def test_robustness_that_is_none_is_refused(
     change: dict[str, Any], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "robustness.json"
-    stored = {"paper": "toy", "seed": 1, "draws": 8, "claims": {"one": DRAWN}}
+    stored = {"paper": "toy", "seed": 1, "samples": 8, "claims": {"one": DRAWN}}
     path.write_text(json.dumps(stored))
     assert read_robustness(path, "toy")["one"].held == 4
     with pytest.raises(InputError, match=r"is of toy, must be of ilo$"):
@@ -438,52 +454,55 @@ def test_robustness_that_is_none_is_refused(
     ("change", "said"),
     [
         (
-            lambda t: t.pop("ledger"),
-            "parameters.json.ledger: is missing; the stored file needs it$",
+            lambda t: t.pop("parameters"),
+            "parameters.json.parameters: is missing; the stored file needs it$",
         ),
         (lambda t: t.update(seed="1"), "seed: '1' must be a whole number$"),
         (lambda t: t.update(paper="../x"), "'../x' is no name: a letter, then"),
-        (lambda t: t["ledger"].pop("plant"), "plant: is missing; the parameter file needs it$"),
+        (lambda t: t["parameters"].pop("plant"), "plant: is missing; the parameter file needs it$"),
         (
-            lambda t: t["ledger"].update(figures=[]),
+            lambda t: t["parameters"].update(figures=[]),
             r"figures: \[\] must be a mapping of keys to values$",
         ),
         (
-            lambda t: t["ledger"]["figures"].update(fig1=3),
+            lambda t: t["parameters"]["figures"].update(fig1=3),
             "figures.fig1: 3 must be a mapping of keys",
         ),
         (
-            lambda t: t["ledger"]["figures"]["fig1"].update(observers=[[]]),
+            lambda t: t["parameters"]["figures"]["fig1"].update(observers=[[]]),
             r"fig1.observers.0: \[\] must be a word$",
         ),
         (
-            lambda t: t["ledger"]["figures"]["fig1"].update(observers="a"),
+            lambda t: t["parameters"]["figures"]["fig1"].update(observers="a"),
             "fig1.observers: 'a' must be a list of words$",
         ),
         (
-            lambda t: t["ledger"]["figures"]["fig1"].pop("scenario"),
+            lambda t: t["parameters"]["figures"]["fig1"].pop("scenario"),
             "figures.fig1.scenario: is missing; the figure needs it$",
         ),
         (
-            lambda t: t["ledger"]["figures"]["fig1"].update(scenario=3),
+            lambda t: t["parameters"]["figures"]["fig1"].update(scenario=3),
             "figures.fig1.scenario: 3 must be a word$",
         ),
-        (lambda t: t["ledger"]["figures"]["fig1"].update(scenario="x"), "there is no 'x' in scen"),
         (
-            lambda t: t["ledger"]["plant"]["step"].pop("source"),
+            lambda t: t["parameters"]["figures"]["fig1"].update(scenario="x"),
+            "there is no 'x' in scen",
+        ),
+        (
+            lambda t: t["parameters"]["plant"]["step"].pop("source"),
             "plant.step.source: is missing; the entry",
         ),
     ],
 )
-def test_a_ledger_that_is_none_is_refused(
+def test_a_parameter_that_is_none_is_refused(
     change: Callable[[Any], Any], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "parameters.json"
-    stored = json.loads(Ledger.load(ROOT, "ilo").text())
+    stored = json.loads(Parameters.load(ROOT, "ilo").text())
     change(stored)
     path.write_text(json.dumps(stored))
     with pytest.raises(InputError, match=said):
-        Ledger.read(path)
+        Parameters.read(path)
 
 
 def test_a_figure_that_misses_rows_of_its_study_names_the_file() -> None:

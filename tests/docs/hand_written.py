@@ -13,7 +13,7 @@ PAGES = ROOT / "docs" / "pages"
 # What is built or written elsewhere: pages that hand-written ones may link to.
 GENERATED = (
     re.compile(r"findings/(delay|eso|ilo|imm|lie)\.md"),
-    re.compile(r"reference/ledgers/(delay|eso|ilo|imm|lie)\.md"),
+    re.compile(r"reference/parameters/(delay|eso|ilo|imm|lie)\.md"),
     re.compile(r"reference/(commands|index|configuration)\.md"),
     re.compile(r"(gallery|equations|index)\.md"),
     re.compile(r"(gallery|start|project)/\w+\.md"),

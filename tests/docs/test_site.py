@@ -20,7 +20,7 @@ from docs.generate.evidence import papers
 from reobserve.cli.main import command_parser
 from reobserve.core.errors import InputError
 from reobserve.replication.equations.table import read_equations
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from tests import FIVE
 
 from .conftest import ROOT, Site
@@ -121,16 +121,16 @@ def test_every_equation_has_a_row_that_leads_to_code(site: Site, paper: str) -> 
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_what_git_holds_of_a_paper_is_told(site: Site, paper: str) -> None:
-    """Each claim and erratum, each figure as it was accepted, each key of the ledger."""
+    """Each claim and erratum, each figure as it was accepted, each key of the parameter file."""
     found = anchors(site.folder / f"findings/{paper}/index.html")
     claims = yaml.safe_load((ROOT / f"config/claims/{paper}.yaml").read_text())["claims"]
     errata = yaml.safe_load((ROOT / f"config/errata/{paper}.yaml").read_text())["errata"]
     assert {f"claim-{name}" for name in claims} <= found
     assert {f"erratum-{name}" for name in errata} <= found
-    ledger = Ledger.load(ROOT, paper)
+    parameters = Parameters.load(ROOT, paper)
     shown = anchors(site.folder / f"gallery/{paper}/index.html")
     gallery = site.page(f"gallery/{paper}")
-    for figure in ledger.tree["figures"]:
+    for figure in parameters.tree["figures"]:
         assert figure in shown
         picture = site.folder / f"figures/{paper}/{figure}.png"
         accepted = ROOT / f"tests/reference/{paper}/{figure}.png"
@@ -139,22 +139,22 @@ def test_what_git_holds_of_a_paper_is_told(site: Site, paper: str) -> None:
         width, height = struct.unpack(">II", accepted.read_bytes()[16:24])
         assert f'height="{round(height / 1.6)}"' in gallery
         assert f'width="{round(width / 1.6)}"' in gallery
-    keys = {key for key, _ in ledger.entries()}
-    assert keys <= anchors(site.folder / f"reference/ledgers/{paper}/index.html")
+    keys = {key for key, _ in parameters.entries()}
+    assert keys <= anchors(site.folder / f"reference/parameters/{paper}/index.html")
 
 
 def test_a_claim_is_told_with_its_numbers(site: Site) -> None:
-    """By hand, from the golden number, the registry and the kept draws."""
+    """By hand, from the golden number, the registry and the cached samples."""
     text = site.page("findings/lie")
     part = text.partition('id="claim-eigenvalues"')[2].partition("<h3")[0]
     told = " ".join(html.unescape(re.sub(r"<[^>]+>", "", part)).split())
-    kept = json.loads((ROOT / "config/draws/lie.json").read_text())["claims"]["eigenvalues"]
-    drawn = [float(draw) for draw in kept["draws"] if draw is not None]
+    kept = json.loads((ROOT / "config/samples/lie.json").read_text())["claims"]["eigenvalues"]
+    drawn = [float(draw) for draw in kept["samples"] if draw is not None]
     held = sum(error < 5e-6 for error in drawn)
     assert "reproduced only by calibration" in told
     assert "must be below 5e-06" in told
-    draws = len(kept["draws"])  # those that were refused did not hold
-    assert f"Held in {held} of {draws} draws: {100 * held / draws:.0f} %" in told
+    samples = len(kept["samples"])  # those that were refused did not hold
+    assert f"Held in {held} of {samples} samples: {100 * held / samples:.0f} %" in told
     assert "Depends on plant.output" in told
 
 

@@ -7,20 +7,20 @@ import pytest
 from reobserve.replication.golden.comparison import compare_built
 from reobserve.replication.golden.files import golden_files
 from reobserve.replication.golden.values import part_names
-from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT, Project, as_built, built
+from tests.pipeline.conftest import PAPERS, PARAMETER_FILES, ROOT, Project, as_built, built
 
 __all__ = ["as_built", "built"]
 
-PARTS = [(paper, part) for paper in PAPERS for part in part_names(LEDGERS[paper].tree)]
+PARTS = [(paper, part) for paper in PAPERS for part in part_names(PARAMETER_FILES[paper].tree)]
 
 
 @pytest.mark.parametrize(("paper", "part"), PARTS)
 def test_the_numbers_are_golden(as_built: Project, paper: str, part: str) -> None:
     results = as_built.folder / "results" / paper
-    moved = compare_built(ROOT, results, LEDGERS[paper].tree, paper, part)
+    moved = compare_built(ROOT, results, PARAMETER_FILES[paper].tree, paper, part)
     assert not moved, "\n".join(map(str, moved))
 
 
 @pytest.mark.parametrize("paper", PAPERS)
 def test_nothing_else_has_golden_numbers(paper: str) -> None:
-    assert set(golden_files(ROOT, paper)) == set(part_names(LEDGERS[paper].tree))
+    assert set(golden_files(ROOT, paper)) == set(part_names(PARAMETER_FILES[paper].tree))

@@ -10,8 +10,8 @@ import pytest
 from reobserve.replication.claims.outcomes import Outcomes
 from reobserve.replication.claims.registry import read_registry
 from reobserve.replication.evaluation import Evaluator
-from reobserve.replication.parameters.ledger import Ledger
-from tests.pipeline.conftest import LEDGERS, PAPERS, ROOT
+from reobserve.replication.parameters.parameters import Parameters
+from tests.pipeline.conftest import PAPERS, PARAMETER_FILES, ROOT
 
 pytestmark = pytest.mark.nightly
 
@@ -20,7 +20,7 @@ STEPS = ("step", "period")  # so end the keys of steps in time, which are refine
 
 def numerical(paper: str) -> dict[str, list[str]]:
     """The keys of settings that are refined together, by a name for them."""
-    keys = [key for key, entry in LEDGERS[paper].entries() if entry.get("numerical")]
+    keys = [key for key, entry in PARAMETER_FILES[paper].entries() if entry.get("numerical")]
     found = {key: [key] for key in keys if not key.endswith(STEPS)}
     return {"steps": [key for key in keys if key.endswith(STEPS)], **found}
 
@@ -50,17 +50,17 @@ def evaluators() -> dict[str, Outcomes]:
 def test_a_refined_setting_turns_no_claim_over(
     paper: str, keys: list[str], evaluators: dict[str, Outcomes]
 ) -> None:
-    ledger = LEDGERS[paper]
-    claims = [claim for claim in read_registry(ROOT, ledger).claims if claim.checks]
+    parameters = PARAMETER_FILES[paper]
+    claims = [claim for claim in read_registry(ROOT, parameters).claims if claim.checks]
     if paper not in evaluators:
-        evaluators[paper] = Outcomes(Evaluator(ledger), claims)
-    tree = copy.deepcopy(ledger.tree)
+        evaluators[paper] = Outcomes(Evaluator(parameters), claims)
+    tree = copy.deepcopy(parameters.tree)
     for key in keys:
         branch = tree
         for part in key.split("."):
             branch = branch[part]
         branch["value"] = refined(branch, key)
-    finer = evaluators[paper].apart().at(Ledger(paper, tree, ledger.seed), claims)
+    finer = evaluators[paper].apart().at(Parameters(paper, tree, parameters.seed), claims)
     stated = {claim.name: evaluators[paper].stated(claim) for claim in claims}
     assert {name: one.held for name, one in finer.items()} == {
         name: one is not None and one.held for name, one in stated.items()

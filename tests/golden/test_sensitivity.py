@@ -14,15 +14,15 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.golden.comparison import compare
 from reobserve.replication.golden.files import golden_file, read_numbers
 from reobserve.replication.golden.values import evaluated_numbers
-from reobserve.replication.parameters.ledger import Ledger, leaves, matches
-from tests.pipeline.conftest import EVALUATORS, LEDGERS, PAPERS, ROOT
+from reobserve.replication.parameters.parameters import Parameters, leaves, matches
+from tests.pipeline.conftest import EVALUATORS, PAPERS, PARAMETER_FILES, ROOT
 
 Place = tuple[str | int, ...]  # in a value: empty for the value itself
 
 # Words in a key or a place in its value for numbers that are names.
 NAMES = {"axis", "component", "powers"}
 # Flags of entries that no golden number need depend on; the schema says what each means.
-UNNOTICED = ("numerical", "levels", "drawn", "expensive")
+UNNOTICED = ("numerical", "levels", "plot_only", "expensive")
 # Sections that make no figure: a figure shows what a search finds, not where it looked, and a
 # theory is tried on its numbers.
 UNSHOWN = ("searches.", "theory.")
@@ -48,11 +48,11 @@ def is_constant(key: str, place: Place, value: Any, end: float) -> bool:
 def constants() -> Iterator[tuple[str, str, Place]]:
     """Every number of a parameter file that is physics, a gain or a rule of the metrics."""
     for paper in PAPERS:
-        end = LEDGERS[paper].section("plant").get("horizon", np.inf)
-        for key, entry in LEDGERS[paper].entries():
+        end = PARAMETER_FILES[paper].section("plant").get("horizon", np.inf)
+        for key, entry in PARAMETER_FILES[paper].entries():
             if key.startswith(UNSHOWN) or any(map(entry.get, UNNOTICED)):
                 continue
-            loose = entry.get("loose", [])
+            loose = entry.get("no_effect", [])
             for place, value in leaves(entry["value"]):
                 if loose is True or any(matches(one, place) for one in loose or ()):
                     continue
@@ -64,9 +64,9 @@ def constants() -> Iterator[tuple[str, str, Place]]:
 CONSTANTS = list(constants())
 
 
-def changed(paper: str, key: str, place: Place, factor: float) -> Ledger:
+def changed(paper: str, key: str, place: Place, factor: float) -> Parameters:
     """The parameters with one number times a factor, in a symmetric matrix with its twin."""
-    tree = copy.deepcopy(LEDGERS[paper].tree)
+    tree = copy.deepcopy(PARAMETER_FILES[paper].tree)
     entry: Any = tree
     for word in key.split("."):
         entry = entry[word]
@@ -75,23 +75,23 @@ def changed(paper: str, key: str, place: Place, factor: float) -> Ledger:
         for step in one:
             inner, last = inner[last], step
         inner[last] *= factor
-    return Ledger(paper, tree, LEDGERS[paper].seed)
+    return Parameters(paper, tree, PARAMETER_FILES[paper].seed)
 
 
 def parts_by_cost(paper: str) -> list[tuple[str, str]]:
     """The figures and tables of a paper with the step that shows them; studies come last."""
-    tree = LEDGERS[paper].tree
+    tree = PARAMETER_FILES[paper].tree
     figures = sorted(tree["figures"], key=lambda one: tree["figures"][one].get("study") is not None)
     return [("plot", one) for one in figures] + [("table", one) for one in tree.get("tables", {})]
 
 
 def noticed(paper: str, key: str, place: Place, factor: float) -> str:
     """The first golden number that moves, or the sentence that refuses the value."""
-    unchanged, ledger = LEDGERS[paper], changed(paper, key, place, factor)
+    unchanged, parameters = PARAMETER_FILES[paper], changed(paper, key, place, factor)
     # Shares what is not affected, and keeps the rest to itself.
-    evaluator = Evaluator(ledger, dict(EVALUATORS[paper]._done))
+    evaluator = Evaluator(parameters, dict(EVALUATORS[paper]._done))
     for step, part in parts_by_cost(paper):
-        if ledger.settings(step, part) != unchanged.settings(step, part):
+        if parameters.settings(step, part) != unchanged.settings(step, part):
             golden = read_numbers(golden_file(ROOT, paper, part))
             try:
                 found = evaluated_numbers(evaluator, part)
@@ -104,7 +104,7 @@ def noticed(paper: str, key: str, place: Place, factor: float) -> str:
 
 def is_whole(paper: str, key: str, place: Place) -> bool:
     """Whether a number is whole, on a grid or a choice, so that one per cent more is refused."""
-    entry = dict(LEDGERS[paper].entries())[key]
+    entry = dict(PARAMETER_FILES[paper].entries())[key]
     value = dict(leaves(entry["value"]))[place]
     return isinstance(value, int) or "multiple_of" in entry or "choices" in entry.get("range", ())
 

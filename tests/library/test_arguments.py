@@ -1,4 +1,4 @@
-"""What a call takes for numbers, and that arrays of other kinds compile nothing anew."""
+"""What a call takes for numbers, and that arrays of other kinds compile nothing again."""
 
 from __future__ import annotations
 

@@ -321,7 +321,7 @@ def test_a_filter_that_is_stepped_stops_at_the_sample_at_which_its_run_does(take
     run = of_filter(bool(np.isnan(taken)))(on_divergence="return")
     for _ in range(len(run)):
         state, estimate = kalman.step(state, [taken])
-    assert np.isfinite(state.belief.mean).all()
+    assert np.isfinite(state.posterior.mean).all()
     assert estimate.time == run.diverged_at
     said = rf"^KalmanFilter diverged: its state is finite up to t = {run.diverged_at:g} s and not"
     with pytest.raises(DivergenceError, match=said):

@@ -276,7 +276,7 @@ BAD_CONFIG: list[Any] = [
 
 
 @pytest.mark.parametrize(("overrides", "sentence"), BAD_CONFIG)
-def test_the_ledger(
+def test_the_parameters(
     overrides: dict[str, Any], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "parameters.json"

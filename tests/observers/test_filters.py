@@ -66,12 +66,17 @@ def told(*runs: Run[State]) -> dict[str, Array]:
     state = runs[-1].state
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     assert state.sample is not None
-    return {**joined, **vars(state.belief), "sample": state.sample, "count": np.array(state.count)}
+    return {
+        **joined,
+        **vars(state.posterior),
+        "sample": state.sample,
+        "count": np.array(state.count),
+    }
 
 
-def both(one: LinearFilter, belief: Gaussian, y: Any, u: Any) -> Correction:
+def both(one: LinearFilter, posterior: Gaussian, y: Any, u: Any) -> Correction:
     """Prediction and correction, with an input held over the step."""
-    return one.correct(one.predict(belief, u), y, u)
+    return one.correct(one.predict(posterior, u), y, u)
 
 
 def relative(found: Array, expected: Array) -> float:
@@ -115,7 +120,7 @@ def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any,
     still = np.zeros((rows, m)), np.zeros((rows, 1))
     run = kalman.run(*still, state=kalman.init(np.zeros(model.states), 1.0))
     expected = solve_discrete_are(A.T, H.T, Q, R)
-    found = kalman.predict(run.state.belief, [0.0]).covariance
+    found = kalman.predict(run.state.posterior, [0.0]).covariance
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
@@ -148,7 +153,9 @@ def test_a_measurement_that_is_better_by_fourteen_digits_leaves_the_covariance_i
     model = replace(NORMAL, R=1e-14)
     kalman = KalmanFilter(model)
     z, u = [0.7], [0.0]
-    found = kalman.correct(kalman.init(np.zeros(4), CORRELATED).belief, z, u).belief.covariance
+    found = kalman.correct(
+        kalman.init(np.zeros(4), CORRELATED).posterior, z, u
+    ).posterior.covariance
     with mpmath.workdps(50):
         P, H, R = exact(CORRELATED), exact(model.arrays.C), exact(model.arrays.R)
         K = P * H.T * (H * P * H.T + R) ** -1
@@ -175,18 +182,20 @@ def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_
     model = replace(MOTION, R=R, Q=1e-12)
     A, _, H, _, Q, _ = model.arrays
     kalman = KalmanFilter(model)
-    belief = kalman.init(np.zeros(5), 1.0).belief
+    posterior = kalman.init(np.zeros(5), 1.0).posterior
     short, P = np.eye(5), mpmath.eye(5)
     errors, least_short = [], []
     with mpmath.workdps(50):
         a, _, h, _, q, r = map(exact, model.arrays)
         for _ in range(12):
-            belief = kalman.correct(kalman.predict(belief, [0.0]), np.zeros(3), [0.0]).belief
+            posterior = kalman.correct(
+                kalman.predict(posterior, [0.0]), np.zeros(3), [0.0]
+            ).posterior
             P = a * P * a.T + q
             P = P - P * h.T * (h * P * h.T + r) ** -1 * h * P
             size = rounded(P) / correlated(rounded(P))
-            errors.append(float(np.abs((belief.covariance - rounded(P)) / size).max()))
-            assert np.linalg.eigvalsh(correlated(belief.covariance))[0] > 0.04
+            errors.append(float(np.abs((posterior.covariance - rounded(P)) / size).max()))
+            assert np.linalg.eigvalsh(correlated(posterior.covariance))[0] > 0.04
             short = A @ short @ A.T + Q
             short = short - short @ H.T @ np.linalg.inv(H @ short @ H.T + np.diag(R)) @ H @ short
             least_short.append(np.linalg.eigvalsh(correlated(short))[0])
@@ -199,7 +208,7 @@ def test_three_such_measurements_a_sample_keep_it_definite_where_the_short_form_
 def test_the_svsf_needs_josephs_form() -> None:
     # For a gain that is not Kalman's the short form is another matrix, and not symmetric.
     smooth = svsf(NORMAL, 1.0, 0.1)
-    found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).belief, [0.4], [0.0]).belief
+    found = smooth.correct(smooth.init(np.zeros(4), CORRELATED).posterior, [0.4], [0.0]).posterior
     K, H = np.array([[0.4], [0.0], [0.0], [0.0]]), NORMAL.arrays.C
     M = np.eye(4) - K @ H
     whole = M @ CORRELATED @ M.T + 1e-4 * K @ K.T
@@ -243,16 +252,16 @@ def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
     """Outside of the layer e(k+1|k+1) = -sign(e(k+1|k)) gamma |e(k|k)| for each output."""
     m = model.outputs
     smooth = svsf(model, 1e-12, gamma)
-    belief = smooth.init(np.zeros(model.states), 1.0).belief
-    belief = Gaussian(belief.mean, belief.covariance, np.arange(1.0, m + 1))
+    posterior = smooth.init(np.zeros(model.states), 1.0).posterior
+    posterior = Gaussian(posterior.mean, posterior.covariance, np.arange(1.0, m + 1))
     z = 5.0 * ripple(rows, m)
     for row in z:
-        told = both(smooth, belief, row, [0.3])
-        expected = -np.sign(told.innovation) * gamma * np.abs(belief.error)
+        told = both(smooth, posterior, row, [0.3])
+        expected = -np.sign(told.innovation) * gamma * np.abs(posterior.error)
         scale = 1e-14 * (5.0 + np.abs(told.innovation).max())
-        assert np.abs(told.belief.error - expected).max() < scale
-        belief = told.belief
-    assert np.abs(belief.error) == pytest.approx(gamma**rows * np.arange(1.0, m + 1), abs=1e-12)
+        assert np.abs(told.posterior.error - expected).max() < scale
+        posterior = told.posterior
+    assert np.abs(posterior.error) == pytest.approx(gamma**rows * np.arange(1.0, m + 1), abs=1e-12)
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.1, 0.9])
@@ -285,28 +294,28 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
 
 def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
     smooth = svsf(MOTION)
-    start = smooth.init(np.zeros(5), 1.0).belief
+    start = smooth.init(np.zeros(5), 1.0).posterior
     told = both(smooth, Gaussian(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
     assert not told.innovation.any()
-    assert not told.belief.mean.any()
-    assert np.isfinite(told.belief.covariance).all()
+    assert not told.posterior.mean.any()
+    assert np.isfinite(told.posterior.covariance).all()
     # gamma |e(k|k)| / psi is left of the gain: it counts in the covariance.
     P = MOTION.arrays.A @ start.covariance @ MOTION.arrays.A.T + MOTION.arrays.Q
     K = np.linalg.pinv(MOTION.arrays.C) @ np.diag(GAMMA / np.array(PSI))
     M = np.eye(5) - K @ MOTION.arrays.C
     expected = M @ P @ M.T + K @ MOTION.arrays.R @ K.T
-    assert told.belief.covariance == pytest.approx(expected, rel=1e-12)
+    assert told.posterior.covariance == pytest.approx(expected, rel=1e-12)
 
 
 def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
     model = LinearModel([[1.0, 0.1], [0.0, 1.0]], [[0.0], [0.1]], [[3.0, 4.0]], Q=0.01, R=0.1)
     smooth = svsf(model, 0.5, 0.0)
-    belief = smooth.init([1.0, 2.0], 1.0).belief
-    predicted = smooth.predict(belief, [1.0])
-    moved = smooth.correct(predicted, [20.0], [1.0]).belief.mean - predicted.mean
+    posterior = smooth.init([1.0, 2.0], 1.0).posterior
+    predicted = smooth.predict(posterior, [1.0])
+    moved = smooth.correct(predicted, [20.0], [1.0]).posterior.mean - predicted.mean
     assert predicted.mean == pytest.approx([1.2, 2.1])
     assert moved == pytest.approx((20.0 - 12.0) * np.array([3.0, 4.0]) / 25, rel=1e-14)
-    inside = smooth.correct(predicted, [12.1], [1.0]).belief.mean - predicted.mean
+    inside = smooth.correct(predicted, [12.1], [1.0]).posterior.mean - predicted.mean
     assert inside == pytest.approx(0.1**2 / 0.5 * np.array([3.0, 4.0]) / 25, rel=1e-11)
 
 
@@ -330,12 +339,12 @@ def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() 
     np.testing.assert_allclose(other["log_likelihood"], found["log_likelihood"], rtol=1e-6)
     # Of a thin layer without memory, the output error that is left is none.
     thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
-    belief = thin.predict(thin.init(np.zeros(5), 1.0).belief, [1.0])
-    told = thin.correct(belief, [3.0, 4.0], [1.0])
-    np.testing.assert_allclose(told.belief.error, 0.0, atol=1e-10)
-    P = belief.covariance
+    posterior = thin.predict(thin.init(np.zeros(5), 1.0).posterior, [1.0])
+    told = thin.correct(posterior, [3.0, 4.0], [1.0])
+    np.testing.assert_allclose(told.posterior.error, 0.0, atol=1e-10)
+    P = posterior.covariance
     K = P @ H[1:].T @ np.linalg.inv(H[1:] @ P @ H[1:].T)
-    np.testing.assert_allclose(told.belief.mean - belief.mean, K @ told.innovation, rtol=1e-9)
+    np.testing.assert_allclose(told.posterior.mean - posterior.mean, K @ told.innovation, rtol=1e-9)
 
 
 def test_no_other_inverse() -> None:
@@ -346,7 +355,7 @@ def test_no_other_inverse() -> None:
 def test_the_gain_is_continuous_where_the_layer_ends() -> None:
     smooth = svsf(ONE, 2.0, 0.5)
     start = Gaussian(np.zeros(1), np.eye(1), np.ones(1))
-    found = [smooth.correct(start, [z]).belief.mean[0] for z in (2 - 1e-9, 2.0, 2 + 1e-9)]
+    found = [smooth.correct(start, [z]).posterior.mean[0] for z in (2 - 1e-9, 2.0, 2 + 1e-9)]
     assert found[1] == pytest.approx(2.5, rel=1e-15)
     assert found == pytest.approx([2.5] * 3, abs=1e-8)
 
@@ -362,7 +371,7 @@ def by_steps(one: LinearFilter, z: Array, state: State, u: Array) -> dict[str, A
     assert state.sample is not None
     return {
         **{name: np.array([row[name] for row in rows]) for name in rows[0]},
-        **vars(state.belief), "sample": state.sample, "count": np.array(state.count),
+        **vars(state.posterior), "sample": state.sample, "count": np.array(state.count),
     }  # fmt: skip
 
 
@@ -383,8 +392,8 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
     assert run.time[0] == (5e-3 if before else 0.0)
-    assert not start.belief.mean.any()
-    assert np.array_equal(start.belief.covariance, np.eye(5)), "a state is a value"
+    assert not start.posterior.mean.any()
+    assert np.array_equal(start.posterior.covariance, np.eye(5)), "a state is a value"
 
 
 @pytest.mark.parametrize("made", [KalmanFilter(MOTION), svsf(MOTION)], ids=["KF", "SVSF"])
@@ -394,11 +403,11 @@ def test_the_first_row_corrects_and_later_ones_predict_with_the_input_before(
     z, u = motion_record(9)
     start = made.init(np.linspace(0, 1, 5), 1.0)
     run = made.run(z, u, state=start)
-    found = made.correct(start.belief, z[0], u[0])
+    found = made.correct(start.posterior, z[0], u[0])
     for k in range(9):
         if k:
-            found = made.correct(made.predict(found.belief, u[k - 1]), z[k], u[k])
-        assert np.array_equal(run["state"][k], found.belief.mean)
+            found = made.correct(made.predict(found.posterior, u[k - 1]), z[k], u[k])
+        assert np.array_equal(run["state"][k], found.posterior.mean)
         assert np.array_equal(run["innovation"][k], found.innovation)
     moved = u.copy()
     moved[-1] += 1.0  # feeds through to the last row, and drives none
@@ -415,18 +424,18 @@ def test_missing_measurements_are_predicted_over(made: LinearFilter) -> None:
     start = made.init(np.zeros(5), 1.0)
     run = made.run(z, u, state=start)
     assert run.missing == 10
-    belief = made.run(z[:20], u[:20], state=start).state.belief
-    last = belief.error
+    posterior = made.run(z[:20], u[:20], state=start).state.posterior
+    last = posterior.error
     for k in range(20, 30):
-        belief = made.predict(belief, u[k - 1])
-        assert np.array_equal(run["state"][k], belief.mean)
-        assert np.array_equal(run["variance"][k], np.diag(belief.covariance))
-    assert np.array_equal(belief.error, last)
+        posterior = made.predict(posterior, u[k - 1])
+        assert np.array_equal(run["state"][k], posterior.mean)
+        assert np.array_equal(run["variance"][k], np.diag(posterior.covariance))
+    assert np.array_equal(posterior.error, last)
     gaps = np.isnan(z).any(axis=1)
     assert np.array_equal(np.isnan(run["innovation"]).all(axis=1), gaps)
     assert np.array_equal(run["log_likelihood"] == 0.0, gaps)
-    found = made.correct(belief, [np.nan] * 3, u[0])
-    assert found.belief is belief
+    found = made.correct(posterior, [np.nan] * 3, u[0])
+    assert found.posterior is posterior
     assert found.log_likelihood == 0.0
     assert np.isnan(found.innovation_covariance).all()
 
@@ -446,21 +455,23 @@ def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[in
 
     z, u = motion_record(20)
     whole, kept = made([0, 1, 2]), [o for o in range(3) if o not in lost]
-    belief = whole.run(z, u, state=whole.init(np.linspace(0, 1, 5), 1.0)).state.belief
+    posterior = whole.run(z, u, state=whole.init(np.linspace(0, 1, 5), 1.0)).state.posterior
     partial = z[-1] + 0.1
     partial[lost] = np.nan
-    found = whole.correct(belief, partial, u[-1])
-    alone = made(kept).correct(replace(belief, error=belief.error[kept]), partial[kept], u[-1])
+    found = whole.correct(posterior, partial, u[-1])
+    alone = made(kept).correct(
+        replace(posterior, error=posterior.error[kept]), partial[kept], u[-1]
+    )
     for one, other in (
-        (found.belief.mean, alone.belief.mean),
-        (found.belief.covariance, alone.belief.covariance),
-        (found.belief.error[kept], alone.belief.error),
+        (found.posterior.mean, alone.posterior.mean),
+        (found.posterior.covariance, alone.posterior.covariance),
+        (found.posterior.error[kept], alone.posterior.error),
         (found.innovation[kept], alone.innovation),
         (found.innovation_covariance[np.ix_(kept, kept)], alone.innovation_covariance),
         (found.log_likelihood, alone.log_likelihood),
     ):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12 * np.abs(other).max())
-    assert np.array_equal(found.belief.error[lost], belief.error[lost])
+    assert np.array_equal(found.posterior.error[lost], posterior.error[lost])
     assert np.isnan(found.innovation[lost]).all()
     assert np.isnan(found.innovation_covariance[lost]).all()
 
@@ -469,12 +480,12 @@ def test_a_correction_tells_what_was_foretold() -> None:
     kalman = KalmanFilter(MOTION)
     z, u = motion_record(5)
     run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
-    belief = run.state.belief
-    found = kalman.correct(kalman.predict(belief, u[3]), z[4], u[4])
+    posterior = run.state.posterior
+    found = kalman.correct(kalman.predict(posterior, u[3]), z[4], u[4])
     A, B, H, D, Q, R = MOTION.arrays
-    P = A @ belief.covariance @ A.T + Q
+    P = A @ posterior.covariance @ A.T + Q
     S = H @ P @ H.T + R
-    e = z[4] - H @ (A @ belief.mean + B @ u[3]) - D @ u[4]
+    e = z[4] - H @ (A @ posterior.mean + B @ u[3]) - D @ u[4]
     assert found.innovation == pytest.approx(e, rel=1e-12)
     assert found.innovation_covariance == pytest.approx(S, rel=1e-12, abs=1e-12)
     logged = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
@@ -560,7 +571,7 @@ def test_a_variance_that_overflows_is_reported_with_its_row(taken: bool) -> None
     assert run["variance"][-1, 0] == pytest.approx(1e308, rel=1e-12)
     assert np.isfinite(run["variance"]).all()
     assert run.missing == (0 if taken else 154)
-    assert run.state.belief is start.belief
+    assert run.state.posterior is start.posterior
 
 
 def test_a_mean_that_overflows_is_reported_with_its_row() -> None:
@@ -577,7 +588,7 @@ def test_a_step_that_diverges_says_so() -> None:
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
         smooth.step(smooth.init([1e308, 0.0], 1.0, u=()), [0.0])
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged") as told:
-        smooth.predict(smooth.init([1e308, 0.0], 1.0).belief)
+        smooth.predict(smooth.init([1e308, 0.0], 1.0).posterior)
     assert told.value.time == 0.0
 
 

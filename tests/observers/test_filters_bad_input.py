@@ -209,13 +209,13 @@ def test_wrong_beliefs_are_refused(mean: Any, covariance: Any, said: str) -> Non
 
 def test_wrong_samples_of_a_correction_are_refused() -> None:
     kalman = KalmanFilter(PLAIN)
-    belief = kalman.init([0.0, 0.0], 1.0).belief
+    posterior = kalman.init([0.0, 0.0], 1.0).posterior
     with pytest.raises(InputError, match=r"^y: has shape \(1, 2\), must have"):
-        kalman.correct(belief, [1.0, 2.0], [0.0])
+        kalman.correct(posterior, [1.0, 2.0], [0.0])
     with pytest.raises(InputError, match=r"^u: \[nan\] has an entry that is not finite$"):
-        kalman.predict(belief, [NAN])
+        kalman.predict(posterior, [NAN])
     with pytest.raises(InputError, match=r"^u: has shape \(0,\), must be a list of 1 number"):
-        kalman.correct(belief, [1.0])
+        kalman.correct(posterior, [1.0])
 
 
 @pytest.mark.parametrize(
@@ -240,15 +240,15 @@ def test_a_state_is_needed_and_one_of_another_filter_is_refused() -> None:
         kalman.run([[1.0]], [[0.0]])
     other = KalmanFilter(NO_INPUT).init([0.0], 1.0)
     said = (
-        r"belief: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
+        r"posterior: has arrays of shapes \(\(1,\), \(1, 1\), \(1,\)\), "
         r"must be of 2 states, 1 outputs$"
     )
     with pytest.raises(InputError, match=rf"^state\.{said}"):
         kalman.run([[1.0]], [[0.0]], state=other)
     with pytest.raises(InputError, match=f"^{said}"):
-        kalman.predict(other.belief, [0.0])
+        kalman.predict(other.posterior, [0.0])
     with pytest.raises(InputError, match=f"^{said}"):
-        kalman.correct(other.belief, [1.0], [0.0])
+        kalman.correct(other.posterior, [1.0], [0.0])
     state = bank(2).init([0.0, 0.0], 1.0)
     with pytest.raises(InputError, match=r"must be of 3 filters of 2 states and 1 outputs$"):
         bank(3).run([[1.0]], [[0.0]], state=state)

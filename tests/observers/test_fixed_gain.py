@@ -82,7 +82,9 @@ def test_poles_at_the_origin_find_the_state_in_as_many_rows_as_there_are_states(
 def test_the_steady_filter_is_the_kalman_filter_from_its_steady_covariance() -> None:
     fixed, kalman = steady_kalman(NORMAL), KalmanFilter(NORMAL)
     still = np.zeros((5000, 1))
-    settled = kalman.run(still, still, state=kalman.init(np.zeros(4), 1.0)).state.belief.covariance
+    settled = kalman.run(
+        still, still, state=kalman.init(np.zeros(4), 1.0)
+    ).state.posterior.covariance
     u = square_wave(300, 40)
     z = simulated(NORMAL, u) + 0.01 * ripple(300)
     runs = [run_over(one, z, u, np.zeros(4), settled) for one in (kalman, fixed)]
@@ -97,7 +99,7 @@ def test_estimates_do_not_depend_on_the_covariance() -> None:
     runs = [observer.run(z, u, state=observer.init(np.zeros(4), *more)) for more in ((), (3.0,))]
     assert np.array_equal(runs[0]["state"], runs[1]["state"])
     assert not np.array_equal(runs[0]["variance"], runs[1]["variance"])
-    certain = observer.init(np.zeros(4)).belief.covariance
+    certain = observer.init(np.zeros(4)).posterior.covariance
     assert np.array_equal(certain, np.zeros((4, 4)))
 
 

@@ -75,8 +75,8 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
 def remembered(state: State) -> dict[str, Array]:
     """The state, by the names of its parts."""
     found = {"log_probabilities": state.log_probabilities, "count": np.array(state.count)}
-    for j, belief in enumerate(state.beliefs):
-        found |= {f"{name} {j}": values for name, values in vars(belief).items()}
+    for j, posterior in enumerate(state.posteriors):
+        found |= {f"{name} {j}": values for name, values in vars(posterior).items()}
     assert state.sample is not None
     return {**found, "sample": state.sample}
 
@@ -289,8 +289,8 @@ def test_a_bank_of_one_is_its_filter_to_the_last_bit(kind: str, mixing: bool, be
     assert np.array_equal(run["state"], plain["state"])
     assert np.array_equal(np.diagonal(run["covariance"], axis1=1, axis2=2), plain["variance"])
     assert np.array_equal(run["innovation"][:, 0], plain["innovation"], equal_nan=True)
-    assert np.array_equal(run.state.beliefs[0].covariance, plain.state.belief.covariance)
-    assert np.array_equal(run.state.beliefs[0].error, plain.state.belief.error)
+    assert np.array_equal(run.state.posteriors[0].covariance, plain.state.posterior.covariance)
+    assert np.array_equal(run.state.posteriors[0].error, plain.state.posterior.error)
     assert np.all(run["probability"] == 1.0)
     assert np.array_equal(run["log_likelihood"], plain["log_likelihood"])
     assert np.array_equal(run.time, plain.time)
@@ -320,7 +320,7 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
         assert same_bits(told(first, second), told(run))
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
-    assert np.array_equal(start.beliefs[0].covariance, P0), "a state is a value"
+    assert np.array_equal(start.posteriors[0].covariance, P0), "a state is a value"
     assert np.array_equal(np.exp(start.log_probabilities), [0.5, 0.3, 0.2])
 
 
@@ -337,10 +337,10 @@ def test_the_first_row_weighs_the_modes_as_they_are_and_moves_nothing(kind: str)
     weights = mu * np.exp([each.log_likelihood for each in alone])
     assert run["log_likelihood"][0] == pytest.approx(np.log(weights.sum()), rel=1e-12)
     assert run["probability"][0] == pytest.approx(weights / weights.sum(), rel=1e-12)
-    for belief, each in zip(run.state.beliefs, alone, strict=True):
-        assert np.array_equal(belief.mean, each.belief.mean)
+    for posterior, each in zip(run.state.posteriors, alone, strict=True):
+        assert np.array_equal(posterior.mean, each.posterior.mean)
     assert run["state"][0] == pytest.approx(
-        weights @ [each.belief.mean for each in alone] / weights.sum(), rel=1e-12
+        weights @ [each.posterior.mean for each in alone] / weights.sum(), rel=1e-12
     )
 
 
@@ -354,11 +354,11 @@ class UsersOwn:
     def model(self) -> LinearModel:
         return self.inner.model
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
-        return self.inner.predict(belief, u)
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
+        return self.inner.predict(posterior, u)
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
-        return self.inner.correct(belief, y, u)
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
+        return self.inner.correct(posterior, y, u)
 
 
 @pytest.mark.parametrize("mixing", [True, False], ids=["mixing", "apart"])
@@ -455,9 +455,9 @@ def test_over_missing_measurements_modes_follow_the_chain() -> None:
     assert np.isfinite(run["innovation"][[49, 60, 69, 71]]).all()
     before = bank.run(z[:50], u[:50], state=start)
     assert before.missing == 0
-    errors = [belief.error for belief in before.state.beliefs]
+    errors = [posterior.error for posterior in before.state.posteriors]
     over = bank.run(z[50:60], u[50:60], state=before.state)
-    assert np.array_equal([belief.error for belief in over.state.beliefs], errors)
+    assert np.array_equal([posterior.error for posterior in over.state.posteriors], errors)
     assert over.missing == 10
 
 
@@ -468,14 +468,14 @@ def test_without_mixing_each_filter_only_predicts_over_them() -> None:
     start = bank.init(np.zeros(5), P0)
     run = bank.run(z, u, state=start)
     before = bank.run(z[:50], u[:50], state=start)
-    for one, belief, expected in zip(
-        svsfs(MOTION), run.state.beliefs, before.state.beliefs, strict=True
+    for one, posterior, expected in zip(
+        svsfs(MOTION), run.state.posteriors, before.state.posteriors, strict=True
     ):
         moving = expected
         for k in range(50, 60):
             moving = one.predict(moving, u[k - 1])
-        assert np.array_equal(belief.mean, moving.mean)
-        assert np.array_equal(belief.covariance, moving.covariance)
+        assert np.array_equal(posterior.mean, moving.mean)
+        assert np.array_equal(posterior.covariance, moving.covariance)
 
 
 def test_the_mean_over_missing_measurements_is_what_the_mixture_predicts() -> None:
@@ -517,7 +517,7 @@ def test_a_bank_that_blows_up_reports_its_row(own: bool, taken: bool) -> None:
         bank.step(bank.init([1e308, 0.0], 1.0, u=()), [0.0])
 
 
-def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
+def test_a_mode_that_no_mode_leads_to_keeps_its_own_posterior() -> None:
     """Not even itself: nothing is mixed into it, so it filters as if it were alone."""
     z = 3.0 + 2.0 * ripple(60)
     slow = LinearModel([[1.0]], np.empty((1, 0)), [[1.0]], Q=1e-3, R=4.0)
@@ -526,6 +526,6 @@ def test_a_mode_that_no_mode_leads_to_keeps_its_own_belief() -> None:
     alone = KalmanFilter(slow)
     expected = run_over(alone, z, None, [0.0], 1.0).state
     assert run["probability"][:, 1].tolist() == [0.0] * 60
-    assert run.state.beliefs[1].mean == pytest.approx(expected.belief.mean, rel=1e-13)
-    covariance = expected.belief.covariance
-    assert run.state.beliefs[1].covariance == pytest.approx(covariance, rel=1e-13)
+    assert run.state.posteriors[1].mean == pytest.approx(expected.posterior.mean, rel=1e-13)
+    covariance = expected.posterior.covariance
+    assert run.state.posteriors[1].covariance == pytest.approx(covariance, rel=1e-13)

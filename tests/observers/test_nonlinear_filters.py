@@ -281,8 +281,8 @@ def test_the_jacobian_of_runge_kutta_steps_is_that_of_complex_steps(
         sampling_period=0.1, substeps=3,
     )  # fmt: skip
     one, x = ExtendedKalmanFilter(model), np.array([1.3, -0.7])
-    belief = one.init(x, np.eye(2)).belief
-    found = one.predict(belief, [0.4])
+    posterior = one.init(x, np.eye(2)).posterior
+    found = one.predict(posterior, [0.4])
     np.testing.assert_allclose(found.mean, runge_kutta(x, 0.4, 0.1 / 3, 3), rtol=1e-14)
     columns = [runge_kutta(x + 1e-30j * e, 0.4, 0.1 / 3, 3).imag / 1e-30 for e in np.eye(2)]
     F = np.array(columns).T

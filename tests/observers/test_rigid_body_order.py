@@ -29,8 +29,8 @@ from reobserve.observers.rigid_body_observer import RigidBodyObserver, State
 from reobserve.observers.run import Run
 from reobserve.papers.ilo.setup import stride
 from reobserve.plants.satellite import Satellite
-from reobserve.replication.parameters.job import read_ledger
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.job import read_parameters
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.inputs import Signal
 from reobserve.systems.rigid_body import RigidBody
 
@@ -412,7 +412,7 @@ def test_half_a_period_of_an_observer_is_a_whole_number_of_samples(
         update_interval=period,
         sampling_period=period,
     )
-    plant = replace(read_ledger(Ledger.load(ROOT, "ilo")).plant, step=0.001)
+    plant = replace(read_parameters(Parameters.load(ROOT, "ilo")).plant, step=0.001)
     if samples:
         assert stride(plant, observer) == samples
     else:

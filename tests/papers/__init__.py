@@ -4,14 +4,16 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.documents import read_yaml
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[2]
 
 
-def fixed_ledger(paper: str, overrides: dict[str, Any] | None = None, seed: int = 0) -> Ledger:
+def fixed_parameters(
+    paper: str, overrides: dict[str, Any] | None = None, seed: int = 0
+) -> Parameters:
     """The parameters of a paper, of which `fixed` ones have the values that its tests state."""
-    return Ledger.load(ROOT, paper, fixed(paper, overrides or {}), seed)
+    return Parameters.load(ROOT, paper, fixed(paper, overrides or {}), seed)
 
 
 def fixed(paper: str, overrides: dict[str, Any]) -> dict[str, Any]:

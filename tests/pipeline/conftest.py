@@ -18,7 +18,7 @@ import pytest
 from reobserve.core.documents import read_yaml
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from tests import project_copy
 
 ROOT = Path(__file__).parents[2]
@@ -27,10 +27,12 @@ ROOT = Path(__file__).parents[2]
 # all tests of a process that ask for it.
 CONFIG = read_yaml(ROOT / "config" / "config.yaml")
 PAPERS = known_papers(ROOT)
-LEDGERS = {paper: Ledger.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
-EVALUATORS = {paper: Evaluator(ledger) for paper, ledger in LEDGERS.items()}
-FIGURES = [(paper, figure) for paper in PAPERS for figure in LEDGERS[paper].tree["figures"]]
-TABLES = [(paper, table) for paper in PAPERS for table in LEDGERS[paper].tree.get("tables", {})]
+PARAMETER_FILES = {paper: Parameters.load(ROOT, paper, seed=CONFIG["seed"]) for paper in PAPERS}
+EVALUATORS = {paper: Evaluator(parameters) for paper, parameters in PARAMETER_FILES.items()}
+FIGURES = [(paper, figure) for paper in PAPERS for figure in PARAMETER_FILES[paper].tree["figures"]]
+TABLES = [
+    (paper, table) for paper in PAPERS for table in PARAMETER_FILES[paper].tree.get("tables", {})
+]
 
 
 # Of the dearest studies, levels of which each makes golden numbers of its own, less all but these:
@@ -42,17 +44,17 @@ FEW_LEVELS: dict[str, dict[str, Any]] = {
 }
 
 
-def with_few_levels(ledger: Ledger) -> Ledger:
-    tree = copy.deepcopy(ledger.tree)
+def with_few_levels(parameters: Parameters) -> Parameters:
+    tree = copy.deepcopy(parameters.tree)
     for study in FEW_LEVELS.keys() & tree.get("studies", {}).keys():
         for name, levels in FEW_LEVELS[study].items():
             tree["studies"][study][name]["value"] = levels
-    return Ledger(ledger.paper, tree, ledger.seed)
+    return Parameters(parameters.paper, tree, parameters.seed)
 
 
-# Draws make verdicts, which are compared every night; a test that builds can do with one, and
-# without the search for what flips a claim, which takes longer than all figures.
-FEW_DRAWS = ("draws=1", "flips=false", "kept=false")
+# Samples make verdicts, which are compared every night; a test that builds can do with one, and
+# without the search for what reverses a claim, which takes longer than all figures.
+FEW_DRAWS = ("samples=1", "reversals=false", "cached=false")
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def copy_toy(target: Path) -> Project:
     shutil.copy(toy / "claims.yaml", target / "config/claims/toy.yaml")
     shutil.copy(toy / "errata.yaml", target / "config/errata/toy.yaml")
     config = "papers: [toy]\nformats: [svg]\nseed: 1\n"
-    config += "draws: 40\nchunks: 1\nkept: true\nflips: true\n"
+    config += "samples: 40\nchunks: 1\nkept: true\nflips: true\n"
     (target / "config/config.yaml").write_text(config)
     return project
 
@@ -161,7 +163,7 @@ def as_built(built: Project) -> Project:
 def evaluators(as_built: Project) -> dict[str, Evaluator]:
     """`EVALUATORS`, which take the rows of the dearest studies from what is built."""
     for paper, evaluator in EVALUATORS.items():
-        for study in FEW_LEVELS.keys() & LEDGERS[paper].tree.get("studies", {}).keys():
+        for study in FEW_LEVELS.keys() & PARAMETER_FILES[paper].tree.get("studies", {}).keys():
             table = as_built.folder / "results" / paper / f"{study}.study.csv"
             evaluator.take_study(study, table)
     return EVALUATORS

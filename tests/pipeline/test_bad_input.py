@@ -10,7 +10,7 @@ import pytest
 from reobserve.cli.main import main
 from tests.papers import fixed
 
-from .conftest import LEDGERS, ROOT, Project
+from .conftest import PARAMETER_FILES, ROOT, Project
 
 Capture = pytest.CaptureFixture[str]
 
@@ -165,28 +165,30 @@ def test_samples_that_are_not_numbers(tmp_path: Path, capsys: Capture) -> None:
 
 
 @pytest.fixture
-def ledger_file(tmp_path: Path) -> Path:
+def parameter_file(tmp_path: Path) -> Path:
     path = tmp_path / "parameters.json"
     assert main(["stage", "parameters", "ilo", "--project", str(ROOT), "--output", str(path)]) == 0
     return path
 
 
 @pytest.fixture
-def record(ledger_file: Path) -> Path:
-    path = ledger_file.with_name("plant.parquet")
-    assert main(["stage", "plant", str(ledger_file), "constant", "--output", str(path)]) == 0
+def record(parameter_file: Path) -> Path:
+    path = parameter_file.with_name("plant.parquet")
+    assert main(["stage", "plant", str(parameter_file), "constant", "--output", str(path)]) == 0
     return path
 
 
-def test_a_record_cut_short(ledger_file: Path, record: Path, capsys: Capture) -> None:
+def test_a_record_cut_short(parameter_file: Path, record: Path, capsys: Capture) -> None:
     record.write_bytes(record.read_bytes()[:-1000])
     output = record.with_name("out") / "sampled.parquet"
-    said = refused(capsys, "stage", "observe", ledger_file, record, "sampled", "--output", output)
+    said = refused(
+        capsys, "stage", "observe", parameter_file, record, "sampled", "--output", output
+    )
     assert said.startswith(f"{record}: is damaged or no Parquet file")
     assert not output.parent.exists()
 
 
-def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_record_of_something_else(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
@@ -196,7 +198,7 @@ def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: C
         capsys,
         "stage",
         "observe",
-        ledger_file,
+        parameter_file,
         foreign,
         "sampled",
         "--output",
@@ -205,41 +207,43 @@ def test_a_record_of_something_else(ledger_file: Path, tmp_path: Path, capsys: C
     assert "has no reobserve metadata" in said
 
 
-def test_a_missing_record(ledger_file: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_missing_record(parameter_file: Path, tmp_path: Path, capsys: Capture) -> None:
     missing, output = tmp_path / "no.parquet", tmp_path / "out.parquet"
-    said = refused(capsys, "stage", "observe", ledger_file, missing, "sampled", "--output", output)
+    said = refused(
+        capsys, "stage", "observe", parameter_file, missing, "sampled", "--output", output
+    )
     assert said == f"{missing}: cannot be read (No such file or directory)"
 
 
 def test_a_design_for_an_observer_without_one(
-    ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
+    parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = tmp_path / "out.parquet"
     said = refused(
-        capsys, "stage", "observe", ledger_file, record, "sampled",
+        capsys, "stage", "observe", parameter_file, record, "sampled",
         "--design-file", tmp_path / "some.json", "--output", output,
     )  # fmt: skip
-    assert said == "--design-file: is given, but the ledger names no design here"
+    assert said == "--design-file: is given, but the parameter file names no design here"
     assert not output.exists()
 
 
 def test_a_design_for_a_theory_without_one(
-    ledger_file: Path, tmp_path: Path, capsys: Capture
+    parameter_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output, design = tmp_path / "out.csv", tmp_path / "some.json"
     said = refused(
-        capsys, "stage", "theory", ledger_file, "--design-files", design, "--output", output
+        capsys, "stage", "theory", parameter_file, "--design-files", design, "--output", output
     )
     assert said == "--design-files: 1 given, must be one each for no design"
     assert not output.exists()
 
 
 def test_too_few_estimates_and_an_unknown_format(
-    ledger_file: Path, record: Path, tmp_path: Path, capsys: Capture
+    parameter_file: Path, record: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     inputs = ["fig1", "--plant-file", record, "--estimate-files", record]
     output = tmp_path / "fig1.metrics.csv"
-    said = refused(capsys, "stage", "metrics", ledger_file, *inputs, "--output", output)
+    said = refused(capsys, "stage", "metrics", parameter_file, *inputs, "--output", output)
     assert said == (
         "--estimate-files: 1 given, must be one each for sampled, continuous, forgetting"
     )
@@ -247,24 +251,26 @@ def test_too_few_estimates_and_an_unknown_format(
 
 
 def test_an_unknown_name_lists_the_known_ones(
-    ledger_file: Path, record: Path, capsys: Capture
+    parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
     output = record.with_name("out.parquet")
-    said = refused(capsys, "stage", "observe", ledger_file, record, "sampeld", "--output", output)
+    said = refused(
+        capsys, "stage", "observe", parameter_file, record, "sampeld", "--output", output
+    )
     assert "there is no 'sampeld'; did you mean 'sampled'?" in said
-    said = refused(capsys, "stage", "plant", ledger_file, "nothing", "--output", output)
+    said = refused(capsys, "stage", "plant", parameter_file, "nothing", "--output", output)
     assert "constant, periodic, aperiodic, combined" in said
     said = refused(capsys, "params", "ill", "--project", ROOT)
     assert "did you mean 'ilo'" in said
     assert not output.exists()
 
 
-def test_an_output_folder_that_cannot_be_written(ledger_file: Path, capsys: Capture) -> None:
+def test_an_output_folder_that_cannot_be_written(parameter_file: Path, capsys: Capture) -> None:
     """A file where a folder must be: refused for everyone, also for root."""
-    blocked = ledger_file / "plant.parquet"
-    said = refused(capsys, "stage", "plant", ledger_file, "constant", "--output", blocked)
+    blocked = parameter_file / "plant.parquet"
+    said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", blocked)
     assert said.startswith(f"{blocked}: cannot be written")
-    assert [path.name for path in ledger_file.parent.iterdir()] == ["parameters.json"]
+    assert [path.name for path in parameter_file.parent.iterdir()] == ["parameters.json"]
 
 
 def closed_folder(tmp_path: Path) -> Path:
@@ -280,23 +286,25 @@ def closed_folder(tmp_path: Path) -> Path:
 
 
 def test_an_output_folder_without_permission(
-    ledger_file: Path, tmp_path: Path, capsys: Capture
+    parameter_file: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     output = closed_folder(tmp_path) / "plant.parquet"
-    said = refused(capsys, "stage", "plant", ledger_file, "constant", "--output", output)
+    said = refused(capsys, "stage", "plant", parameter_file, "constant", "--output", output)
     assert said == f"{output}: cannot be written (Permission denied)"
     assert not output.exists()
 
 
 def test_a_divergent_observer_names_the_time(
-    ledger_file: Path, record: Path, capsys: Capture
+    parameter_file: Path, record: Path, capsys: Capture
 ) -> None:
     """A step beyond the reach of the integrator, which no stability condition forbids."""
-    ledger = json.loads(ledger_file.read_text(encoding="utf-8"))
-    ledger["ledger"]["observers"]["adaptive"]["damping"]["value"] = 1e6
-    ledger_file.write_text(json.dumps(ledger), encoding="utf-8")
+    parameters = json.loads(parameter_file.read_text(encoding="utf-8"))
+    parameters["parameters"]["observers"]["adaptive"]["damping"]["value"] = 1e6
+    parameter_file.write_text(json.dumps(parameters), encoding="utf-8")
     output = record.with_name("adaptive.parquet")
-    said = refused(capsys, "stage", "observe", ledger_file, record, "adaptive", "--output", output)
+    said = refused(
+        capsys, "stage", "observe", parameter_file, record, "adaptive", "--output", output
+    )
     place, _, found = said.partition(" (AdaptiveObserver) diverged: its state is finite up to t = ")
     assert place == "ilo.observers.adaptive"
     assert "its step of 0.00025 s is too long" in found
@@ -340,11 +348,11 @@ def test_snakemake_says_it_in_one_sentence(built: Project, config: str, said: st
     assert built.results() == before
 
 
-def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
+def test_a_slip_in_a_parameter_file_shows_before_the_first_job(fresh: Project) -> None:
     """Without overrides, too."""
-    ledger = fresh.folder / "config/papers/eso.yaml"
-    text = ledger.read_text(encoding="utf-8")
-    ledger.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
+    parameters = fresh.folder / "config/papers/eso.yaml"
+    text = parameters.read_text(encoding="utf-8")
+    parameters.write_text(text.replace("longest_lag:", "longest_leg:"), encoding="utf-8")
     done = fresh.snakemake("results/ilo/constant/plant.parquet", "--dry-run", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
@@ -353,17 +361,17 @@ def test_a_slip_in_a_ledger_shows_before_the_first_job(fresh: Project) -> None:
     assert not (fresh.folder / "results/ilo").exists()
 
 
-def test_what_only_building_shows_in_a_ledger_stops_the_first_job(fresh: Project) -> None:
+def test_what_only_building_shows_in_a_parameter_file_stops_the_first_job(fresh: Project) -> None:
     """Without overrides, too."""
-    ledger = fresh.folder / "config/papers/ilo.yaml"
-    text = ledger.read_text(encoding="utf-8")
+    parameters = fresh.folder / "config/papers/ilo.yaml"
+    text = parameters.read_text(encoding="utf-8")
     stuck = "{kind: constant, axis: 1, from: 5.0, size: 0.5}"
     assert stuck in text
-    ledger.write_text(text.replace(stuck, stuck.replace("5.0", "99.0")), encoding="utf-8")
+    parameters.write_text(text.replace(stuck, stuck.replace("5.0", "99.0")), encoding="utf-8")
     done = fresh.snakemake("results/ilo/constant/plant.parquet", check=False)
     assert done.returncode == 1
     assert done.stderr.rstrip().splitlines()[-1] == (
         "reobserve: ilo.scenarios.constant.fault: starts at 99 s, must start before the end at "
-        f"{LEDGERS['ilo'].section('plant')['horizon']:g} s"
+        f"{PARAMETER_FILES['ilo'].section('plant')['horizon']:g} s"
     )
     assert not (fresh.folder / "results/ilo").exists()

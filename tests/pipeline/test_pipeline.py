@@ -21,14 +21,14 @@ from reobserve.replication.parameters.names import paper_part
 from reobserve.signals.series import Series
 from tests import FIVE
 
-from .conftest import FIGURES, LEDGERS, PAPERS, ROOT, TABLES, Project
+from .conftest import FIGURES, PAPERS, PARAMETER_FILES, ROOT, TABLES, Project
 
 
 def test_provenance_says_what_made_a_series(built: Project) -> None:
     series = Series.read(built.folder / "results/ilo/constant/forgetting.parquet")
     about = series.provenance
     assert (about["paper"], about["stage"], about["job"]) == ("ilo", "observe", "forgetting")
-    gain = LEDGERS["ilo"].section("observers", "forgetting")["K1"]
+    gain = PARAMETER_FILES["ilo"].section("observers", "forgetting")["K1"]
     assert about["settings"]["observer"]["K1"] == gain
     assert about["packages"]["numpy"] == np.__version__
     assert series.channels["fault"].unit == "N m"
@@ -65,7 +65,7 @@ def test_the_printed_command_can_be_run_by_hand(built: Project) -> None:
 def test_metrics_and_plots_load_no_compiler(built: Project, tmp_path: Path) -> None:
     slow = r"\| +(numba|cvxpy|pandas|sympy|scipy\.signal)$"
     for paper in PAPERS:
-        figures = LEDGERS[paper].tree["figures"]
+        figures = PARAMETER_FILES[paper].tree["figures"]
         studied = next(name for name in figures if "study" in figures[name])
         log = (built.folder / f"logs/{paper}/{studied}.metrics.log").read_text()
         *words, _ = shlex.split(log.partition("\n")[0].removeprefix("+ "))
@@ -117,7 +117,7 @@ def test_a_fault_of_ones_own(fresh: Project) -> None:
 
 @pytest.mark.nightly
 def test_noise_in_the_record(fresh: Project) -> None:
-    """A deviation in the ledger gives a measured rate, held, with that deviation."""
+    """A deviation in the parameter file gives a measured rate, held, with that deviation."""
     target = "results/ilo/constant/plant.parquet"
     fresh.snakemake(
         target,
@@ -144,8 +144,8 @@ def test_the_snakemake_report_is_complete(built: Project) -> None:
         assert escape(title[1], quote=False) in html, "the caption stands in the report"
     for paper, table in TABLES:
         assert f"results/{paper}/{table}.csv" in html
-    for paper, ledger in LEDGERS.items():
-        assert (f"results/{paper}/theory.metrics.csv" in html) == ("theory" in ledger.tree)
+    for paper, parameters in PARAMETER_FILES.items():
+        assert (f"results/{paper}/theory.metrics.csv" in html) == ("theory" in parameters.tree)
     for file in ("claims.csv", "report.html"):
         assert f"results/{file}" in html
     (built.folder / "report.html").unlink()
@@ -171,14 +171,14 @@ def test_what_a_person_can_look_up(built: Project) -> None:
     listing = built.run("reobserve", "list").stdout
     for word in ("ilo", "constant", "combined", "sampled", "matching", "built: pdf"):
         assert word in listing
-    for paper, ledger in LEDGERS.items():
+    for paper, parameters in PARAMETER_FILES.items():
         listing = built.run("reobserve", "list", paper).stdout
         assert listing.startswith(f"{paper}  ")
         for section in ("figures", "tables", "scenarios", "designs", "observers", "studies"):
-            for name in ledger.tree.get(section, {}):
+            for name in parameters.tree.get(section, {}):
                 assert re.search(rf"^    {name}  ", listing, re.MULTILINE), name
         params = built.run("reobserve", "params", paper).stdout
-        keys = [path for path, _ in ledger.entries()]
+        keys = [path for path, _ in parameters.entries()]
         squeezed = re.sub(r"\s+", "", params)
         assert len(keys) > (40 if paper == "ilo" else 0)
         for key in keys:
@@ -198,7 +198,7 @@ def test_what_a_person_can_look_up(built: Project) -> None:
 
 
 def test_claims_hold_that_held_when_they_were_accepted(built: Project) -> None:
-    """With one draw there are no verdicts to compare, but it is known what holds as stated."""
+    """With one sample there are no verdicts to compare, but it is known what holds as stated."""
     found = golden_claims.read_built(built.folder / "results")
     golden = golden_claims.read_golden(ROOT)
     assert set(found) >= set(FIVE)

@@ -18,15 +18,15 @@ from .conftest import (
     EVALUATORS,
     FEW_LEVELS,
     FIGURES,
-    LEDGERS,
     PAPERS,
+    PARAMETER_FILES,
     TABLES,
     Project,
     with_few_levels,
 )
 
 # The first figure of each paper at once, the others nightly.
-FIRST = {paper: next(iter(LEDGERS[paper].tree["figures"])) for paper in PAPERS}
+FIRST = {paper: next(iter(PARAMETER_FILES[paper].tree["figures"])) for paper in PAPERS}
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
             theirs.observer, theirs.metric, theirs.unit,
         )  # fmt: skip
         assert mine.value == theirs.value or (math.isnan(mine.value) and math.isnan(theirs.value))
-    scenario = evaluator.ledger.tree["figures"][figure]["scenario"]
+    scenario = evaluator.parameters.tree["figures"][figure]["scenario"]
     series = {"plant": evaluation.plant, **evaluation.estimates}
     for name, expected in series.items():
         found = Series.read(folder / scenario / f"{name}.parquet")
@@ -62,15 +62,19 @@ def test_a_figure_has_the_same_numbers_to_the_last_bit(
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     ("paper", "study"),
-    [(paper, study) for paper in PAPERS for study in LEDGERS[paper].tree.get("studies", {})],
+    [
+        (paper, study)
+        for paper in PAPERS
+        for study in PARAMETER_FILES[paper].tree.get("studies", {})
+    ],
 )
 def test_a_study_has_the_same_bytes(
     as_built: Project, tmp_path: Path, paper: str, study: str
 ) -> None:
     """Of the dearest those of a few of their levels, whose rows are among the built ones."""
-    ledger = LEDGERS[paper]
+    parameters = PARAMETER_FILES[paper]
     evaluator = EVALUATORS[paper].sibling(
-        with_few_levels(ledger) if study in FEW_LEVELS else ledger
+        with_few_levels(parameters) if study in FEW_LEVELS else parameters
     )
     rows = evaluator.result("study", study)
     write_table(tmp_path / "study.csv", rows, paper_module(paper, "study_rows").HEADER)

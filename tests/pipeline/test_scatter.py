@@ -1,4 +1,4 @@
-"""Draws in chunks as jobs: here, and on a Slurm of one node in which one of them is killed."""
+"""Samples in chunks as jobs: here, and on a Slurm of one node in which one of them is killed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .slurm_node import ask, missing, slurm_node
 from .test_staleness import edited
 
 ROBUSTNESS = "results/toy/robustness.json"
-WHOLE = ("draws=40", "flips=false")
+WHOLE = ("samples=40", "reversals=false")
 
 PLUGIN = Path(sys.prefix) / "cluster"  # where .ci/run puts it
 LACKING = "on Debian and Ubuntu: apt-get install slurmctld slurmd slurm-client munge"
@@ -37,9 +37,9 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 @pytest.fixture(scope="module")
 def in_one(toy: Project) -> bytes:
-    """What comes out where one job makes all draws."""
+    """What comes out where one job makes all samples."""
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE)
-    assert not (toy.folder / "results/toy/draws").exists()
+    assert not (toy.folder / "results/toy/samples").exists()
     return (toy.folder / ROBUSTNESS).read_bytes()
 
 
@@ -52,7 +52,7 @@ def test_the_profile_speaks_of_every_rule_and_no_other() -> None:
 
 
 def chunks(toy: Project) -> list[str]:
-    names = (path.stem for path in (toy.folder / "results/toy/draws").glob("*.json"))
+    names = (path.stem for path in (toy.folder / "results/toy/samples").glob("*.json"))
     return sorted(names, key=lambda name: int(name.partition("-")[0]))
 
 
@@ -61,10 +61,10 @@ def test_chunks_are_jobs_and_give_the_same_bytes(toy: Project, in_one: bytes) ->
     toy.snakemake(ROBUSTNESS, "--config", *WHOLE, "chunks=4")
     assert chunks(toy) == ["0-9", "10-19", "20-29", "30-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
-    more = ["draws=70", "chunks=7", "flips=false"]
+    more = ["samples=70", "chunks=7", "reversals=false"]
     assert toy.stale(ROBUSTNESS, config=more) == {"draw": 3, "robustness": 1}
     (toy.folder / ROBUSTNESS).unlink()
-    (toy.folder / "results/toy/draws/30-39.json").unlink()
+    (toy.folder / "results/toy/samples/30-39.json").unlink()
     lost = toy.stale(ROBUSTNESS, config=[*WHOLE, "chunks=4"])
     assert lost == {"draw": 1, "robustness": 1}
 

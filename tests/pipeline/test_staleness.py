@@ -15,9 +15,9 @@ import pytest
 
 from reobserve.replication.provenance import import_closure, stage_modules
 
-from .conftest import FEW_DRAWS, LEDGERS, PAPERS, Project
+from .conftest import FEW_DRAWS, PAPERS, PARAMETER_FILES, Project
 
-# Stages that a paper has if its ledger has the section.
+# Stages that a paper has if its parameter file has the section.
 OPTIONAL = {"design": "designs", "study": "studies", "table": "tables", "theory": "theory"}
 ALWAYS = {"plant", "observe", "metrics", "plot"}
 ALL_STAGES = ALWAYS | set(OPTIONAL)
@@ -98,7 +98,7 @@ def test_a_touch_makes_nothing_stale(built: Project) -> None:
 
 @pytest.mark.nightly
 def test_another_version_of_a_package_makes_stale_what_it_can_move(built: Project) -> None:
-    """All that computes or draws; by metadata that are found before those of the real package."""
+    """All that computes or samples; by metadata that are found before those of the real package."""
     about = built.folder / "src/numpy-0.1.dist-info"
     about.mkdir()
     try:
@@ -185,7 +185,7 @@ def test_what_a_search_has_found_makes_stale_what_is_computed_from_it(fresh: Pro
     found = "config/searches/imm_calibrated.json"
     studies = {
         name: body["scenario"]
-        for name, body in LEDGERS["imm"].tree["studies"].items()
+        for name, body in PARAMETER_FILES["imm"].tree["studies"].items()
         if any(isinstance(entry, dict) and entry["value"] == found for entry in body.values())
     }
     assert studies
@@ -299,7 +299,9 @@ def test_the_closure_holds_every_module_that_a_stage_loads(
         if of_paper and words[0] in ALL_STAGES and not dear:
             kind = (words[0], has_file(words, "--design-file"), has_file(words, "--study-file"))
             jobs.setdefault(kind, [word for word in words if not word.endswith((".pdf", ".png"))])
-    optional = {stage for stage, section in OPTIONAL.items() if section in LEDGERS[paper].tree}
+    optional = {
+        stage for stage, section in OPTIONAL.items() if section in PARAMETER_FILES[paper].tree
+    }
     assert {stage for stage, *_ in jobs} == ALWAYS | optional
     asked = "\n".join(map(json.dumps, jobs.values()))
     said = built.run("python", "-c", LOADED, given=asked).stdout.splitlines()

@@ -96,7 +96,7 @@ def test_a_file_with_any_name_is_read_and_runs_nothing(fresh: Project) -> None:
     fresh.snakemake("results/ilo/mine/plant.parquet", *option)
     assert not (fresh.folder / "ran").exists()
     stored = json.loads((fresh.folder / "results/ilo/parameters.json").read_text())
-    assert stored["ledger"]["scenarios"]["mine"]["fault"]["value"] == [term]
+    assert stored["parameters"]["scenarios"]["mine"]["fault"]["value"] == [term]
 
 
 def test_a_file_whose_name_is_a_pattern(fresh: Project) -> None:
@@ -196,12 +196,12 @@ def test_a_target_that_another_paper_has_is_one_sentence(
     ("claims", "said"),
     [
         (
-            "obstacles: x\nclaims: [a, b]",
+            "limitations: x\nclaims: [a, b]",
             "claims.ilo.claims: ['a', 'b'] must be a mapping of keys to values",
         ),
-        ("claims: {a: words}", "claims.ilo.obstacles: is missing; the claims file needs it"),
+        ("claims: {a: words}", "claims.ilo.limitations: is missing; the claims file needs it"),
         ("[]", "must be a mapping of keys to values"),
-        ("a: b", "claims.ilo.a: unknown key; there are: obstacles, choices, claims"),
+        ("a: b", "claims.ilo.a: unknown key; there are: limitations, choices, claims"),
     ],
 )
 def test_claims_that_are_no_claims_stop_the_first_job(

@@ -30,7 +30,7 @@ ALL = {
 }  # fmt: skip
 FROM_DESIGN = {key: min(number, 1) for key, number in ALL.items() if key != "plant"}
 STATIC = ("design", "table", "theory")  # without the plant's record
-LEDGER = "results/toy/parameters.json"
+PARAMETERS = "results/toy/parameters.json"
 PLANT = "results/toy/push/plant.parquet"
 DESIGN = "results/toy/gains.design.json"
 
@@ -132,7 +132,7 @@ def test_a_build_is_packed_with_its_provenance(toy: Project) -> None:
     actions = {one.id: one for one in crate.get_by_type("CreateAction")}
     assert len(actions) == 1 + sum(ALL.values())
     placed = actions["#toy-push-placed"]
-    assert {one.id for one in placed["object"]} == {LEDGER, PLANT, DESIGN}
+    assert {one.id for one in placed["object"]} == {PARAMETERS, PLANT, DESIGN}
     assert "results/report.html" in {one.id for one in actions["#build"]["result"]}
     (toy.folder / ARCHIVE).unlink()
 
@@ -140,7 +140,7 @@ def test_a_build_is_packed_with_its_provenance(toy: Project) -> None:
 CLAIM = """
   {name}:
     place: Nowhere
-    says: {says}
+    statement: {says}
     checks: [{{value: {value}, below: 1}}]
     threshold: after
     why: To see.
@@ -150,7 +150,7 @@ SAYS, VALUE, KEY = "A number that nobody has.", "fig1 slow late_rms_error", "gai
 
 
 @pytest.mark.parametrize(
-    ("says", "value", "key", "said"),
+    ("statement", "value", "key", "said"),
     [
         (
             SAYS, "fig1 slow late_error", KEY,
@@ -226,7 +226,7 @@ LAYOUTS = {"lines": lines}
         page = (toy.folder / "results/report.html").read_text()
         assert "fig1" in page
         assert "Both poles are in one place." in page
-        assert page.count("data:image/svg+xml") == 2  # of draws, none of figures
+        assert page.count("data:image/svg+xml") == 2  # of samples, none of figures
     toy.snakemake()
     assert "data:image/svg+xml" in (toy.folder / "results/report.html").read_text()
 
@@ -245,11 +245,11 @@ def test_a_design_is_read_back_with_what_made_it(toy: Project) -> None:
 IN_PROCESS = """
 from pathlib import Path
 from reobserve.replication.evaluation import Evaluator
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.metrics.metrics import write_metrics
 from reobserve.core.files import write_table
 
-evaluator = Evaluator(Ledger.load(Path(), "toy", seed=1))
+evaluator = Evaluator(Parameters.load(Path(), "toy", seed=1))
 figure = evaluator.figure("fig1")
 write_metrics("mine/metrics.csv", figure.numbers)
 write_table("mine/study.csv", figure.rows, list(figure.rows[0]))
@@ -275,7 +275,7 @@ def test_the_evidence_is_the_same_when_made_again(toy: Project) -> None:
     again = toy.folder / "again"
     again.mkdir()
     for command, name in (
-        (("stage", "robustness", LEDGER, "--draws", "40"), "toy/robustness.json"),
+        (("stage", "robustness", PARAMETERS, "--samples", "40"), "toy/robustness.json"),
         (("stage", "claims", "toy"), "claims.csv"),
         (("report",), "report.html"),
     ):
@@ -331,7 +331,7 @@ def test_a_value_makes_stale_what_sees_it(toy: Project, config: str, stale: dict
 
 @pytest.mark.nightly
 def test_another_seed_makes_stale_what_is_drawn_from_it(toy: Project) -> None:
-    """Records and what follows, and every draw of what is open."""
+    """Records and what follows, and every sample of what is open."""
     assert toy.stale(config=["seed=2"]) == {k: n for k, n in ALL.items() if k not in STATIC}
 
 
@@ -353,19 +353,19 @@ def test_what_claims_are_drawn_over_makes_their_robustness_stale(
 
 def test_a_missing_superfluous_or_other_design_is_one_sentence(toy: Project) -> None:
     for command in (
-        ("stage", "observe", LEDGER, PLANT, "placed"),
-        ("stage", "study", LEDGER, PLANT, "faster"),
+        ("stage", "observe", PARAMETERS, PLANT, "placed"),
+        ("stage", "study", PARAMETERS, PLANT, "faster"),
     ):
         assert refused(toy, *command) == (
-            "reobserve: --design-file: must be given: the ledger names the design 'gains'"
+            "reobserve: --design-file: must be given: the parameter file names the design 'gains'"
         )
-    assert refused(toy, "stage", "observe", LEDGER, PLANT, "slow", "--design-file", DESIGN) == (
-        "reobserve: --design-file: is given, but the ledger names no design here"
+    assert refused(toy, "stage", "observe", PARAMETERS, PLANT, "slow", "--design-file", DESIGN) == (
+        "reobserve: --design-file: is given, but the parameter file names no design here"
     )
     other = toy.folder / "other.json"
     text = (toy.folder / DESIGN).read_text()
     other.write_text(text.replace('"job": "gains"', '"job": "others"'))
-    assert refused(toy, "stage", "table", LEDGER, "table1", "--design-file", "other.json") == (
+    assert refused(toy, "stage", "table", PARAMETERS, "table1", "--design-file", "other.json") == (
         "reobserve: other.json: is 'others' of toy, must be 'gains' of toy"
     )
     other.unlink()
@@ -378,9 +378,9 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     overrides = ("--overrides", '{"designs": {"gains": {"pole": 1e200}}}')
     said = refused(toy, "stage", "parameters", "toy", *overrides)
     assert said == "reobserve: toy.designs.gains.pole: gives a number that is not finite"
-    said = refused(toy, "stage", "design", LEDGER, "gain")
+    said = refused(toy, "stage", "design", PARAMETERS, "gain")
     assert said == "reobserve: toy.designs: there is no 'gain'; did you mean 'gains'?"
-    said = refused(toy, "stage", "table", LEDGER, "table2", "--design-file", DESIGN)
+    said = refused(toy, "stage", "table", PARAMETERS, "table2", "--design-file", DESIGN)
     assert said == "reobserve: toy.tables: there is no 'table2'; did you mean 'table1'?"
 
 
@@ -389,7 +389,7 @@ def test_a_design_that_cannot_be_computed_is_one_sentence(toy: Project) -> None:
     [
         (None, "cannot be read (No such file or directory)"),
         ('{"design": {}, "prov', "is not JSON: Unterminated string starting at: line 1 column 16"),
-        ('{"paper": "toy", "ledger": {}}', "paper: unknown key; there are: design, provenance"),
+        ('{"paper": "toy", "parameters": {}}', "paper: unknown key; there are: design, provenance"),
         ('{"design": 1, "provenance": {}}', "provenance.paper: is missing; the provenance"),
         ('{"design": {}, "provenance": []}', "[] must be a mapping of keys to values"),
         ('{"design": {}, "provenance": {"paper": "a", "job": "b"}}', "stage: is missing; the"),
@@ -417,7 +417,7 @@ def test_the_listing_and_the_report_show_the_table(toy: Project) -> None:
     assert "designs.gains.pole" in toy.run("reobserve", "params", "toy").stdout
     report = toy.folder / "report.html"
     toy.snakemake("--report", "report.html")
-    assert "A table of the paper, computed anew" in report.read_text()
+    assert "A table of the paper, computed again" in report.read_text()
     own = toy.folder / "workflow/report/toy/table1.rst"
     own.write_text("The gains of *toy*, printed and computed.\n")
     toy.snakemake("results/toy/table1.csv")

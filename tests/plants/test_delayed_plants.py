@@ -79,7 +79,7 @@ PLANTS = {"pendulum": (PENDULUM, pendulum_slope, START), "lag": (LAG, lag_slope,
 
 @cache
 def reference(plant: str, applied: str) -> Array:
-    """States at whole seconds by a method of order 8, which starts anew at each of them.
+    """States at whole seconds by a method of order 8, which starts again at each of them.
 
     So it never steps over a jump of the delay, and its last step in each second ends there.
     """

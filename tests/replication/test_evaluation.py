@@ -10,7 +10,7 @@ from reobserve.core.errors import InputError
 from reobserve.core.files import write_table
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.steps import paper_module
-from tests.pipeline.conftest import EVALUATORS, LEDGERS
+from tests.pipeline.conftest import EVALUATORS, PARAMETER_FILES
 
 
 @pytest.fixture(scope="module")
@@ -28,31 +28,33 @@ def test_studies_are_read_and_give_the_same_numbers(
     def refuse(*_: object) -> None:
         raise AssertionError("the study is run again")
 
-    after = Evaluator(LEDGERS["ilo"])
+    after = Evaluator(PARAMETER_FILES["ilo"])
     after.take_studies([study_file])
     monkeypatch.setattr(paper_module("ilo", "study"), "run", refuse)
     found, wanted = (one.figure("fig4_matched").numbers for one in (after, EVALUATORS["ilo"]))
     assert repr(found) == repr(wanted)  # a nan is itself, then
     # With other values the study that was made is not theirs.
-    tree = {**LEDGERS["ilo"].tree, "plant": {**LEDGERS["ilo"].tree["plant"]}}
+    tree = {**PARAMETER_FILES["ilo"].tree, "plant": {**PARAMETER_FILES["ilo"].tree["plant"]}}
     tree["plant"]["horizon"] = {**tree["plant"]["horizon"], "value": 11.0}
     with pytest.raises(AssertionError, match="run again"):
-        after.sibling(type(LEDGERS["ilo"])("ilo", tree, LEDGERS["ilo"].seed)).figure("fig4_matched")
+        after.sibling(
+            type(PARAMETER_FILES["ilo"])("ilo", tree, PARAMETER_FILES["ilo"].seed)
+        ).figure("fig4_matched")
 
 
 def test_there_must_be_a_file_for_each_study(study_file: Path) -> None:
     with pytest.raises(
         InputError, match=r"--study-files: 2 must be one for each of \['matching'\]"
     ):
-        Evaluator(LEDGERS["ilo"]).take_studies([study_file] * 2)
+        Evaluator(PARAMETER_FILES["ilo"]).take_studies([study_file] * 2)
 
 
-def test_the_files_of_studies_must_be_in_the_order_of_the_ledger(tmp_path: Path) -> None:
+def test_the_files_of_studies_must_be_in_the_order_of_the_parameters(tmp_path: Path) -> None:
     """Two that have the same columns would be taken for each other, and nobody would see it."""
-    first, second, *others = LEDGERS["imm"].tree["studies"]
+    first, second, *others = PARAMETER_FILES["imm"].tree["studies"]
     wrong = [tmp_path / f"{name}.study.csv" for name in (second, first, *others)]
     with pytest.raises(InputError) as caught:
-        Evaluator(LEDGERS["imm"]).take_studies(wrong)
+        Evaluator(PARAMETER_FILES["imm"]).take_studies(wrong)
     said = f"--study-files: '{second}.study.csv' stands where {first}.study.csv must"
     assert str(caught.value) == said
 
@@ -62,9 +64,9 @@ def test_rows_that_a_figure_misses_are_told_with_the_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_table(Path("orders.study.csv"), [], paper_module("lie", "study_rows").HEADER)
-    evaluator = Evaluator(LEDGERS["lie"])
+    evaluator = Evaluator(PARAMETER_FILES["lie"])
     evaluator.take_study("orders", Path("orders.study.csv"))
-    for each in (evaluator, evaluator.apart(), evaluator.sibling(LEDGERS["lie"])):
+    for each in (evaluator, evaluator.apart(), evaluator.sibling(PARAMETER_FILES["lie"])):
         with pytest.raises(InputError, match=r"^orders\.study\.csv: has not the rows that the fig"):
             each.figure("fig1_orders")
 

@@ -17,7 +17,7 @@ from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.golden.comparison import compare
 from reobserve.replication.golden.files import golden_file, read_numbers
 from reobserve.replication.golden.values import evaluated_numbers
-from reobserve.replication.parameters.ledger import default_ledger
+from reobserve.replication.parameters.parameters import default_parameters
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def test_a_figure_has_its_golden_numbers() -> None:
     """All metrics and series, bitwise as the steps of the workflow compute them."""
     found = replicate("ilo", "fig1")
-    evaluator = Evaluator(default_ledger(ROOT, "ilo"))
+    evaluator = Evaluator(default_parameters(ROOT, "ilo"))
     assert repr(found.numbers) == repr(evaluator.figure("fig1").numbers)
     assert np.array_equal(found.plant["fault"], evaluator.figure("fig1").plant["fault"])
     golden = read_numbers(golden_file(ROOT, "ilo", "fig1"))
@@ -106,10 +106,10 @@ def test_a_result_is_shown_on_one_short_line() -> None:
 def test_a_figure_that_reads_a_file_of_the_project_does_so_from_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ledger = default_ledger(ROOT, "imm")
+    parameters = default_parameters(ROOT, "imm")
     (figure,) = (
         name
-        for name, body in ledger.tree["figures"].items()
+        for name, body in parameters.tree["figures"].items()
         if body.get("study") == "neighbourhood"
     )
     monkeypatch.chdir(tmp_path)

@@ -129,7 +129,7 @@ def test_it_is_the_limit_of_the_filters_gain(build: Any, mode: str) -> None:
     kalman, rows = KalmanFilter(model), 4000
     still = np.zeros((rows, model.outputs)), np.zeros((rows, 1))
     run = kalman.run(*still, state=kalman.init(np.zeros(model.states), 1.0))
-    P = kalman.predict(run.state.belief, [0.0]).covariance
+    P = kalman.predict(run.state.posterior, [0.0]).covariance
     limit = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     found = steady_kalman_gain(model)
     assert np.abs(found - limit).max() < 1e-12 * np.abs(limit).max()

@@ -113,7 +113,7 @@ def test_differences_take_the_sizes_of_the_states() -> None:
         scale=1e-6,
     )  # fmt: skip
     one = ExtendedKalmanFilter(model)
-    found = one.predict(one.init([0.5e-6], 1.0).belief)
+    found = one.predict(one.init([0.5e-6], 1.0).posterior)
     assert found.covariance[0, 0] == pytest.approx(math.cos(0.5) ** 2, rel=1e-11)
 
 
@@ -257,7 +257,7 @@ def test_a_function_that_goes_wrong_in_a_run_is_named(kind: Any, value: float, s
     assert str(error.value).startswith(said)
     assert len(one.run(Y, np.zeros(30), state=start)) == 30  # and nothing is left of it
     with pytest.raises(InputError):
-        one.predict(start.belief, [value])
+        one.predict(start.posterior, [value])
 
 
 def breaks(x: Array, u: Array) -> list[float]:
@@ -297,8 +297,8 @@ def test_a_covariance_that_loses_its_root_is_told() -> None:
     """With a large negative weight in the middle the spread of a parabola comes out negative."""
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
     one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)
-    belief = one.init([0.0], 1.0).belief
-    spread = one.predict(belief)
+    posterior = one.init([0.0], 1.0).posterior
+    spread = one.predict(posterior)
     assert spread.covariance[0, 0] < 0
     with pytest.raises(DivergenceError, match="no longer positive semidefinite, so that it has no"):
         one.predict(spread)

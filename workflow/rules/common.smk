@@ -9,7 +9,7 @@ from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
 from reobserve.replication.parameters.config import check_config_files
-from reobserve.replication.parameters.ledger import digest
+from reobserve.replication.parameters.parameters import digest
 from reobserve.replication.parameters.names import caption_template, claims_path, samples_path, style_sheet
 from reobserve.replication.prepare import check_metadata, load_parameters
 from reobserve.replication.prepare import refuse_beside_another_build, write_parameters
@@ -129,15 +129,15 @@ def table_caption(wildcards):
     return caption_template(Path(), wildcards.paper, wildcards.table, "table")
 
 def chunks(wildcards):
-    """An input function: the samples of a paper in chunks of one size; none if one job draws all."""
-    size = -(-config["draws"] // config["chunks"])
-    starts = range(0, config["draws"], size) if config["chunks"] > 1 else []
-    return [f"results/{wildcards.paper}/draws/{start}-{start + size - 1}.json" for start in starts]
+    """An input function: the samples of a paper in chunks of one size; none if one job samples all."""
+    size = -(-config["samples"] // config["chunks"])
+    starts = range(0, config["samples"], size) if config["chunks"] > 1 else []
+    return [f"results/{wildcards.paper}/samples/{start}-{start + size - 1}.json" for start in starts]
 
 def cached(wildcards):
-    """An input function: the samples of a paper that are kept in config/draws."""
+    """An input function: the samples of a paper that are kept in config/samples."""
     path = samples_path(wildcards.paper)
-    return [path] if config["kept"] and Path(path).is_file() else []
+    return [path] if config["cached"] and Path(path).is_file() else []
 
 def sampled(wildcards):
     """A params function: a digest of the parameters with their ranges and of the checks."""

@@ -14,23 +14,23 @@ rule theory:
         "(set -x; reobserve stage theory results/{wildcards.paper}/parameters.json"
         " --design-files {input} --output {output}) &> {log}"
 
-# With `chunks` above one; else the robustness draws all samples.
-rule draw:
-    input: kept=cached, studies=each_of_paper("results/{paper}/{name}.study.csv", "studies")
-    output: "results/{paper}/draws/{chunk}.json"
-    log: "logs/{paper}/draws/{chunk}.log"
-    benchmark: "logs/{paper}/draws/{chunk}.tsv"
+# With `chunks` above one; else the robustness samples all samples.
+rule sample:
+    input: cached=cached, studies=each_of_paper("results/{paper}/{name}.study.csv", "studies")
+    output: "results/{paper}/samples/{chunk}.json"
+    log: "logs/{paper}/samples/{chunk}.log"
+    benchmark: "logs/{paper}/samples/{chunk}.tsv"
     priority: 2
     conda: "../envs/reobserve.yaml"
-    params: settings=sampled, code=code("draw"), packages=PACKAGES
-    message: "{wildcards.paper}: draw the Monte Carlo samples {wildcards.chunk}"
+    params: settings=sampled, code=code("sample"), packages=PACKAGES
+    message: "{wildcards.paper}: sample the Monte Carlo samples {wildcards.chunk}"
     shell:
-        "(set -x; reobserve stage draw results/{wildcards.paper}/parameters.json {wildcards.chunk}"
-        " --kept {input.kept} --study-files {input.studies} --output {output}) &> {log}"
+        "(set -x; reobserve stage sample results/{wildcards.paper}/parameters.json {wildcards.chunk}"
+        " --cached {input.cached} --study-files {input.studies} --output {output}) &> {log}"
 
 rule robustness:
     input:
-        kept=cached,
+        cached=cached,
         studies=each_of_paper("results/{paper}/{name}.study.csv", "studies"),
         chunks=chunks
     output: "results/{paper}/robustness.json"
@@ -40,11 +40,11 @@ rule robustness:
     conda: "../envs/reobserve.yaml"
     params:
         settings=sampled, code=code("robustness"), packages=PACKAGES,
-        options=f"--draws {config['draws']}" + ("" if config["flips"] else " --no-flips")
+        options=f"--samples {config['samples']}" + ("" if config["reversals"] else " --no-reversals")
     message: "{wildcards.paper}: decide the claims over Monte Carlo samples of what is left open"
     shell:
         "(set -x; reobserve stage robustness results/{wildcards.paper}/parameters.json {params.options}"
-        " --kept {input.kept} --chunk-files {input.chunks} --study-files {input.studies}"
+        " --cached {input.cached} --chunk-files {input.chunks} --study-files {input.studies}"
         " --output {output}) &> {log}"
 
 rule sensitivity:

@@ -10,19 +10,19 @@ from reobserve.cli.types import whole
 
 
 def add_evidence(commands: Any) -> None:
-    """The report, the draws of claims, the figure comparison and the acceptance."""
-    draws = add_command(
-        commands, "draws", "replication.claims.draws_command:draws_command",
-        "make more draws where claims are undecided, and keep them in config/draws",
+    """The report, the samples of claims, the figure comparison and the acceptance."""
+    samples = add_command(
+        commands, "samples", "replication.claims.sample_command:sample_command",
+        "make more samples where claims are undecided, and keep them in config/samples",
     )  # fmt: skip
-    draws.add_argument("paper", nargs="*", help="only these papers (default: all)")
-    draws.add_argument(
+    samples.add_argument("paper", nargs="*", help="only these papers (default: all)")
+    samples.add_argument(
         "--most", type=whole(1, 1_000_000), default=40, help="at most, per claim (default: 40)"
     )
-    draws.add_argument(
-        "--check", action="store_true", help="keep nothing: repeat the kept draws and compare"
+    samples.add_argument(
+        "--check", action="store_true", help="keep nothing: repeat the cached samples and compare"
     )
-    add_project(draws)
+    add_project(samples)
 
     report = add_command(
         commands, "report", "replication.report:report_command",

@@ -1,4 +1,4 @@
-"""Ways to look around: what there is, a paper's ledger, what its metrics mean, LaTeX."""
+"""Ways to look around: what there is, a paper's parameter file, what its metrics mean, LaTeX."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add_overview(commands: Any) -> None:
         commands,
         "params",
         "replication.parameters.overview:show_params",
-        "show a paper's ledger: values, sources, ranges",
+        "show a paper's parameter file: values, sources, ranges",
     )
     params.add_argument("paper", help="a paper, as named by `reobserve list`")
     params.add_argument("match", nargs="?", default="", help="only keys that contain this")

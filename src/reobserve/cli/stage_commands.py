@@ -34,68 +34,68 @@ def add_stages(commands: Any) -> None:
 
 
 def _add_simulation(commands: Any) -> None:
-    ledger = add_command(
+    parameters = add_command(
         commands,
         "parameters",
         "cli.stages.parameters:run",
         "check a parameter file with overrides, and write it for the other stages",
     )
-    ledger.add_argument("paper", help="the name of a file in config/papers")
-    ledger.add_argument(
+    parameters.add_argument("paper", help="the name of a file in config/papers")
+    parameters.add_argument(
         "--overrides", type=tree, default={}, metavar="JSON",
         help='values to replace, such as \'{"observers": {"sampled": {"K2": 1500}}}\'',
     )  # fmt: skip
-    ledger.add_argument(
+    parameters.add_argument(
         "--seed", type=whole(0), help="root of the random streams (default: that of the config)"
     )
-    add_output(ledger, "the parameters, JSON")
-    add_project(ledger)
+    add_output(parameters, "the parameters, JSON")
+    add_project(parameters)
 
     plant = add_command(
         commands, "plant", "cli.stages.plant:run", "simulate the plant of a scenario"
     )
-    _ledger_file(plant)
-    plant.add_argument("scenario", help="a scenario of the ledger")
+    _parameter_file(plant)
+    plant.add_argument("scenario", help="a scenario of the parameter file")
     add_output(plant, "the record, Parquet")
 
     design = add_command(
         commands, "design", "cli.stages.design:run", "compute a design: gains that observers share"
     )
-    _ledger_file(design)
-    design.add_argument("design", help="a design of the ledger")
+    _parameter_file(design)
+    design.add_argument("design", help="a design of the parameter file")
     add_output(design, "the design, JSON")
 
     observe = add_command(
         commands, "observe", "cli.stages.observe:run", "run an observer on a plant's record"
     )
-    _ledger_file(observe)
+    _parameter_file(observe)
     observe.add_argument("plant_file", type=Path, help="a record made by `reobserve stage plant`")
-    observe.add_argument("observer", help="an observer of the ledger")
+    observe.add_argument("observer", help="an observer of the parameter file")
     _design_file(observe)
     add_output(observe, "the estimates, Parquet")
 
     study = add_command(
         commands, "study", "cli.stages.study:run", "run a study: many runs, one table"
     )
-    _ledger_file(study)
+    _parameter_file(study)
     study.add_argument("plant_file", type=Path, help="a record made by `reobserve stage plant`")
-    study.add_argument("study", help="a study of the ledger")
+    study.add_argument("study", help="a study of the parameter file")
     _design_file(study)
     add_output(study, "the table, CSV")
 
     search = add_command(
         commands, "search", "cli.stages.search:run", "search for values that a paper leaves open"
     )
-    _ledger_file(search)
+    _parameter_file(search)
     search.add_argument("plant_file", type=Path, help="a record made by `reobserve stage plant`")
-    search.add_argument("search", help="a search of the ledger")
+    search.add_argument("search", help="a search of the parameter file")
     add_output(search, "what was found, JSON")
 
 
 def _add_figures(commands: Any) -> None:
     table = add_command(commands, "table", "cli.stages.table:run", "fill a table from a design")
-    _ledger_file(table)
-    table.add_argument("table", help="a table of the ledger")
+    _parameter_file(table)
+    table.add_argument("table", help="a table of the parameter file")
     _design_file(table, required=True)
     add_output(table, "the table, CSV")
 
@@ -130,49 +130,49 @@ def _add_evidence(commands: Any) -> None:
     theory = add_command(
         commands, "theory", "cli.stages.theory:run", "compute the numbers of a paper's theory"
     )
-    _ledger_file(theory)
+    _parameter_file(theory)
     theory.add_argument(
         "--design-files", type=Path, nargs="*", default=[],
-        help="from `reobserve stage design`, in the order of the ledger",
+        help="from `reobserve stage design`, in the order of the parameter file",
     )  # fmt: skip
     add_output(theory, "the table, CSV")
 
     robustness = add_command(
         commands, "robustness", "cli.stages.robustness:run",
-        "decide a paper's claims over draws of what it leaves open",
+        "decide a paper's claims over samples of what it leaves open",
     )  # fmt: skip
-    _ledger_file(robustness)
+    _parameter_file(robustness)
     most = "at most, per claim"
-    robustness.add_argument("--draws", type=whole(1, 1_000_000), required=True, help=most)
+    robustness.add_argument("--samples", type=whole(1, 1_000_000), required=True, help=most)
     robustness.add_argument(
-        "--no-flips", dest="flips", action="store_false",
-        help="skip the search for the smallest change that flips a claim, which takes longest",
+        "--no-reversals", dest="reversals", action="store_false",
+        help="skip the search for the smallest change that reverses a claim, which takes longest",
     )  # fmt: skip
     robustness.add_argument(
         "--chunk-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage draw`; draws that they lack are made here",
+        help="from `reobserve stage sample`; samples that they lack are made here",
     )  # fmt: skip
     _what_is_known(robustness)
     add_output(robustness, "shares and smallest changes, JSON")
     add_project(robustness)
 
-    draw = add_command(
+    sample = add_command(
         commands,
-        "draw",
-        "cli.stages.draw:run",
-        "make a chunk of these draws, for robustness to gather",
+        "sample",
+        "cli.stages.sample:run",
+        "make a chunk of these samples, for robustness to gather",
     )
-    _ledger_file(draw)
-    draw.add_argument("chunk", help="the numbers of its first and last draw, such as 50-99")
-    _what_is_known(draw)
-    add_output(draw, "the draws, JSON")
-    add_project(draw)
+    _parameter_file(sample)
+    sample.add_argument("chunk", help="the numbers of its first and last sample, such as 50-99")
+    _what_is_known(sample)
+    add_output(sample, "the samples, JSON")
+    add_project(sample)
 
     sensitivity = add_command(
         commands, "sensitivity", "cli.stages.sensitivity:run",
         "draw specification curves, and what decides the claims that depend on choices",
     )  # fmt: skip
-    _ledger_file(sensitivity)
+    _parameter_file(sensitivity)
     sensitivity.add_argument("robustness_file", type=Path, help="from `reobserve stage robustness`")
     told = "specification and sensitivity, in any of the formats"
     sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=told)
@@ -203,12 +203,14 @@ def _add_evidence(commands: Any) -> None:
     add_project(archive)
 
 
-def _ledger_file(command: argparse.ArgumentParser) -> None:
-    command.add_argument("ledger_file", type=Path, help="made by `reobserve stage parameters`")
+def _parameter_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument("parameter_file", type=Path, help="made by `reobserve stage parameters`")
 
 
 def _design_file(command: argparse.ArgumentParser, *, required: bool = False) -> None:
-    text = "from `reobserve stage design`" + ("" if required else ", if the ledger names a design")
+    text = "from `reobserve stage design`" + (
+        "" if required else ", if the parameter file names a design"
+    )
     command.add_argument(
         "--design-file", type=Path, required=required, nargs=None if required else "?",
         metavar="FILE", help=text,
@@ -217,18 +219,18 @@ def _design_file(command: argparse.ArgumentParser, *, required: bool = False) ->
 
 def _what_is_known(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--kept", type=Path, nargs="?", metavar="FILE",
-        help="kept draws, not all of which need to be repeated",
+        "--cached", type=Path, nargs="?", metavar="FILE",
+        help="cached samples, not all of which need to be repeated",
     )  # fmt: skip
     command.add_argument(
         "--study-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage study`, in the order of the ledger; else they are run here",
+        help="from `reobserve stage study`, in the order of the parameter file; else they are run here",
     )  # fmt: skip
 
 
 def _figure_inputs(command: argparse.ArgumentParser) -> None:
-    _ledger_file(command)
-    command.add_argument("figure", help="a figure of the ledger")
+    _parameter_file(command)
+    command.add_argument("figure", help="a figure of the parameter file")
     command.add_argument(
         "--plant-file", type=Path, required=True, help="from `reobserve stage plant`"
     )

@@ -39,7 +39,7 @@ typedef struct {{
 void {name}_start({name}_memory *memory);
 
 {arguments}
- * Returns 0, or 1 if the observer has left the range of numbers: then start it anew. */
+ * Returns 0, or 1 if the observer has left the range of numbers: then start it again. */
 int32_t {name}_step({name}_memory *memory, const double y[{p}],{u}
     {name}_estimate *estimate);
 

@@ -66,7 +66,7 @@ def _simulated(observer: LinearFilter | AugmentedKalmanFilter | IMM, state: Any,
     """Measurements of the model, of a bank of the first one."""
     first = observer.filters[0] if isinstance(observer, IMM) else observer
     A, B, C, D, _, R = first.model.arrays
-    x = (state.beliefs[0] if isinstance(observer, IMM) else state.belief).mean[: len(A)]
+    x = (state.posteriors[0] if isinstance(observer, IMM) else state.posterior).mean[: len(A)]
     noise = np.random.default_rng(ROWS).standard_normal((ROWS, len(C))) * np.sqrt(np.diag(R))
     y = np.empty((ROWS, len(C)))
     for k in range(ROWS):

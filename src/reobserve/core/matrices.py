@@ -45,7 +45,7 @@ def as_numbers(name: str, value: ArrayLike | Any, *, writable: bool = True) -> N
 
     Whatever holds real numbers will do: lists, arrays of other types and orders, read-only ones,
     frames and series of pandas. An array that is as it should be is handed back, not copied; for
-    another kind each kernel would be compiled anew. Entries need not be finite. With ``writable``
+    another kind each kernel would be compiled again. Entries need not be finite. With ``writable``
     false a read-only array will do, which is for no loop.
 
     Raises

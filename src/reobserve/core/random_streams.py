@@ -34,7 +34,7 @@ def random_stream(seed: int, *names: str) -> np.random.Generator:
 def held_normal(
     stream: np.random.Generator, samples: int, hold: int, columns: int | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit normal noise, drawn anew every ``hold`` samples: values and their limits from the left.
+    """Unit normal noise, drawn again every ``hold`` samples: values and their limits from the left.
 
     Both have shape (samples,), or (samples, columns).
 

@@ -72,7 +72,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 def for_loop(array: Array) -> Array:
     """A read-only array as compiled loops take it, which they must not write to.
 
-    Loops are compiled anew for read-only arrays. It is the array that `read_only` made a view of,
+    Loops are compiled again for read-only arrays. It is the array that `read_only` made a view of,
     or a copy.
     """
     base = array.base

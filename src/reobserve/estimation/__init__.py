@@ -5,7 +5,7 @@ settled by then, so that a file in pieces, and lines as they come, give the bits
 
     reading      rows of the file's columns, in the units of the model
     grid         rows at the sampling period: lost, uneven and missing samples by the policies
-    estimation   the observer, which starts anew where a policy says so
+    estimation   the observer, which starts again where a policy says so
     alarms       residuals and estimates against thresholds
     writing      columns with names and units
 """

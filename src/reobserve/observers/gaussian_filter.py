@@ -51,7 +51,7 @@ class State(Value):
     ``process_noise`` is Q from that sample on, shape (n, n), or None for the model's.
     """
 
-    belief: Gaussian
+    posterior: Gaussian
     sample: Array | None = None
     count: int = 0
     process_noise: Array | None = None
@@ -59,14 +59,14 @@ class State(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correction(Value):
-    """A belief after a measurement, and how well that was foretold.
+    """A posterior after a measurement, and how well that was foretold.
 
     ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
     ``log_likelihood`` of the measurement. What of it is missing has nan in the first two; where all
     is, the third is zero.
     """
 
-    belief: Gaussian
+    posterior: Gaussian
     innovation: Array
     innovation_covariance: Array
     log_likelihood: float
@@ -79,11 +79,11 @@ class ModeFilter(Protocol):
     def model(self) -> Any:
         """What has ``states``, ``inputs`` and ``outputs``, numbers, and a ``sampling_period``."""
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
-        """The belief a sample later, before its measurement; u is held over the step."""
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
+        """The posterior a sample later, before its measurement; u is held over the step."""
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
-        """The predicted belief after y, measured with the input u; a nan in y is missing."""
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
+        """The predicted posterior after y, measured with the input u; a nan in y is missing."""
 
 
 @dataclass(frozen=True)
@@ -235,12 +235,12 @@ class GaussianFilter(NoiseByRow):
         InputError
             If one of them is not that.
         """
-        belief = Gaussian(
+        posterior = Gaussian(
             as_vector("mean", mean, self.model.states),
             as_covariance("covariance", covariance, self.model.states),
             np.zeros(self.model.outputs),
         )
-        return State(belief, sample_before(u, self.model.outputs, self.model.inputs))
+        return State(posterior, sample_before(u, self.model.outputs, self.model.inputs))
 
     @property
     def _noise(self) -> Noise:
@@ -267,22 +267,22 @@ class GaussianFilter(NoiseByRow):
         held = self.model.Q if state.process_noise is None else state.process_noise
         return np.concatenate([held[None], self._noise.Q]), self._noise.R
 
-    def _after(self, state: State, record: Record, belief: Gaussian) -> State:
+    def _after(self, state: State, record: Record, posterior: Gaussian) -> State:
         """The state after a record that begins at another one."""
         sample, steps = np.concatenate([record.y[-1], record.u[-1]]), len(record.y)
         kept = None if "_given_noise" not in vars(self) else self._noise.Q[-1]
-        return State(belief, sample, state.count + steps - (state.sample is None), kept)
+        return State(posterior, sample, state.count + steps - (state.sample is None), kept)
 
     def _checked(self, state: Any) -> State:
         given = check_state(state, State, "")
         n, p, m = self.model.states, self.model.inputs, self.model.outputs
-        belief = check_belief("state.belief", given.belief, n, m)
+        posterior = check_posterior("state.posterior", given.posterior, n, m)
         sample, noise = check_sample(given.sample, m, p), given.process_noise
         if noise is not None:
             noise = as_covariance("state.process_noise", noise, n)
-        elif belief is given.belief and sample is given.sample:
+        elif posterior is given.posterior and sample is given.sample:
             return given
-        return State(belief, sample, given.count, noise)
+        return State(posterior, sample, given.count, noise)
 
 
 def new_rows(rows: int, states: int, outputs: int) -> tuple[Array, Array, Array, Array, Array]:
@@ -306,9 +306,9 @@ def named(rows: tuple[Array, Array, Array, Array, Array]) -> dict[str, Array]:
     }
 
 
-def copies(belief: Gaussian) -> tuple[Array, Array, Array]:
+def copies(posterior: Gaussian) -> tuple[Array, Array, Array]:
     """The arrays of an estimate, for a loop to work in."""
-    return belief.mean.copy(), belief.covariance.copy(), belief.error.copy()
+    return posterior.mean.copy(), posterior.covariance.copy(), posterior.error.copy()
 
 
 def inputs_of_rows(sample: Array | None, record: Record) -> Array:
@@ -334,8 +334,8 @@ def sample_before(u: ArrayLike | None, outputs: int, inputs: int) -> Array | Non
     return np.concatenate([np.full(outputs, np.nan), held])
 
 
-def check_belief(name: str, belief: Gaussian, states: int, outputs: int) -> Gaussian:
-    """The belief, of this size: compiled loops would read beyond its end.
+def check_posterior(name: str, posterior: Gaussian, states: int, outputs: int) -> Gaussian:
+    """The posterior, of this size: compiled loops would read beyond its end.
 
     Raises
     ------
@@ -343,11 +343,11 @@ def check_belief(name: str, belief: Gaussian, states: int, outputs: int) -> Gaus
         If it is of another size, or not finite.
     """
     shapes = [
-        getattr(getattr(belief, part, None), "shape", ())
+        getattr(getattr(posterior, part, None), "shape", ())
         for part in ("mean", "covariance", "error")
     ]
     return check_state(
-        belief, Gaussian,
+        posterior, Gaussian,
         f"has arrays of shapes {tuple(shapes)}, must be of {states} states, {outputs} outputs",
         name, mean=(states,), covariance=(states, states), error=(outputs,),
     )  # fmt: skip

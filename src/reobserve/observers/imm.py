@@ -1,8 +1,9 @@
 """Interacting multiple model (Blom & Bar-Shalom 1988; Gadsden et al. 2011, (7) to (23)).
 
 A bank of filters, one for each mode that the plant may be in, and a Markov chain that says how the
-plant moves between them. A step mixes the filters' beliefs (interaction), lets each take the sample
-(prediction, correction), weighs the modes by how well each foretold it, and combines the beliefs.
+plant moves between them. A step mixes the filters' posteriors (interaction), lets each take the
+sample (prediction, correction), weighs the modes by how well each foretold it, and combines the
+posteriors.
 
 What is mixed are the filters' states as they stand. The filters must therefore mean the same by
 their states, or at least nearly so: in other coordinates of each model the same bank gives other
@@ -38,7 +39,7 @@ from reobserve.observers.gaussian_filter import (
 from reobserve.observers.imm_loop import (
     Bank,
     BankRows,
-    Beliefs,
+    Posteriors,
     combine,
     interact,
     new_bank_rows,
@@ -70,8 +71,8 @@ class State(Value):
     count: int = 0
 
     @property
-    def beliefs(self) -> tuple[Gaussian, ...]:
-        """The belief of each filter."""
+    def posteriors(self) -> tuple[Gaussian, ...]:
+        """The posterior of each filter."""
         parts = zip(self.means, self.covariances, self.errors, strict=True)
         return tuple(Gaussian(*part) for part in parts)
 
@@ -94,8 +95,8 @@ class IMM(Observer[State]):
     transition
         p_ij, shape (r, r): the probability that mode i is followed by mode j. Rows sum to one.
     mixing
-        Whether beliefs interact, (9) and (10). Without, each filter goes its own way and only the
-        probabilities of the modes follow the chain.
+        Whether posteriors interact, (9) and (10). Without, each filter goes its own way and only
+        the probabilities of the modes follow the chain.
 
     Raises
     ------
@@ -223,48 +224,56 @@ class IMM(Observer[State]):
     def _fill(self, state: State, record: Record) -> Rows:
         r, (n, _, m), k = len(self.filters), _size(self.filters[0]), len(record.y)
         parts = state.means, state.covariances, state.errors, state.log_probabilities
-        beliefs = Beliefs(*(part.copy() for part in parts))
+        posteriors = Posteriors(*(part.copy() for part in parts))
         inputs, fresh = inputs_of_rows(state.sample, record), state.sample is None
         rows, bank = new_bank_rows(k, r, n, m), self._bank
         if bank is None:
-            good = self._run_one_by_one(beliefs, record.y, inputs, fresh, rows)
+            good = self._run_one_by_one(posteriors, record.y, inputs, fresh, rows)
         else:
             function = self._linear[0].compiled_gain
             good = run_bank(
-                (0,) * n, (0,) * m, bank, function, beliefs, record.y, inputs, fresh,
-                new_bank_work(beliefs, self.mixing), rows,
+                (0,) * n, (0,) * m, bank, function, posteriors, record.y, inputs, fresh,
+                new_bank_work(posteriors, self.mixing), rows,
             )  # fmt: skip
         variance = rows.covariance.diagonal(axis1=1, axis2=2)
         estimates = {"state": rows.state, "variance": variance, **rows._asdict()}
         last = np.concatenate([record.y[-1], record.u[-1]])
-        return Rows(estimates, good, State(*beliefs, last, state.count + k - fresh))
+        return Rows(estimates, good, State(*posteriors, last, state.count + k - fresh))
 
     def _run_one_by_one(
-        self, beliefs: Beliefs, measurements: Array, inputs: Array, fresh: bool, rows: BankRows
+        self,
+        posteriors: Posteriors,
+        measurements: Array,
+        inputs: Array,
+        fresh: bool,
+        rows: BankRows,
     ) -> int:
         """The loop of `run_bank` with filters that are called: they may be anyone's."""
-        states, transition = (0,) * beliefs.means.shape[1], for_loop(self.transition)
-        work = new_bank_work(beliefs, self.mixing)
+        states, transition = (0,) * posteriors.means.shape[1], for_loop(self.transition)
+        work = new_bank_work(posteriors, self.mixing)
         for k, y in enumerate(measurements):
             moves = k > 0 or not fresh
             if moves:
-                interact(states, transition, self.mixing, beliefs, work)
-                beliefs.log_probabilities[:] = work.mixed.log_probabilities
+                interact(states, transition, self.mixing, posteriors, work)
+                posteriors.log_probabilities[:] = work.mixed.log_probabilities
             for j, one in enumerate(self.filters):
-                parts = (work.mixed if moves else beliefs)[:3]
-                belief = Gaussian(*(part[j].copy() for part in parts))
+                parts = (work.mixed if moves else posteriors)[:3]
+                posterior = Gaussian(*(part[j].copy() for part in parts))
                 try:
-                    ahead = one.predict(belief, inputs[k]) if moves else belief
+                    ahead = one.predict(posterior, inputs[k]) if moves else posterior
                     after = one.correct(ahead, y, inputs[k + 1])
                 except DivergenceError:
                     return k
-                beliefs.means[j], beliefs.errors[j] = after.belief.mean, after.belief.error
-                beliefs.covariances[j] = after.belief.covariance
+                posteriors.means[j], posteriors.errors[j] = (
+                    after.posterior.mean,
+                    after.posterior.error,
+                )
+                posteriors.covariances[j] = after.posterior.covariance
                 rows.innovation[k, j] = after.innovation
                 work.log_likelihoods[j] = after.log_likelihood
-            whole = update_probabilities(beliefs.log_probabilities, work.log_likelihoods)
+            whole = update_probabilities(posteriors.log_probabilities, work.log_likelihoods)
             rows.log_likelihood[k] = 0.0 if np.isnan(y).all() else whole
-            combine(states, beliefs, k, rows)
+            combine(states, posteriors, k, rows)
             if not all(np.isfinite(part[k]).all() for part in rows[:3]):
                 return k
         return len(measurements)

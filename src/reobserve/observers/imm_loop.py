@@ -32,7 +32,7 @@ class Bank(NamedTuple):
     mixing: bool
 
 
-class Beliefs(NamedTuple):
+class Posteriors(NamedTuple):
     """Means (r, n), covariances (r, n, n) and output errors (r, m) of all filters, and log mu."""
 
     means: Array
@@ -52,23 +52,23 @@ class BankRows(NamedTuple):
 
 
 class BankWork(NamedTuple):
-    """Arrays of one step: mu(i|j), (r, r), mixed beliefs, log-likelihoods, (r,), and a filter's."""
+    """Arrays of one step: mu(i|j), (r, r), mixed posteriors, log-likelihoods, (r,), and a filter's."""
 
     weights: Array
-    mixed: Beliefs
+    mixed: Posteriors
     log_likelihoods: Array
     factor: Array
     of_filter: linear.Work
 
 
-def new_bank_work(beliefs: Beliefs, mixing: bool) -> BankWork:
-    """Arrays for the steps of a bank; without mixing, mixed beliefs are those of the filters."""
-    r, n = beliefs.means.shape
-    m = beliefs.errors.shape[1]
-    means, covariances, errors, _ = beliefs
+def new_bank_work(posteriors: Posteriors, mixing: bool) -> BankWork:
+    """Arrays for the steps of a bank; without mixing, mixed posteriors are those of the filters."""
+    r, n = posteriors.means.shape
+    m = posteriors.errors.shape[1]
+    means, covariances, errors, _ = posteriors
     if mixing:
         means, covariances = np.empty((r, n)), np.empty((r, n, n))
-    mixed = Beliefs(means, covariances, errors, np.empty(r))
+    mixed = Posteriors(means, covariances, errors, np.empty(r))
     of_filter = linear.Work(*map(np.empty, ((n, n), n, (n, m), (n, m), m)))
     return BankWork(np.empty((r, r)), mixed, np.empty(r), np.empty((m, m)), of_filter)
 
@@ -143,14 +143,14 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 # x0_j = sum_i mu(i|j) x_i,   P0_j = sum_i mu(i|j) (P_i + (x_i - x0_j) (x_i - x0_j)')
 @inlined_kernel
 def interact(
-    states: linear.Size, transition: Array, mixing: bool, beliefs: Beliefs, work: BankWork
+    states: linear.Size, transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork
 ) -> None:
-    """Mix the beliefs of the filters, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
+    """Mix the posteriors of the filters, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
     weights, mixed = work.weights, work.mixed
-    mixing_probabilities(transition, beliefs.log_probabilities, weights, mixed.log_probabilities)
+    mixing_probabilities(transition, posteriors.log_probabilities, weights, mixed.log_probabilities)
     if not mixing:
         return
-    n, r, means = len(states), len(weights), beliefs.means
+    n, r, means = len(states), len(weights), posteriors.means
     for j in range(r):
         for a in range(n):
             total = 0.0
@@ -162,23 +162,23 @@ def interact(
                 total = 0.0
                 for i in range(r):
                     apart = (means[i, a] - mixed.means[j, a]) * (means[i, b] - mixed.means[j, b])
-                    total += weights[j, i] * (beliefs.covariances[i, a, b] + apart)
+                    total += weights[j, i] * (posteriors.covariances[i, a, b] + apart)
                 mixed.covariances[j, a, b] = mixed.covariances[j, b, a] = total
 
 
 # x_j = A_j x0_j + B_j u,   P_j = A_j P0_j A_j' + Q_j
 @inlined_kernel
 def predict(
-    states: linear.Size, model: ModelArrays, control: Array, beliefs: Beliefs, work: BankWork
+    states: linear.Size, model: ModelArrays, control: Array, posteriors: Posteriors, work: BankWork
 ) -> None:
     """Time update of all filters, (11) and (12)."""
     A, B, C, D, Q, R = model
     mixed = work.mixed
-    linear.assign(beliefs.log_probabilities, mixed.log_probabilities)
+    linear.assign(posteriors.log_probabilities, mixed.log_probabilities)
     for j in range(len(A)):
         linear.predict(
             states, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), control, mixed.means[j],
-            mixed.covariances[j], beliefs.means[j], beliefs.covariances[j], work.of_filter,
+            mixed.covariances[j], posteriors.means[j], posteriors.covariances[j], work.of_filter,
         )  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def correct(
     function: Callable[..., None] | None,
     measurement: Array,
     control: Array,
-    beliefs: Beliefs,
+    posteriors: Posteriors,
     innovations: Array,
     work: BankWork,
 ) -> float:
@@ -210,37 +210,39 @@ def correct(
         else:
             log_likelihoods[j] = linear.correct(
                 states, outputs, ModelArrays(A[j], B[j], C[j], D[j], Q[j], R[j]), function,
-                bank.parameters[j], measurement, control, beliefs.means[j],
-                beliefs.covariances[j], beliefs.errors[j], innovations[j],
+                bank.parameters[j], measurement, control, posteriors.means[j],
+                posteriors.covariances[j], posteriors.errors[j], innovations[j],
                 work.factor, work.of_filter,
             )  # fmt: skip
-    whole = update_probabilities(beliefs.log_probabilities, log_likelihoods)
+    whole = update_probabilities(posteriors.log_probabilities, log_likelihoods)
     return 0.0 if missing else whole
 
 
 # x = sum_j mu_j x_j,   P = sum_j mu_j (P_j + (x_j - x) (x_j - x)')
 @inlined_kernel
-def combine(states: linear.Size, beliefs: Beliefs, k: int, rows: BankRows) -> bool:
+def combine(states: linear.Size, posteriors: Posteriors, k: int, rows: BankRows) -> bool:
     """Write the estimates of row k; return whether they are finite.
 
     Gadsden et al. 2011, (22) and (23).
     """
     mean, covariance, probability = rows.state, rows.covariance, rows.probability
-    n, r, whole = len(states), len(beliefs.means), rows.log_likelihood[k]
+    n, r, whole = len(states), len(posteriors.means), rows.log_likelihood[k]
     for j in range(r):
-        probability[k, j] = math.exp(beliefs.log_probabilities[j])
+        probability[k, j] = math.exp(posteriors.log_probabilities[j])
         whole += probability[k, j]
     for a in range(n):
         total = 0.0
         for j in range(r):
-            total += probability[k, j] * beliefs.means[j, a]
+            total += probability[k, j] * posteriors.means[j, a]
         mean[k, a] = total
     for a in range(n):
         for b in range(a + 1):
             total = 0.0
             for j in range(r):
-                apart = (beliefs.means[j, a] - mean[k, a]) * (beliefs.means[j, b] - mean[k, b])
-                total += probability[k, j] * (beliefs.covariances[j, a, b] + apart)
+                apart = (posteriors.means[j, a] - mean[k, a]) * (
+                    posteriors.means[j, b] - mean[k, b]
+                )
+                total += probability[k, j] * (posteriors.covariances[j, a, b] + apart)
             covariance[k, a, b] = covariance[k, b, a] = total
         whole += mean[k, a] + covariance[k, a, a]
     return math.isfinite(whole)
@@ -252,29 +254,29 @@ def run_bank(
     outputs: linear.Size,
     bank: Bank,
     function: Callable[..., None] | None,
-    beliefs: Beliefs,
+    posteriors: Posteriors,
     measurements: Array,
     inputs: Array,
     fresh: bool,
     work: BankWork,
     rows: BankRows,
 ) -> int:
-    """Filter a record: fill the rows, move the beliefs, and return the number of good rows.
+    """Filter a record: fill the rows, move the posteriors, and return the number of good rows.
 
     Gadsden et al. 2011, after (23).
 
     ``inputs`` has a row more than the record: the input of the row before, then that of each row.
-    ``fresh`` beliefs are meant at the first row, which then corrects them as they stand; else
+    ``fresh`` posteriors are meant at the first row, which then corrects them as they stand; else
     they are meant a period before.
     """
     for k in range(len(measurements)):
         if k > 0 or not fresh:
-            interact(states, bank.transition, bank.mixing, beliefs, work)
-            predict(states, bank.model, inputs[k], beliefs, work)
+            interact(states, bank.transition, bank.mixing, posteriors, work)
+            predict(states, bank.model, inputs[k], posteriors, work)
         rows.log_likelihood[k] = correct(
-            states, outputs, bank, function, measurements[k], inputs[k + 1], beliefs,
+            states, outputs, bank, function, measurements[k], inputs[k + 1], posteriors,
             rows.innovation[k], work,
         )  # fmt: skip
-        if not combine(states, beliefs, k, rows):
+        if not combine(states, posteriors, k, rows):
             return k
     return len(measurements)

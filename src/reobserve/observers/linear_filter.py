@@ -29,7 +29,7 @@ from reobserve.observers.gaussian_filter import (
     Gaussian,
     GaussianFilter,
     State,
-    check_belief,
+    check_posterior,
     copies,
     inputs_of_rows,
     named,
@@ -96,11 +96,11 @@ class LinearFilter(GaussianFilter):
         DivergenceError
             As `predict` and `correct`.
         """
-        ahead = self.predict(self._checked(state).belief, np.zeros(self.inputs))
+        ahead = self.predict(self._checked(state).posterior, np.zeros(self.inputs))
         one = self.correct(ahead, np.zeros(self.measurements), np.zeros(self.inputs))
         return np.sqrt(np.diag(one.innovation_covariance))
 
-    def predict(self, belief: Gaussian, u: ArrayLike = ()) -> Gaussian:
+    def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
         """Time update with the input that is held over the step, shape (p,).
 
         Gadsden et al. 2011, (11) and (12).
@@ -108,40 +108,40 @@ class LinearFilter(GaussianFilter):
         Raises
         ------
         InputError
-            If the input or the belief has another size.
+            If the input or the posterior has another size.
         DivergenceError
-            If the belief leaves the range of floating-point numbers; its time counts from there.
+            If the posterior leaves the range of floating-point numbers; its time counts from there.
         """
         states, outputs = self._sizes
-        belief = check_belief("belief", belief, len(states), len(outputs))
-        mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
+        posterior = check_posterior("posterior", posterior, len(states), len(outputs))
+        mean, covariance = np.empty_like(posterior.mean), np.empty_like(posterior.covariance)
         predict(
             states, self.model.arrays, as_vector("u", u, self.model.inputs),
-            for_loop(belief.mean), for_loop(belief.covariance), mean, covariance,
+            for_loop(posterior.mean), for_loop(posterior.covariance), mean, covariance,
             new_work(len(states), len(outputs)),
         )  # fmt: skip
-        return self._finite(Gaussian(mean, covariance, belief.error))
+        return self._finite(Gaussian(mean, covariance, posterior.error))
 
-    def correct(self, belief: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
-        """Measurement update of a predicted belief (Gadsden et al. 2011, (13) to (19)).
+    def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
+        """Measurement update of a predicted posterior (Gadsden et al. 2011, (13) to (19)).
 
         Raises
         ------
         InputError
-            If y (nan: missing), its input or the belief has another size.
+            If y (nan: missing), its input or the posterior has another size.
         DivergenceError
-            If the covariance of the innovation is not positive definite, or the belief leaves the
-            range of floating-point numbers; its time counts from there.
+            If the covariance of the innovation is not positive definite, or the posterior leaves
+            the range of floating-point numbers; its time counts from there.
         """
         taken = as_samples("y", as_row("y", y), self.model.outputs, missing=True)[0]
         control = as_vector("u", u, self.model.inputs)
         states, outputs = self._sizes
         m = len(outputs)
-        belief = check_belief("belief", belief, len(states), m)
+        posterior = check_posterior("posterior", posterior, len(states), m)
         innovation, factor = np.full(m, np.nan), np.full((m, m), np.nan)
         if is_missing(taken):
-            return Correction(belief, innovation, factor, 0.0)
-        after = copies(belief)
+            return Correction(posterior, innovation, factor, 0.0)
+        after = copies(posterior)
         log_likelihood = correct(
             states, outputs, self.model.arrays, self.compiled_gain, self.gain_parameters, taken,
             control, *after, innovation, factor, new_work(len(states), m),
@@ -151,15 +151,15 @@ class LinearFilter(GaussianFilter):
         write_innovation_covariance(innovation, factor, spread)
         return Correction(corrected, innovation, spread, log_likelihood)
 
-    def _finite(self, belief: Gaussian, log_likelihood: float = 0.0) -> Gaussian:
-        if not np.isfinite(log_likelihood + belief.mean.sum() + np.trace(belief.covariance)):
+    def _finite(self, posterior: Gaussian, log_likelihood: float = 0.0) -> Gaussian:
+        if not np.isfinite(log_likelihood + posterior.mean.sum() + np.trace(posterior.covariance)):
             raise DivergenceError(type(self).__name__, 0.0)
-        return belief
+        return posterior
 
     def _fill(self, state: State, record: Record) -> Rows:
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = copies(state.belief), state.sample is None
+        after, fresh = copies(state.posterior), state.sample is None
         rows = new_rows(k, n, m)
         good = run_filter(
             states, outputs, self.model.arrays, *self._noise_of_rows(state), self.compiled_gain,

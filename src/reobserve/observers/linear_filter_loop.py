@@ -359,7 +359,7 @@ def run_filter(
 
     ``inputs`` has a row more than the record: the input of the row before, then that of each row;
     so has ``Q``, (., n, n). The last of ``Q`` and of ``R``, (., m, m), hold for all later rows.
-    A ``fresh`` belief is meant at the first row, which then corrects it as it stands; else it is
+    A ``fresh`` posterior is meant at the first row, which then corrects it as it stands; else it is
     meant a period before.
     """
     n, m = len(states), len(outputs)

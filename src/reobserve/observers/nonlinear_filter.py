@@ -1,6 +1,6 @@
 """The base class of the extended and the unscented Kalman filter.
 
-The first row of a record corrects the belief that `init` was given; before each later row the
+The first row of a record corrects the posterior that `init` was given; before each later row the
 filter predicts with the input of the row before, and it corrects with the input of the row itself.
 `predict` and `correct` are the two halves, so that such filters can be modes of an `IMM`.
 
@@ -25,7 +25,7 @@ from reobserve.observers.gaussian_filter import (
     Gaussian,
     GaussianFilter,
     State,
-    check_belief,
+    check_posterior,
     copies,
     inputs_of_rows,
     named,
@@ -97,37 +97,38 @@ class NonlinearFilter(GaussianFilter):
         """The model as the loop reads it."""
         return self.model.functions
 
-    def predict(self, belief: Gaussian, u: ArrayLike = ()) -> Gaussian:
-        """Time update with the input u of the sample that the belief is of, shape (p,).
+    def predict(self, posterior: Gaussian, u: ArrayLike = ()) -> Gaussian:
+        """Time update with the input u of the sample that the posterior is of, shape (p,).
 
         Raises
         ------
         InputError
-            If the input or the belief has another size, or a Python function returns other shapes.
+            If the input or the posterior has another size, or a Python function returns other
+            shapes.
         DivergenceError
             If the result is not finite or the covariance has no root; its time counts from there.
         """
         states, outputs = self._sizes
-        belief = check_belief("belief", belief, len(states), len(outputs))
-        mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
+        posterior = check_posterior("posterior", posterior, len(states), len(outputs))
+        mean, covariance = np.empty_like(posterior.mean), np.empty_like(posterior.covariance)
         work = new_filter_work(len(states), len(outputs))
         good = predict(
             states, self.functions, self.weights, for_loop(self.model.Q),
-            as_vector("u", u, self.model.inputs), for_loop(belief.mean),
-            for_loop(belief.covariance), mean, covariance, work,
+            as_vector("u", u, self.model.inputs), for_loop(posterior.mean),
+            for_loop(posterior.covariance), mean, covariance, work,
         )  # fmt: skip
         self.model.raise_problem()
         if not good:
             raise DivergenceError(type(self).__name__, 0.0, CAUSES[int(work.cause[0])])
-        return Gaussian(mean, covariance, belief.error)
+        return Gaussian(mean, covariance, posterior.error)
 
-    def correct(self, belief: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
-        """Measurement update of a predicted belief; y and u are of the same sample.
+    def correct(self, posterior: Gaussian, y: ArrayLike, u: ArrayLike = ()) -> Correction:
+        """Measurement update of a predicted posterior; y and u are of the same sample.
 
         Raises
         ------
         InputError
-            If y (nan: missing), u or the belief has another size, or a Python function returns
+            If y (nan: missing), u or the posterior has another size, or a Python function returns
             other shapes.
         DivergenceError
             If the covariance of the innovation is not positive definite, or a result is not
@@ -137,11 +138,11 @@ class NonlinearFilter(GaussianFilter):
         n, m = len(states), len(outputs)
         taken = as_samples("y", as_row("y", y), m, missing=True)[0]
         control = as_vector("u", u, self.model.inputs)
-        belief = check_belief("belief", belief, n, m)
+        posterior = check_posterior("posterior", posterior, n, m)
         innovation, spread = np.full(m, np.nan), np.full((m, m), np.nan)
         if np.isnan(taken).all():
-            return Correction(belief, innovation, spread, 0.0)
-        after = copies(belief)
+            return Correction(posterior, innovation, spread, 0.0)
+        after = copies(posterior)
         factor, work = np.empty((m, m)), new_filter_work(n, m)
         log_likelihood = correct(
             states, outputs, self.functions, self.weights, for_loop(self.model.R), taken, control,
@@ -163,7 +164,7 @@ class NonlinearFilter(GaussianFilter):
         """The rows, and why the loop stopped, a key of `CAUSES`, or 0."""
         states, outputs = self._sizes
         n, m, k = len(states), len(outputs), len(record.y)
-        after, fresh = copies(state.belief), state.sample is None
+        after, fresh = copies(state.posterior), state.sample is None
         rows = new_rows(k, n, m)
         good, cause = run_filter(
             states, outputs, self.functions, self.weights, *self._noise_of_rows(state), record.y,

@@ -5,7 +5,7 @@
     x = sum w_i f(X_i),   P = sum v_i (f(X_i) - x) (f(X_i) - x)' + Q
 
 The weights of all points but the first are 1 / (2 c^2); those of the first are lambda / c^2 in
-means and lambda / c^2 + 1 - alpha^2 + beta in covariances. The points are placed anew after the
+means and lambda / c^2 + 1 - alpha^2 + beta in covariances. The points are placed again after the
 prediction, and L is the lower Cholesky factor, as in filterpy.
 """
 

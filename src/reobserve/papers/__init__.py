@@ -19,16 +19,16 @@ the others up to date:
     metrics.MEANINGS: what each metric is, in words   (see `reobserve.replication.meanings`)
     plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(job, plant, progress) -> dict     (only papers that have searches)
-    keys.Ledger                                       (the keys of the ledger, as dataclasses)
-    ledger.CHECKS: how what the ledger states is built, once
+    keys.Parameters                                       (the keys of the parameter file, as dataclasses)
+    checks.CHECKS: how what the parameter file states is built, once
                                            (see `reobserve.replication.parameters.check`)
 
 A design is plain JSON data: gains and series that are computed once. Observers and studies that
-name one in the ledger get it as a third argument.
+name one in the parameter file get it as a third argument.
 
 What studies, figures and records have in common, the keys of papers take from
 `reobserve.replication.parameters.job`. ``job`` is a `reobserve.replication.parameters.job.Job`: the
 parameter values that the step reads, see `reobserve.replication.parameters.settings`, with the
 types that the paper declares. A paper that is called by hand with plain values makes one of them:
-``job = read_job(keys.Ledger, settings)``.
+``job = read_job(keys.Parameters, settings)``.
 """

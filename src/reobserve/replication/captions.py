@@ -1,4 +1,4 @@
-"""Captions: a template of the workflow, filled from the ledger and the metrics of the figure."""
+"""Captions: a template of the workflow, filled from the parameter file and the metrics of the figure."""
 
 from __future__ import annotations
 

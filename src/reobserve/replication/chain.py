@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 Step = tuple[str, ...]
 
 
-def reads(ledger: Ledger, step: str, *names: str) -> list[Step]:
+def reads(parameters: Parameters, step: str, *names: str) -> list[Step]:
     """The steps whose results a step reads, in the order of its paper's function."""
-    tree = ledger.tree
+    tree = parameters.tree
     if step == "theory":
         return [("design", name) for name in tree.get("designs", {})]
     if step == "observe":
@@ -38,11 +38,11 @@ def reads(ledger: Ledger, step: str, *names: str) -> list[Step]:
     return []
 
 
-def behind(ledger: Ledger, *step: str) -> list[Step]:
+def behind(parameters: Parameters, *step: str) -> list[Step]:
     """A step and all that it needs, each after what it reads."""
     found: dict[Step, None] = {}
-    for need in reads(ledger, *step):
-        found |= dict.fromkeys(behind(ledger, *need))
+    for need in reads(parameters, *step):
+        found |= dict.fromkeys(behind(parameters, *need))
     return [*found, step]
 
 

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, located
-from reobserve.replication.claims.kept_draws import read_kept
+from reobserve.replication.claims.cached_samples import read_cached
 from reobserve.replication.claims.registry import amiss, claims_file, read_registry
 from reobserve.replication.equations.table import equations_file, read_equations
 from reobserve.replication.errata import errata_file, read_errata
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import samples_path
+from reobserve.replication.parameters.parameters import Parameters
 
 
-def check_evidence(project: Path, ledger: Ledger) -> None:
+def check_evidence(project: Path, parameters: Parameters) -> None:
     """Check the files of a paper, those that there are.
 
     Raises
@@ -22,18 +22,18 @@ def check_evidence(project: Path, ledger: Ledger) -> None:
     InputError
         With the file and the key of the first thing that is wrong.
     """
-    paper = ledger.paper
+    paper = parameters.paper
     if claims_file(project, paper).exists():
-        for problem in amiss(read_registry(project, ledger).claims):
+        for problem in amiss(read_registry(project, parameters).claims):
             place, _, rest = problem.partition(": ")
             raise InputError(place, rest)
     if errata_file(project, paper).exists():
         read_errata(project, paper)
     if equations_file(project, paper).exists():
         read_equations(project, paper)
-    for key, entry in ledger.entries():
+    for key, entry in parameters.entries():
         if entry["unit"] == "file" and str(entry["value"]).endswith(".json"):
             with located(f"{paper}.{key}"):
                 read_json(project / entry["value"])
     if (samples := project / samples_path(paper)).exists():
-        read_kept(samples, paper)
+        read_cached(samples, paper)

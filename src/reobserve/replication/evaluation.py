@@ -16,7 +16,7 @@ from reobserve.core.errors import InputError, located, shown
 from reobserve.replication.chain import Step, reads
 from reobserve.replication.metrics.metrics import Metric, lookup
 from reobserve.replication.metrics.parts import only
-from reobserve.replication.parameters.ledger import Ledger, digest
+from reobserve.replication.parameters.parameters import Parameters, digest
 from reobserve.replication.steps import (
     compute,
     compute_design,
@@ -40,7 +40,7 @@ class Replication:
 
     Attributes
     ----------
-    ledger
+    parameters
         The parameters of the paper, overrides included.
     figure
         The name of the figure.
@@ -54,7 +54,7 @@ class Replication:
         The metrics, in the order of the figure.
     """
 
-    ledger: Ledger
+    parameters: Parameters
     figure: str
     plant: Series
     estimates: Mapping[str, Series]
@@ -64,7 +64,7 @@ class Replication:
     def __repr__(self) -> str:
         observers = ", ".join(self.estimates)
         count = len(self.numbers)
-        return f"<{self.figure} of {self.ledger.paper}: observers {observers}; {count} metrics>"
+        return f"<{self.figure} of {self.parameters.paper}: observers {observers}; {count} metrics>"
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
@@ -96,8 +96,8 @@ def draw(figure: Replication, *, notes: bool) -> PaperFigure:
     """Draw a figure in the style that is in use, and fix its layout."""
     from reobserve.plotting.fitting import fix_layout
 
-    paper = figure.ledger.paper
-    settings = figure.ledger.settings("plot", figure.figure)
+    paper = figure.parameters.paper
+    settings = figure.parameters.settings("plot", figure.figure)
     data = figure_data(paper, settings, figure.plant, figure.estimates, figure.rows)
     layouts = paper_module(paper, "plot").LAYOUTS
     with located(f"{paper}.figures.{figure.figure}"):
@@ -125,7 +125,7 @@ class Evaluator:
     step and name, such as ``plant constant`` or ``observe constant sampled``.
     """
 
-    ledger: Ledger
+    parameters: Parameters
     _done: dict[str, Any] = field(default_factory=dict)
     _files: dict[str, Path] = field(default_factory=dict, repr=False)  # of results read from files
     made: dict[str, Any] = field(default_factory=dict, init=False)
@@ -142,18 +142,18 @@ class Evaluator:
         DivergenceError
             If the plant or an observer diverges.
         """
-        settings = self.ledger.settings("metrics", figure)
-        needs = reads(self.ledger, "metrics", figure)
+        settings = self.parameters.settings("metrics", figure)
+        needs = reads(self.parameters, "metrics", figure)
         results = {need: self.result(*need) for need in needs}
         plant = next(result for need, result in results.items() if need[0] == "plant")
         estimates = {need[2]: results[need] for need in needs if need[0] == "observe"}
         study = next((need for need in needs if need[0] == "study"), None)
         rows = results[study] if study else None
-        data = figure_data(self.ledger.paper, settings, plant, estimates, rows)
+        data = figure_data(self.parameters.paper, settings, plant, estimates, rows)
         with rows_from(self._files.get(self.key(*study)) if study else None):
-            numbers = measure(self.ledger.paper, data)
+            numbers = measure(self.parameters.paper, data)
         self.made[f"metrics {figure}"] = numbers
-        return Replication(self.ledger, figure, plant, estimates, rows, numbers)
+        return Replication(self.parameters, figure, plant, estimates, rows, numbers)
 
     def theory(self, asked: frozenset[str] | None = None) -> list[Metric]:
         """The metrics of the paper's theory; none if it has no such section.
@@ -165,7 +165,7 @@ class Evaluator:
         InputError
             If a value cannot be used.
         """
-        if "theory" not in self.ledger.tree:
+        if "theory" not in self.parameters.tree:
             return []
         found: list[Metric]
         if asked is None or self.key("theory") in self._done:
@@ -195,8 +195,8 @@ class Evaluator:
         """A digest of the parameters that a step depends on, itself and through what it reads."""
         if step not in self._keys:
             name, *names = step
-            settings = self.ledger.settings(name, names[-1] if names else "")
-            needs = [self.key(*need) for need in reads(self.ledger, *step)]
+            settings = self.parameters.settings(name, names[-1] if names else "")
+            needs = [self.key(*need) for need in reads(self.parameters, *step)]
             self._keys[step] = digest([name, settings, *needs])
         return self._keys[step]
 
@@ -206,15 +206,15 @@ class Evaluator:
 
     def refined(self) -> Evaluator:
         """An evaluator of the same parameters with every numerical step halved."""
-        return self.sibling(self.ledger.refined())
+        return self.sibling(self.parameters.refined())
 
-    def sibling(self, ledger: Ledger) -> Evaluator:
+    def sibling(self, parameters: Parameters) -> Evaluator:
         """An evaluator of other parameters of the paper, which shares all results."""
-        return Evaluator(ledger, self._done, self._files)
+        return Evaluator(parameters, self._done, self._files)
 
     def apart(self) -> Evaluator:
         """A copy that starts from the results so far and keeps new ones to itself."""
-        return Evaluator(self.ledger, dict(self._done), self._files)
+        return Evaluator(self.parameters, dict(self._done), self._files)
 
     def take_studies(self, files: Sequence[Path]) -> None:
         """Read the studies from files, one for each study in the order of the parameter file.
@@ -224,7 +224,7 @@ class Evaluator:
         InputError
             If files are missing, damaged or of another study.
         """
-        studies = list(self.ledger.tree.get("studies", {}))
+        studies = list(self.parameters.tree.get("studies", {}))
         if len(files) != len(studies):
             raise InputError("--study-files", f"{len(files)} must be one for each of {studies}")
         for name, path in zip(studies, files, strict=True):
@@ -235,20 +235,20 @@ class Evaluator:
     def take_study(self, study: str, path: Path) -> None:
         """Read one study from a file; `InputError` if that is missing or damaged."""
         key = self.key("study", study)
-        self._done[key], self._files[key] = read_study(self.ledger.paper, path), path
+        self._done[key], self._files[key] = read_study(self.parameters.paper, path), path
 
     def run(self, step: str, *names: str) -> Any:
         """Compute the result of a step from those that it reads; `result` computes each once."""
-        inputs = [self.result(*need) for need in reads(self.ledger, step, *names)]
+        inputs = [self.result(*need) for need in reads(self.parameters, step, *names)]
         if step == "design":
-            return compute_design(self.ledger, *names)
+            return compute_design(self.parameters, *names)
         name = names[-1] if names else ""
-        settings = self.ledger.settings(step, name)
+        settings = self.parameters.settings(step, name)
         if step == "theory":
             inputs = [dict(zip(settings["designs"], inputs, strict=True))]
-        return compute(self.ledger.paper, step, name, settings, *inputs)
+        return compute(self.parameters.paper, step, name, settings, *inputs)
 
 
-def evaluate(ledger: Ledger, figure: str) -> Replication:
+def evaluate(parameters: Parameters, figure: str) -> Replication:
     """The results behind one figure; see `Evaluator.figure`."""
-    return Evaluator(ledger).figure(figure)
+    return Evaluator(parameters).figure(figure)

@@ -15,9 +15,9 @@ from typing import Any
 from reobserve.core.errors import InputError, ReobserveError, shown
 from reobserve.core.files import write_text
 from reobserve.replication.parameters.config import check_config, known_papers, take_truths
-from reobserve.replication.parameters.job import read_ledger
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.job import read_parameters
 from reobserve.replication.parameters.names import DEFAULT_STYLE, stored_parameters, style_sheet
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.inputs import sample_files
 
 _PATIENCE = 5.0  # [s] for interpreted loops, after which compiling them is faster
@@ -49,7 +49,7 @@ def _is_record(path: Path) -> bool:
         return path.is_dir()
 
 
-def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
+def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Parameters]:
     """The parameters of all papers with the overrides of ``config``, to which defaults are added.
 
     All keys are checked; `write_parameters` also constructs plants and observers.
@@ -74,14 +74,14 @@ def load_parameters(project: Path, config: dict[str, Any]) -> dict[str, Ledger]:
         read_sheet(project / style_sheet(config["style"]))
     found = {}
     for paper in papers:
-        found[paper] = Ledger.load(project, paper, config.get(paper), config["seed"])
-        read_ledger(found[paper])
+        found[paper] = Parameters.load(project, paper, config.get(paper), config["seed"])
+        read_parameters(found[paper])
         _check_files(found[paper])
     return found
 
 
 def write_parameters(
-    project: Path, parameters: Mapping[str, Ledger], config: Mapping[str, Any]
+    project: Path, parameters: Mapping[str, Parameters], config: Mapping[str, Any]
 ) -> None:
     """Write the parameters that have changed, once plants and observers could be constructed.
 
@@ -93,8 +93,8 @@ def write_parameters(
     try:
         changed = [
             paper
-            for paper, ledger in parameters.items()
-            if _stored(project, paper) != ledger.text()
+            for paper, parameters in parameters.items()
+            if _stored(project, paper) != parameters.text()
         ]
         if changed:
             _check({paper: config.get(paper, {}) for paper in changed})
@@ -104,7 +104,7 @@ def write_parameters(
         sys.exit(f"reobserve: {error}")
 
 
-def refuse_beside_another_build(project: Path, parameters: Mapping[str, Ledger]) -> None:
+def refuse_beside_another_build(project: Path, parameters: Mapping[str, Parameters]) -> None:
     """Refuse to change parameters that the jobs of another build may still have to read.
 
     Snakemake lets two builds run in one folder if they write different files.
@@ -151,13 +151,13 @@ def _check(overrides: Mapping[str, Any]) -> None:
     )
 
 
-def _check_files(ledger: Ledger) -> None:
+def _check_files(parameters: Parameters) -> None:
     """Refuse names of files that Snakemake would take for patterns."""
-    for key, entry in ledger.entries():
+    for key, entry in parameters.entries():
         files: Iterable[str] = sample_files(entry["value"])
         if entry["unit"] == "file":
             files = [*files, str(entry["value"])]
         for file in files:
             if set(file) & set("{}"):
                 problem = f"{shown(file)} has braces in its name, which stand for wildcards"
-                raise InputError(f"{ledger.paper}.{key}", problem)
+                raise InputError(f"{parameters.paper}.{key}", problem)

@@ -12,7 +12,7 @@ from reobserve.signals.inputs import sample_files
 
 if TYPE_CHECKING:
     from reobserve.replication.evaluation import Replication
-    from reobserve.replication.parameters.ledger import Ledger
+    from reobserve.replication.parameters.parameters import Parameters
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -70,13 +70,13 @@ def replicate(
         raise InputError("overrides", f"{shown(overrides)} must be a mapping")
     package("pydantic", "read parameters", extra="pipeline")
     from reobserve.replication.evaluation import evaluate
-    from reobserve.replication.parameters.ledger import Ledger, default_seed
+    from reobserve.replication.parameters.parameters import Parameters, default_seed
 
-    ledger = Ledger.load(folder, paper, dict(overrides or {}), default_seed(folder))
-    if figure not in (figures := ledger.tree["figures"]):
+    parameters = Parameters.load(folder, paper, dict(overrides or {}), default_seed(folder))
+    if figure not in (figures := parameters.tree["figures"]):
         raise InputError("figure", f"{paper} has no {shown(figure)}{nearest(str(figure), figures)}")
-    _name_files_from_here(ledger, folder)
-    return evaluate(ledger, figure)
+    _name_files_from_here(parameters, folder)
+    return evaluate(parameters, figure)
 
 
 def _own_project() -> Path:
@@ -85,11 +85,11 @@ def _own_project() -> Path:
     return checkout if (checkout / "config" / "papers").is_dir() else _PACKAGE / "project"
 
 
-def _name_files_from_here(ledger: Ledger, folder: Path) -> None:
+def _name_files_from_here(parameters: Parameters, folder: Path) -> None:
     """Make paths whole that parameter files state relative to the project."""
     from reobserve.replication.parameters.overrides import OVERRIDDEN
 
-    for _, entry in ledger.entries():
+    for _, entry in parameters.entries():
         if entry["source"] == OVERRIDDEN:
             continue
         if entry["unit"] == "file":

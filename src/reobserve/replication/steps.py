@@ -18,8 +18,8 @@ from reobserve.replication.metrics.metrics import Metric
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.figure_data import FigureData
 from reobserve.replication.parameters.job import Settings, declared_keys, read_job
-from reobserve.replication.parameters.ledger import Ledger, digest
 from reobserve.replication.parameters.names import paper_part
+from reobserve.replication.parameters.parameters import Parameters, digest
 from reobserve.replication.provenance import code_digest, versions
 from reobserve.signals.series import Series
 
@@ -73,37 +73,37 @@ def compute(paper: str, stage: str, name: str, settings: Settings, *inputs: Any)
         return getattr(paper_module(paper, stage), function)(job, *inputs)
 
 
-def signed(series: Series, ledger: Ledger, stage: str, job: str, settings: Any) -> Series:
+def signed(series: Series, parameters: Parameters, stage: str, job: str, settings: Any) -> Series:
     """``series`` with its provenance: what made it, from which settings, by which code."""
-    return replace(series, provenance=provenance(ledger, stage, job, settings))
+    return replace(series, provenance=provenance(parameters, stage, job, settings))
 
 
-def provenance(ledger: Ledger, stage: str, job: str, settings: Any) -> dict[str, Any]:
+def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> dict[str, Any]:
     """What made a result, from which settings, by which code and packages."""
     return {
-        "paper": ledger.paper,
+        "paper": parameters.paper,
         "stage": stage,
         "job": job,
         "settings": settings,
         "settings_digest": digest(settings),
-        "code_digest": code_digest(stage, ledger.paper),
+        "code_digest": code_digest(stage, parameters.paper),
         "packages": versions(),
     }
 
 
-def compute_design(ledger: Ledger, design: str) -> dict[str, Any]:
-    """A design of the ledger as its readers get it: what JSON makes of what the paper computes.
+def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
+    """A design of the parameter file as its readers get it: what JSON makes of what the paper computes.
 
     Raises
     ------
     InputError
         If a setting cannot be used or a number of the design is not finite.
     """
-    computed = compute(ledger.paper, "design", design, ledger.settings("design", design))
+    computed = compute(parameters.paper, "design", design, parameters.settings("design", design))
     try:
         read_back: dict[str, Any] = json.loads(json.dumps(computed, allow_nan=False))
     except ValueError:
-        place = f"{ledger.paper}.designs.{design}"
+        place = f"{parameters.paper}.designs.{design}"
         raise InputError(place, "gives a number that is not finite") from None
     return read_back
 
@@ -148,7 +148,9 @@ def read_design(path: Path, wanted: tuple[str, str] | None = None) -> dict[str, 
     return stored.design
 
 
-def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> list[dict[str, Any]]:
+def named_design(
+    parameters: Parameters, body: dict[str, Any], path: Path | None
+) -> list[dict[str, Any]]:
     """The design that an observer, a study or a table names, from its file; empty without one.
 
     Raises
@@ -160,10 +162,12 @@ def named_design(ledger: Ledger, body: dict[str, Any], path: Path | None) -> lis
     if wanted is None and path is None:
         return []
     if path is None:
-        raise InputError("--design-file", f"must be given: the ledger names the design {wanted!r}")
+        raise InputError(
+            "--design-file", f"must be given: the parameter file names the design {wanted!r}"
+        )
     if wanted is None:
-        raise InputError("--design-file", "is given, but the ledger names no design here")
-    return [read_design(path, (ledger.paper, wanted))]
+        raise InputError("--design-file", "is given, but the parameter file names no design here")
+    return [read_design(path, (parameters.paper, wanted))]
 
 
 @contextmanager
@@ -182,7 +186,7 @@ def rows_from(study: Path | None) -> Iterator[None]:
     except (LookupError, ValueError) as error:
         if study is None or isinstance(error, ReobserveError):
             raise
-        problem = f"has not the rows that the figure needs ({error}); run the study anew"
+        problem = f"has not the rows that the figure needs ({error}); run the study again"
         raise InputError(str(study), problem) from error
 
 

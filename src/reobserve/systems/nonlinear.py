@@ -185,7 +185,7 @@ class NonlinearModel:
         return f"NonlinearModel({size}, sampling_period={self.sampling_period:g}{ode}; {how})"
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a pickle holds: functions are compiled anew."""
+        """What a pickle holds: functions are compiled again."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property

@@ -139,9 +139,9 @@ def _filters() -> Iterator[Call]:
         yield from _from_state(observer, observer.init([0.0, 0.0], 1e-2), y, u, MISSING)
     kalman = observers[0]
     for one in observers[:2]:
-        belief = one.init([0.0, 0.0], 1e-2).belief
-        yield method(one, "predict", belief, [1.0])
-        yield method(one, "correct", belief, [0.1], [1.0], takes=MISSING)
+        posterior = one.init([0.0, 0.0], 1e-2).posterior
+        yield method(one, "predict", posterior, [1.0])
+        yield method(one, "correct", posterior, [0.1], [1.0], takes=MISSING)
 
     def predicted(mean: Any, covariance: Any, error: Any) -> object:
         return kalman.predict(Gaussian(mean, covariance, error), [1.0])
@@ -219,8 +219,8 @@ def _nonlinear_filters() -> Iterator[Call]:
         yield Call(method(observer, "run").name, run, (y, u, start, *noise), MISSING)
         row = start, y[0], u[0], noise[0][0], noise[1][0]
         yield Call(method(observer, "step").name, step, row, MISSING)
-        yield method(observer, "predict", start.belief, [1.0])
-        yield method(observer, "correct", start.belief, [0.1], [1.0], takes=MISSING)
+        yield method(observer, "predict", start.posterior, [1.0])
+        yield method(observer, "correct", start.posterior, [0.1], [1.0], takes=MISSING)
 
         def smooth(u: Any, Q: Any, observer: Any = observer, start: Any = start) -> object:
             return rts_smoother(observer, observer.run(y, np.ones((20, 1)), state=start), u, Q=Q)

@@ -1,4 +1,4 @@
-"""What figures say of themselves: one look for each observer, and notes from the ledger alone."""
+"""What figures say of themselves: one look for each observer, and notes from the parameter file alone."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from reobserve.papers.delay import keys, notes
 from reobserve.papers.delay.styles import style_of
 from reobserve.replication.parameters.job import Job, read_job
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 
 ROOT = Path(__file__).parents[3]
 
 
 def job(figure: str, **overrides: Any) -> Job:
-    ledger = fixed_ledger("delay", overrides)
-    return read_job(keys.Ledger, ledger.settings("plot", figure))
+    parameters = fixed_parameters("delay", overrides)
+    return read_job(keys.Parameters, parameters.settings("plot", figure))
 
 
 def test_one_observer_has_one_style_and_two_have_two() -> None:

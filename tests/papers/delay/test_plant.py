@@ -14,7 +14,7 @@ from reobserve.core.random_streams import random_stream
 from reobserve.papers.delay import keys, noise, plant
 from reobserve.replication.parameters.job import Job, read_job
 from reobserve.signals.series import Series
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 from tests.plants.test_delayed_plants import SINE
 
 Array = NDArray[np.float64]
@@ -24,8 +24,8 @@ ROOT = Path(__file__).parents[3]
 
 def job(**changes: Any) -> Job:
     """The record of Fig. 2, some values of the plant changed."""
-    settings = fixed_ledger("delay", seed=3).settings("plant", "sine")
-    stated = read_job(keys.Ledger, settings)
+    settings = fixed_parameters("delay", seed=3).settings("plant", "sine")
+    stated = read_job(keys.Parameters, settings)
     return replace(stated, plant=replace(stated.plant, **changes))
 
 
@@ -101,8 +101,8 @@ def test_held_noise_on_top_of_a_signal_is_that_of_its_samples() -> None:
 
 @pytest.mark.parametrize("name", ["ramp", "sine"])
 def test_an_input_without_a_past_is_the_same_from_zero_on(name: str) -> None:
-    settings = fixed_ledger("delay").settings("plant", name)
-    stated = read_job(keys.Ledger, settings)
+    settings = fixed_parameters("delay").settings("plant", name)
+    stated = read_job(keys.Parameters, settings)
     cut = replace(stated, scenario=replace(stated.scenario, past="zero"))
     whole, late = plant.simulate(stated), plant.simulate(cut)
     for channel in ("input", "input_derivatives"):

@@ -9,7 +9,7 @@ from reobserve.papers.delay.scoring import half_periods, peaks, ripple
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import lookup
 from reobserve.signals.series import Channel, Series
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 
 TIME = 0.01 * np.arange(6001)
 # u' = 0 at 5, 15, 25, ... s, and a jump of the delay at 8 s.
@@ -52,7 +52,7 @@ def test_ripple_is_what_a_line_leaves() -> None:
 def test_the_first_run_of_the_study_is_fig_2() -> None:
     """At the rho of Fig. 2 and with its steps; the second run has other noise."""
     study = {"rhos": [2.5], "runs": 2, "sampling_period": 0.005}
-    evaluator = Evaluator(fixed_ledger("delay", {"studies": {"tradeoff": study}}))
+    evaluator = Evaluator(fixed_parameters("delay", {"studies": {"tradeoff": study}}))
     rows = evaluator.result("study", "tradeoff")
     own = lookup(evaluator.figure("fig2").numbers)
     first = [row for row in rows if row["run"] == 1]

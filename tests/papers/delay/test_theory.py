@@ -25,7 +25,7 @@ from tests.observers.test_extended_high_gain import (
     observer,
     record,
 )
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def evaluated(overrides: dict[str, object] | None = None) -> Numbers:
-    return lookup(Evaluator(fixed_ledger("delay", overrides)).theory())
+    return lookup(Evaluator(fixed_parameters("delay", overrides)).theory())
 
 
 @cache
@@ -127,7 +127,7 @@ def test_wrong_derivatives_scale_the_delay_of_the_ramp() -> None:
 
 
 def test_runs_at_the_rho_of_the_figures_are_those_of_the_figures() -> None:
-    fig1 = lookup(Evaluator(fixed_ledger("delay")).figure("fig1").numbers)
+    fig1 = lookup(Evaluator(fixed_parameters("delay")).figure("fig1").numbers)
     found = numbers().at("order2", "delay_radius", rho=5)
     assert found == pytest.approx(fig1["order2", "delay_radius"], rel=1e-6)
 
@@ -211,8 +211,8 @@ def test_each_derivative_is_harder_in_noise() -> None:
 
 def test_a_gain_that_is_constant_after_all_gives_the_observer_of_the_library() -> None:
     """From the true state, so that the delay stays off its bounds, which nothing else knows of."""
-    ledger = fixed_ledger("delay")
-    job = read_job(keys.Ledger, ledger.settings("theory"))
+    parameters = fixed_parameters("delay")
+    job = read_job(keys.Parameters, parameters.settings("theory"))
     start = [*job.theory.initial_state, 0.3]
     found = theory_state_gain.simulate(job, 0.0, start, 0.6, 10.0)
     built = observer(Case("ramp", 5.0, 1), 5e-3)

@@ -9,7 +9,7 @@ import pytest
 
 from reobserve.core.errors import InputError
 from reobserve.plants.dc_motor import ControlledMotor, DCMotor, SpeedControl
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.inputs import Signal
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from tests.papers.eso.plants import dc_motor
@@ -65,7 +65,7 @@ def test_e_is_no_input_matrix() -> None:
 
 def test_figures_are_one_further_than_the_text_counts() -> None:
     """The text has the noise in Figs 3 and 4, and the first without it in Fig. 1."""
-    stated = Ledger.load(ROOT, "eso")
+    stated = Parameters.load(ROOT, "eso")
     text = {
         1: ("actuator", False),
         2: ("sensor", False),
@@ -87,6 +87,6 @@ def test_the_only_table_is_not_the_first() -> None:
     numerals = {"I": 1, "V": 5, "X": 10}
     heading = [numerals[letter] for letter in "VII"]
     assert sum(heading) == 7, "they fall, so that they add"
-    stated = Ledger.load(ROOT, "eso").tree["plant"]
+    stated = Parameters.load(ROOT, "eso").tree["plant"]
     constants = [body for body in stated.values() if body["source"].startswith("Table, ")]
     assert len(constants) == 6, "all parameters of the motor are of this one"

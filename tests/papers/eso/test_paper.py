@@ -1,4 +1,4 @@
-"""The paper's package: what the ledger states is what is built, run and scored."""
+"""The paper's package: what the parameter file states is what is built, run and scored."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from reobserve.papers.eso.scoring import corrected_speed, differences, lag, scor
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import lookup
 from reobserve.replication.metrics.responses import window
-from reobserve.replication.parameters.check import check_ledger
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.check import check_parameters
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import compute_design, figure_data
 from reobserve.signals.series import Channel, Series
 from reobserve.synthesis.extended_state import pd_pi, pi
 from reobserve.synthesis.extended_state.certificate import error_system
 from reobserve.synthesis.extended_state.system import Gains
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 from tests.papers.eso.plants import dc_motor
 
 Array = NDArray[np.float64]
@@ -45,12 +45,12 @@ OBSERVERS = {
 FAULTS = ("actuator_fault", "sensor_fault")
 
 
-def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return fixed_ledger("eso", changes, seed)
+def parameters(changes: Tree | None = None, seed: int = SEED) -> Parameters:
+    return fixed_parameters("eso", changes, seed)
 
 
 def simulated(scenario: str, seed: int = SEED, **values: Any) -> Series:
-    changed = ledger({"scenarios": {scenario: values}} if values else None, seed)
+    changed = parameters({"scenarios": {scenario: values}} if values else None, seed)
     return plant.simulate(changed.settings("plant", scenario))
 
 
@@ -64,17 +64,17 @@ def record(name: str) -> Series:
 
 @cache
 def designed(name: str) -> Tree:
-    return compute_design(ledger(), name)
+    return compute_design(parameters(), name)
 
 
 @cache
 def estimated(name: str, observer: str) -> Series:
-    settings = ledger().settings("observe", observer)
+    settings = parameters().settings("observe", observer)
     return observe.estimate(settings, record(name), designed(OBSERVERS[observer]))
 
 
 def windows() -> keys.Metrics:
-    found: keys.Metrics = parse(keys.Metrics, ledger().section("metrics"))
+    found: keys.Metrics = parse(keys.Metrics, parameters().section("metrics"))
     return found
 
 
@@ -95,8 +95,8 @@ def rms(values: Array) -> float:
 # --- The plant's record -------------------------------------------------------------------------
 
 
-def test_settings_are_built_as_the_ledger_says() -> None:
-    stated = ledger()
+def test_settings_are_built_as_the_parameters_says() -> None:
+    stated = parameters()
     for scenario, deviation in (("disturbed", 0.0), ("noisy", np.sqrt(1e-4 / 0.1))):
         setup = plant.build(stated.settings("plant", scenario))
         assert setup.deviation == pytest.approx(deviation, rel=1e-14)
@@ -107,7 +107,7 @@ def test_settings_are_built_as_the_ledger_says() -> None:
         # Of y1 with Ki v and the poles -3 +- 2.25j and -12: tests of the plant.
         assert setup.plant.control.feedback == pytest.approx([3.02125, 3.0])
         assert setup.plant.control.integral == pytest.approx(-84.375)
-    quarter = ledger({"plant": {"hold_period": 0.4}})
+    quarter = parameters({"plant": {"hold_period": 0.4}})
     setup = plant.build(quarter.settings("plant", "noisy"))
     assert setup.deviation == pytest.approx(np.sqrt(1e-4 / 0.4), rel=1e-14)
 
@@ -173,7 +173,9 @@ def test_the_record_jumps_where_it_should_and_nowhere_else() -> None:
     assert jumps["output"][:, 0] == pytest.approx(expected, abs=1e-13)
     assert not jumps["output"][:, 1].any()
     assert not jumps["control"].any(), "the law acts on x, which does not jump"
-    measured = plant.simulate(ledger({"plant": {"feedback": "output"}}).settings("plant", "noisy"))
+    measured = plant.simulate(
+        parameters({"plant": {"feedback": "output"}}).settings("plant", "noisy")
+    )
     jump = measured["control"] - measured["control_before"]
     assert jump == pytest.approx(-3.02125 * expected, abs=1e-12)
     assert np.abs(np.diff(found["state"], axis=0)).max() < 0.1
@@ -203,7 +205,7 @@ def test_designs_are_those_of_the_synthesis(name: str, direct: Any) -> None:
 def test_either_observer_is_designed_by_either_criterion() -> None:
     """What is drawn for both at once: the criterion, and the bound and the radius of the second."""
     bounds = {"criterion": "least_gamma", "pole_bound": 30.0, "radius": 1000.0}
-    changed = ledger({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
+    changed = parameters({"designs": {"pd_pi": bounds, "pi_optimal": bounds}})
     for name, derivative in (("pd_pi", True), ("pi_optimal", False)):
         direct = pd_pi.design_least_gamma(dc_motor(), 0.0, 30.0, 1000.0, derivative=derivative)
         found = compute_design(changed, name)
@@ -261,7 +263,7 @@ def test_a_pi_observer_by_the_same_optimisation_estimates_the_same(name: str) ->
 
 
 def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> None:
-    other = ledger(
+    other = parameters(
         {
             "plant": {
                 "controller_poles": [-5.0, 1.0, -20.0],
@@ -270,7 +272,7 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
             }
         }
     )
-    found = [Evaluator(each).figure("fig4") for each in (ledger(), other)]
+    found = [Evaluator(each).figure("fig4") for each in (parameters(), other)]
     assert np.abs(found[0].plant["state"] - found[1].plant["state"]).max() > 1
     for observer in ("pi", "pd_pi"):
         pair = [each.estimates[observer] for each in found]
@@ -281,9 +283,9 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
         assert errors[0] == pytest.approx(errors[1], abs=1e-9)
 
 
-def test_observers_start_where_the_ledger_says() -> None:
+def test_observers_start_where_the_parameters_says() -> None:
     start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
-    changed = ledger({"observers": {"pd_pi": {"initial_estimate": start}}})
+    changed = parameters({"observers": {"pd_pi": {"initial_estimate": start}}})
     found = observe.estimate(
         changed.settings("observe", "pd_pi"), record("disturbed"), designed("pd_pi")
     )
@@ -291,20 +293,20 @@ def test_observers_start_where_the_ledger_says() -> None:
     assert first == [0.3, -0.2, 0.05, -0.06]
     # Of xz it has a filter of its own: with both alike an error of theirs is none.
     assert found["state"][-1] == pytest.approx(estimated("disturbed", "pd_pi")["state"][-1])
-    moved = ledger({"plant": {"initial_state": [0.5, -1.0]}})
+    moved = parameters({"plant": {"initial_state": [0.5, -1.0]}})
     begun = plant.simulate(moved.settings("plant", "disturbed"))
     assert begun["state"][0].tolist() == [0.5, -1.0]
 
 
-def test_pulses_are_as_wide_as_the_ledger_says() -> None:
-    changed = ledger({"plant": {"pulse_width": 1.0}})
+def test_pulses_are_as_wide_as_the_parameters_says() -> None:
+    changed = parameters({"plant": {"pulse_width": 1.0}})
     found = plant.simulate(changed.settings("plant", "disturbed"))
     expected = (np.floor(found.time[:-1] + 1e-9) % 4 == 0).astype(float)
     np.testing.assert_array_equal(found["reference"][:-1], expected)
 
 
 def test_a_figure_has_the_scores_of_its_observers() -> None:
-    found = lookup(Evaluator(ledger()).figure("fig2").numbers)
+    found = lookup(Evaluator(parameters()).figure("fig2").numbers)
     assert {observer for observer, _ in found} == {"plant", "pi", "pd_pi", "least_gamma"}
     for observer in ("pi", "pd_pi"):
         for metric, value in scored("disturbed", observer).items():
@@ -493,7 +495,7 @@ def test_deviations_that_cannot_be() -> None:
 @cache
 def rows_of_the_study() -> list[Tree]:
     """Of two designs, from a record that the study must not use the disturbances of."""
-    settings = ledger().settings("study", "designs")
+    settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [2.0], "decays": [1.0], "factors": [], "pole_bounds": [50.0],
               "radii": [], "solutions": ["least_norm", "positive"]}  # fmt: skip
     return study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
@@ -545,7 +547,7 @@ def test_the_study_has_the_numbers_of_direct_calls(
 
 
 def test_metrics_tell_every_design_of_the_study() -> None:
-    settings = ledger().settings("metrics", "fig3_designs")
+    settings = parameters().settings("metrics", "fig3_designs")
     estimates = {"pd_pi": estimated("disturbed", "pd_pi")}
     data = figure_data("eso", settings, record("disturbed"), estimates, rows_of_the_study())
     found = lookup(metrics.measure(data))
@@ -608,7 +610,7 @@ BAD = {
     ),
     "a comparison with nobody": (
         {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},
-        "observers.pi_optimal.compared_with", "must be an observer of the ledger; did you mean",
+        "observers.pi_optimal.compared_with", "must be an observer of the parameter file; did you mean",
     ),
     "a window after the end": (
         rules(sensor_constant=[21, 22]), f"{M}.sensor_constant", "within the horizon",
@@ -623,7 +625,7 @@ BAD = {
 def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
     changes, key, said = BAD[case]
     with pytest.raises(InputError) as caught:
-        check_ledger(ledger(changes))
+        check_parameters(parameters(changes))
     assert caught.value.parameter == f"eso.{key}"
     assert said in caught.value.problem
     assert "\n" not in str(caught.value)
@@ -644,19 +646,19 @@ BAD_DESIGNS = {
 def test_the_design_stage_refuses_with_the_key(key: str) -> None:
     name, value, said = BAD_DESIGNS[key]
     with pytest.raises(InputError) as caught:
-        compute_design(ledger({"designs": {name: {key: value}}}), name)
+        compute_design(parameters({"designs": {name: {key: value}}}), name)
     assert caught.value.parameter == f"eso.designs.{name}.{key}"
     assert caught.value.problem.startswith(said)
     assert "\n" not in str(caught.value)
 
 
 def test_a_study_says_which_design_failed() -> None:
-    settings = ledger().settings("study", "designs")
+    settings = parameters().settings("study", "designs")
     levels = {"filter_rates": [], "decays": [], "factors": [0.9], "pole_bounds": [], "radii": []}
     with pytest.raises(InputError, match=r"^study\.pi_least_norm at factor 0\.9\.factor: 0\.9 of"):
         study.run({**settings, "study": {**settings["study"], **levels}}, record("noisy"))
 
 
 def test_the_config_is_accepted() -> None:
-    check_ledger(ledger())
-    assert set(ledger().section("designs")) == set(OBSERVERS.values())
+    check_parameters(parameters())
+    assert set(parameters().section("designs")) == set(OBSERVERS.values())

@@ -34,7 +34,7 @@ from reobserve.synthesis.extended_state.inequality import PdPiVariables
 from reobserve.synthesis.extended_state.system import AugmentedSystem, Gains
 from reobserve.synthesis.h_infinity_norm import h_infinity_norm
 from tests.found import golden_metrics
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 from tests.papers.eso.plants import dc_motor
 
 ROOT = Path(__file__).parents[3]
@@ -48,7 +48,7 @@ UNITS = {"actuator": "V", "sensor": "rad/s"}
 
 @cache
 def evaluator() -> Evaluator:
-    return Evaluator(fixed_ledger("eso", seed=SEED))
+    return Evaluator(fixed_parameters("eso", seed=SEED))
 
 
 @cache
@@ -57,13 +57,13 @@ def numbers() -> dict[tuple[str, str], float]:
 
 
 def settings(**changed: Any) -> dict[str, Any]:
-    found = evaluator().ledger.settings("theory")
+    found = evaluator().parameters.settings("theory")
     return {**found, "theory": {**found["theory"], **changed}}
 
 
 @cache
 def designs() -> dict[str, Any]:
-    return {name: compute_design(evaluator().ledger, name) for name in DESIGNS.values()}
+    return {name: compute_design(evaluator().parameters, name) for name in DESIGNS.values()}
 
 
 def gains_of(observer: str) -> Gains:
@@ -243,13 +243,13 @@ def test_what_is_left_of_a_jump_is_what_a_simulation_leaves(observer: str, fault
 
 
 def of_one(observer: str) -> Observers:
-    plant = read_job(keys.Ledger, settings()).plant
+    plant = read_job(keys.Parameters, settings()).plant
     return {observer: stored_design(plant, designs()[DESIGNS[observer]])}
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
 def test_what_is_held_for_long_is_a_constant(observer: str) -> None:
-    rules = read_job(keys.Ledger, settings()).theory
+    rules = read_job(keys.Parameters, settings()).theory
     found = lookup(held(of_one(observer), rules, 50.0, 0.1))
     for source in ("speed", "current"):
         assert found[observer, f"{source}_disturbance_left"] == pytest.approx(1.0, abs=1e-9)
@@ -258,7 +258,7 @@ def test_what_is_held_for_long_is_a_constant(observer: str) -> None:
 
 
 def test_deviations_are_those_of_the_study() -> None:
-    """d of the ledger is uniform: both disturbances together, and the noise."""
+    """d of the parameter file is uniform: both disturbances together, and the noise."""
     sizes = np.array([0.4, 0.2]) / np.sqrt(12)
     study = Numbers(golden_metrics("eso", "fig3_designs"))
     for observer, kind, at in (
@@ -285,8 +285,8 @@ def test_deviations_are_those_of_the_study() -> None:
 
 
 def test_errors_are_seen_against_the_faults_and_what_shows_against_their_constants() -> None:
-    scenario = evaluator().ledger.section("scenarios", "noisy")
-    rules = evaluator().ledger.section("metrics")
+    scenario = evaluator().parameters.section("scenarios", "noisy")
+    rules = evaluator().parameters.section("metrics")
     found = lookup(evaluator().figure("fig5").numbers)
     for fault in UNITS:
         first, last = rules[f"{fault}_varying"]

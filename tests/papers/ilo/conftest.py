@@ -12,7 +12,7 @@ import pytest
 from reobserve.papers.ilo import keys, theory, theory_runs
 from reobserve.replication.metrics.metrics import Numbers, lookup
 from reobserve.replication.parameters.job import read_job
-from tests.papers import fixed_ledger, merged
+from tests.papers import fixed_parameters, merged
 
 INERTIA = np.array([[36, 1.5, 0], [1.5, 17, 0], [0, 0, 26.0]])
 MOMENTS = 26.5 + np.array([-1, 1]) * np.sqrt(9.5**2 + 1.5**2)  # by hand: least and greatest
@@ -22,8 +22,8 @@ Measure = Callable[..., Numbers]
 
 @pytest.fixture(scope="package")
 def settings() -> dict[str, Any]:
-    ledger = fixed_ledger("ilo")
-    return copy.deepcopy(ledger.settings("theory"))
+    parameters = fixed_parameters("ilo")
+    return copy.deepcopy(parameters.settings("theory"))
 
 
 @pytest.fixture(scope="package")
@@ -36,7 +36,7 @@ def measure(settings: dict[str, Any]) -> Measure:
     """The numbers of a part of `theory_runs`, with some settings changed."""
 
     def measured(part: str, over: dict[str, Any], base: dict[str, Any] | None = None) -> Numbers:
-        job = read_job(keys.Ledger, merged(base or settings, over))
+        job = read_job(keys.Parameters, merged(base or settings, over))
         return lookup(getattr(theory_runs, part)(theory_runs.Runs.of(job)))
 
     return measured

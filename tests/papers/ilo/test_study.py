@@ -1,4 +1,4 @@
-"""The study of gains and noise: what it follows over time, and what its ledger must say."""
+"""The study of gains and noise: what it follows over time, and what its parameter file must say."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from reobserve.papers.ilo.observe import estimate
 from reobserve.papers.ilo.plant import simulate
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.replication.metrics.study_table import StudyTable
-from reobserve.replication.parameters.check import check_ledger
-from tests.papers import fixed_ledger
+from reobserve.replication.parameters.check import check_parameters
+from tests.papers import fixed_parameters
 
 ROOT = Path(__file__).parents[3]
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def settings() -> dict[str, Any]:
     """One gain, one level and one run; the noise is held for an interval of the sampled reading."""
-    found = copy.deepcopy(fixed_ledger("ilo", seed=1).settings("study", "matching"))
+    found = copy.deepcopy(fixed_parameters("ilo", seed=1).settings("study", "matching"))
     found["study"] |= {"integral_gains": [1e5], "noise_levels": [1e-5, 1e-4], "noise_runs": 1}
     found["study"]["shown_noise"] = 1e-4
     return found
@@ -32,7 +32,7 @@ def settings() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def table(settings: dict[str, Any]) -> StudyTable:
-    fault = fixed_ledger("ilo").section("scenarios", "aperiodic")
+    fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
     record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
     return StudyTable.of(study.run(settings, record), study_rows.KINDS)
 
@@ -82,7 +82,7 @@ def test_a_second_is_relative_to_the_fault_of_the_scored_window(
     settings: dict[str, Any], table: StudyTable
 ) -> None:
     """The adaptive observer is too slow for noise: its seconds are those without."""
-    fault = fixed_ledger("ilo").section("scenarios", "aperiodic")
+    fault = fixed_parameters("ilo").section("scenarios", "aperiodic")
     record = simulate({"plant": settings["plant"], "scenario": fault, "seed": 1})
     observer = settings["observers"]["adaptive"]
     errors = Errors.of(
@@ -96,4 +96,4 @@ def test_a_second_is_relative_to_the_fault_of_the_scored_window(
 def test_the_level_that_is_shown_is_one_of_the_levels() -> None:
     over = {"studies": {"matching": {"shown_noise": 2e-5}}}
     with pytest.raises(InputError, match=r"matching\.shown_noise: 2e-05 must be one of the noise"):
-        check_ledger(fixed_ledger("ilo", over))
+        check_parameters(fixed_parameters("ilo", over))

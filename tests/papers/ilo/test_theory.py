@@ -14,7 +14,7 @@ from reobserve.papers.ilo.metrics import LEARNING
 from reobserve.papers.ilo.scoring import Errors
 from reobserve.replication.metrics.metrics import Numbers, lookup
 from reobserve.replication.parameters.job import read_job
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.synthesis.ilo_accuracy import error_transfer
 from reobserve.synthesis.ilo_error_system import LearningLaw as Law
 from reobserve.synthesis.ilo_sampled_stability import sampled_stability
@@ -25,7 +25,7 @@ from tests.papers.ilo.conftest import INERTIA, MOMENTS, Measure
 def limits(settings: dict[str, Any], reading: str = "sampled") -> Numbers:
     mine = copy.deepcopy(settings)
     mine["metrics"]["reading"] = reading
-    return lookup(theory_linear.measure(read_job(keys.Ledger, mine)))
+    return lookup(theory_linear.measure(read_job(keys.Parameters, mine)))
 
 
 def scalar_limit(damping: float, K1: float, interval: float) -> float:
@@ -78,7 +78,7 @@ def test_the_sampled_gains_follow_their_rule() -> None:
         factor = np.abs([trace + root, trace - root]).max() / 2
         return float(-np.log(factor) / interval)
 
-    defaults = Ledger.load(ROOT, "ilo").tree["observers"]["sampled"]
+    defaults = Parameters.load(ROOT, "ilo").tree["observers"]["sampled"]
     entries = [defaults[key] for key in ("K2", "damping", "update_interval")]
     K2, damping, interval = values = [entry["value"] for entry in entries]
     chosen = slowest(*values)
@@ -228,7 +228,7 @@ def test_operations_counted_by_hand(settings: dict[str, Any]) -> None:
         mine = copy.deepcopy(settings)
         mine["theory"] |= given
         mine["metrics"]["reading"] = reading
-        numbers = lookup(theory.operations(read_job(keys.Ledger, mine)))
+        numbers = lookup(theory.operations(read_job(keys.Parameters, mine)))
         return numbers[LEARNING, "operations"], numbers["adaptive", "operations"]
 
     # Three axes: a product and a sum, and with K1 = 0.9 a product more.

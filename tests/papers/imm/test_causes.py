@@ -28,7 +28,7 @@ from reobserve.papers.imm.study_rows import (
 )
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import read_job
-from tests.papers.imm.test_paper import Tree, ledger, measured, record
+from tests.papers.imm.test_paper import Tree, measured, parameters, record
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ VARIANTS = (INTACT, KALMAN, FROZEN, NO_MEMORY)
 
 @cache
 def settings() -> Tree:
-    return ledger().settings("study", "causes")
+    return parameters().settings("study", "causes")
 
 
 def rows(scales: list[float] | None = None, **changed: Any) -> StudyTable:
@@ -57,12 +57,12 @@ class Recorder:
         self.gains: list[Array] = []
         self.last: tuple[Array, Array] | tuple[()] = ()
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
-        return self.inner.predict(belief, u)
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
+        return self.inner.predict(posterior, u)
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
-        found = self.inner.correct(belief, y, u)
-        moved = self.model.C @ (found.belief.mean - belief.mean)  # C C^+ = I
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
+        found = self.inner.correct(posterior, y, u)
+        moved = self.model.C @ (found.posterior.mean - posterior.mean)  # C C^+ = I
         self.gains.append(np.linalg.pinv(self.model.C) * (moved / found.innovation))
         return found
 
@@ -70,20 +70,20 @@ class Recorder:
 class OfMixedState(Recorder):
     """An SVSF whose e(k|k) is that of the state that it is mixed to, and not its own by (18)."""
 
-    def predict(self, belief: Gaussian, u: Array) -> Gaussian:
-        ahead, error = self.inner.predict(belief, u), belief.error
+    def predict(self, posterior: Gaussian, u: Array) -> Gaussian:
+        ahead, error = self.inner.predict(posterior, u), posterior.error
         if self.last:
             y, held = self.last
-            error = y - self.model.C @ belief.mean - self.model.D @ held
+            error = y - self.model.C @ posterior.mean - self.model.D @ held
         return Gaussian(ahead.mean, ahead.covariance, error)
 
-    def correct(self, belief: Gaussian, y: Array, u: Array) -> Correction:
+    def correct(self, posterior: Gaussian, y: Array, u: Array) -> Correction:
         self.last = y, u
-        return self.inner.correct(belief, y, u)
+        return self.inner.correct(posterior, y, u)
 
 
 def test_with_the_error_of_the_mixed_state_the_thin_layers_lose_the_leak() -> None:
-    job = read_job(keys.Ledger, deepcopy(settings()))
+    job = read_job(keys.Parameters, deepcopy(settings()))
     body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
     one = bank(job.plant, body, plant.step)
     filters = [OfMixedState(cast(SmoothVariableStructureFilter, each)) for each in one.filters]
@@ -94,7 +94,7 @@ def test_with_the_error_of_the_mixed_state_the_thin_layers_lose_the_leak() -> No
 
 
 def test_mean_gains_are_those_by_which_filters_correct() -> None:
-    job = read_job(keys.Ledger, deepcopy(settings()))
+    job = read_job(keys.Parameters, deepcopy(settings()))
     body, plant = job.observers["svsf_thin_retuned"], record("velocity_step")
     one = bank(job.plant, body, plant.step)
     measurements, held = plant["measured"][1:, measured_columns(body)], plant["input"][:-1]

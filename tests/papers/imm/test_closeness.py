@@ -32,7 +32,7 @@ from reobserve.papers.imm.study_closeness import Grid, alarm_time, driven
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import read_job
 from reobserve.systems.linear import LinearModel
-from tests.papers.imm.test_paper import Tree, ledger, record
+from tests.papers.imm.test_paper import Tree, parameters, record
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -142,10 +142,12 @@ def noisy() -> tuple[Array, Array]:
 
 def pair(name: str, **changed: Any) -> Any:
     """A bank of the normal and the leakage model, with what it was made from."""
-    tree = deepcopy(ledger().section("observers", name))
+    tree = deepcopy(parameters().section("observers", name))
     body = parse(keys.Observer, {**tree, **changed})  # type: ignore[arg-type]
-    normal, _, leakage = modes(parse(keys.Plant, ledger().section("plant")))
-    return bank(parse(keys.Plant, ledger().section("plant")), body, 1e-3, [normal, leakage]), body
+    normal, _, leakage = modes(parse(keys.Plant, parameters().section("plant")))
+    return bank(
+        parse(keys.Plant, parameters().section("plant")), body, 1e-3, [normal, leakage]
+    ), body
 
 
 @pytest.mark.parametrize("name", ["kalman", "svsf"])
@@ -181,12 +183,12 @@ def test_distances_are_those_of_the_innovations() -> None:
     measured, held = noisy()
     found = distances(rest_likelihoods(one, 800), likelihoods(one, 0, measured, held))
     state = normal.init(np.zeros(5), one[1].initial_covariance, u=[held[0], 0.0])
-    belief = normal.predict(state.belief, [held[0], 0.0])
+    posterior = normal.predict(state.posterior, [held[0], 0.0])
     for k in range(40):
-        told = normal.correct(belief, measured[k], [held[k + 1], held[k]])
+        told = normal.correct(posterior, measured[k], [held[k + 1], held[k]])
         wanted = told.innovation @ np.linalg.solve(told.innovation_covariance, told.innovation)
         assert found[k] == pytest.approx(wanted, rel=1e-6, abs=1e-8), k
-        belief = normal.predict(told.belief, [held[k + 1], held[k]])
+        posterior = normal.predict(told.posterior, [held[k + 1], held[k]])
 
 
 def test_noise_of_the_states_has_the_covariance_of_the_model_at_rest() -> None:
@@ -220,7 +222,7 @@ FEW: Tree = {
 
 
 def close(**stated: Any) -> list[Row]:
-    settings = deepcopy(ledger().settings("study", "closeness"))
+    settings = deepcopy(parameters().settings("study", "closeness"))
     settings["study"].update({**FEW, **stated})
     return study.run(settings, record("plain"))
 
@@ -240,13 +242,13 @@ def test_rows_are_the_same_on_one_thread_and_two(monkeypatch: pytest.MonkeyPatch
 
 
 def test_what_is_judged_must_be_over_before_the_run_is() -> None:
-    settings = deepcopy(ledger().settings("study", "closeness"))
+    settings = deepcopy(parameters().settings("study", "closeness"))
     body = settings["study"]
     body["horizon"] = body["onset"] + body["judged"]
-    study_closeness.check(read_job(keys.Ledger, settings))
-    body["horizon"] -= read_job(keys.Ledger, settings).scenario.period
+    study_closeness.check(read_job(keys.Parameters, settings))
+    body["horizon"] -= read_job(keys.Parameters, settings).scenario.period
     with pytest.raises(InputError, match=r"^judged: \S+ s must fit between onset and horizon, "):
-        study_closeness.check(read_job(keys.Ledger, settings))
+        study_closeness.check(read_job(keys.Parameters, settings))
 
 
 def test_rows_come_by_plant_then_models_then_runs() -> None:
@@ -265,7 +267,7 @@ def test_rows_come_by_plant_then_models_then_runs() -> None:
 
 
 def test_the_gap_is_the_one_between_the_models() -> None:
-    normal, _, leakage = modes(parse(keys.Plant, ledger().section("plant")))
+    normal, _, leakage = modes(parse(keys.Plant, parameters().section("plant")))
     for row in few():
         if row["observer"] == "models":
             pairs = []
@@ -283,7 +285,7 @@ def test_more_runs_leave_the_first_as_they_were() -> None:
 
 def test_records_without_a_fault_are_others_than_those_judged() -> None:
     """And each run has a noise and an input of its own."""
-    job = read_job(keys.Ledger, deepcopy(ledger().settings("study", "closeness")))
+    job = read_job(keys.Parameters, deepcopy(parameters().settings("study", "closeness")))
     one = next(study_closeness._pairs(job))
     rows = one.grid.begin
     first, second = (one.record("judged", number, rows) for number in (1, 2))

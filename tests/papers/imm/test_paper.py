@@ -24,12 +24,12 @@ from reobserve.papers.imm.scoring import probabilities, quoted_distance
 from reobserve.plants.hydraulic_actuator import MOTION, REALISATIONS, ActuatorModel
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.responses import window
-from reobserve.replication.parameters.check import check_ledger
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.check import check_parameters
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.series import Series
 from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 
 Array = NDArray[np.float64]
 Tree = dict[str, Any]
@@ -38,13 +38,13 @@ ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
-def ledger(changes: Tree | None = None, seed: int = SEED) -> Ledger:
-    return fixed_ledger("imm", changes, seed)
+def parameters(changes: Tree | None = None, seed: int = SEED) -> Parameters:
+    return fixed_parameters("imm", changes, seed)
 
 
 @cache
 def evaluator() -> Evaluator:
-    return Evaluator(ledger())
+    return Evaluator(parameters())
 
 
 @cache
@@ -54,11 +54,11 @@ def measured(figure: str) -> dict[tuple[str, str], float]:
 
 @cache
 def record(scenario: str) -> Series:
-    return plant.simulate(ledger().settings("plant", scenario))
+    return plant.simulate(parameters().settings("plant", scenario))
 
 
 def changed_record(scenario: str, seed: int = SEED, **values: Any) -> Series:
-    changed = ledger({"scenarios": {scenario: values}} if values else None, seed)
+    changed = parameters({"scenarios": {scenario: values}} if values else None, seed)
     return plant.simulate(changed.settings("plant", scenario))
 
 
@@ -66,9 +66,9 @@ def changed_record(scenario: str, seed: int = SEED, **values: Any) -> Series:
 
 
 @pytest.mark.parametrize("scenario", ["plain", "step"])
-def test_samples_and_fault_are_those_of_the_ledger(scenario: str) -> None:
-    found, stated = record(scenario), ledger().section("scenarios", scenario)
-    horizon = ledger().section("plant", "horizon")
+def test_samples_and_fault_are_those_of_the_parameters(scenario: str) -> None:
+    found, stated = record(scenario), parameters().section("scenarios", scenario)
+    horizon = parameters().section("plant", "horizon")
     np.testing.assert_allclose(found.time, np.arange(len(found.time)) * stated["period"])
     assert found.time[-1] == pytest.approx(horizon, rel=1e-12)
     assert found.events["fault"] == (stated["onset"],)
@@ -78,7 +78,7 @@ def test_samples_and_fault_are_those_of_the_ledger(scenario: str) -> None:
 @pytest.mark.parametrize("scenario", ["plain", "step"])
 def test_noise_is_as_large_as_stated_and_white(scenario: str) -> None:
     found = record(scenario)
-    stated = np.array(ledger().section("scenarios", scenario, "noise"))
+    stated = np.array(parameters().section("scenarios", scenario, "noise"))
     noise = found["measured"] - found["motion"]
     if not stated.any():
         assert not noise.any()
@@ -94,9 +94,9 @@ def test_noise_is_as_large_as_stated_and_white(scenario: str) -> None:
 
 def test_plain_noise_is_one_per_cent_of_each_output() -> None:
     size = np.sqrt(np.mean(record("plain")["motion"] ** 2, axis=0))
-    stated = np.array(ledger().section("scenarios", "plain", "noise"))
+    stated = np.array(parameters().section("scenarios", "plain", "noise"))
     np.testing.assert_allclose(stated / size, 0.01, rtol=0.15)
-    matched = ledger().section("observers", "kalman", "measurement_noise")
+    matched = parameters().section("observers", "kalman", "measurement_noise")
     np.testing.assert_allclose(matched, stated**2, rtol=0.05)
 
 
@@ -112,7 +112,7 @@ def test_noise_does_not_move_the_plant() -> None:
 
 
 def test_noise_of_one_output_does_not_change_that_of_others() -> None:
-    noise = ledger().section("scenarios", "plain", "noise")
+    noise = parameters().section("scenarios", "plain", "noise")
     more = changed_record("plain", noise=[*noise[:3], 2 * noise[3]])
     plain = record("plain")
     np.testing.assert_array_equal(more["measured"][:, :3], plain["measured"][:, :3])
@@ -168,9 +168,9 @@ def test_the_plain_kalman_bank_diagnoses_the_leak() -> None:
 
 @pytest.mark.parametrize("figure", ["fig5", "fig6", "fig7", "fig8"])
 def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> None:
-    found, band = measured(figure), ledger().section("metrics", "band")
-    for name in ledger().section("figures", figure, "observers"):
-        stated = ledger().section("observers", name)
+    found, band = measured(figure), parameters().section("metrics", "band")
+    for name in parameters().section("figures", figure, "observers"):
+        stated = parameters().section("observers", name)
         for what, quoted in zip(("normal_after", "leakage_after"), stated["quoted"], strict=True):
             assert abs(found[name, what] - quoted) <= band, (name, what)
         if stated["quoted_high"]:
@@ -182,14 +182,14 @@ def test_calibrated_banks_are_within_the_band_of_what_is_quoted(figure: str) -> 
 def test_friction_as_the_fault() -> None:
     """With little process noise it is diagnosed without mixing, and with it never.
 
-    Each step the filter of a mode whose probability is next to nothing starts anew from what others
-    estimate, here normal and leakage, which take turns.
+    Each step the filter of a mode whose probability is next to nothing starts again from what
+    others estimate, here normal and leakage, which take turns.
     """
     friction = {"scenarios": {"plain": {"fault": "friction"}}}
     found = {}
     for mixing in (False, True):
         little = {"mixing": mixing, "process_noise": [1e-6] * 5}
-        changed = ledger({**friction, "observers": {"kalman": little}})
+        changed = parameters({**friction, "observers": {"kalman": little}})
         estimate = Evaluator(changed).figure("fig5_plain").estimates["kalman"]
         found[mixing] = estimate["probability"]
         assert estimate.events["fault"] == (5.0,)
@@ -252,7 +252,7 @@ def by_hand(body: Tree, found: Series) -> tuple[IMM, Run[State]]:
 @pytest.mark.parametrize("algorithm", ["kalman", "smooth_variable_structure"])
 def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> None:
     body, found = observer(algorithm, realisation), record("plain")
-    settings = {"plant": ledger().section("plant"), "observer": body}
+    settings = {"plant": parameters().section("plant"), "observer": body}
     estimate = observe.estimate(settings, found)
     _, run = by_hand(body, found)
     np.testing.assert_array_equal(estimate["probability"][0], np.full(3, 1 / 3))
@@ -266,7 +266,7 @@ def test_the_stage_is_the_bank_run_by_hand(algorithm: str, realisation: str) -> 
         late = found.time > 6
         assert estimate["probability"][late, 2].mean() > 0.95
         error = (estimate["velocity"] - found["motion"][:, 1])[late]
-        assert np.sqrt(np.mean(error**2)) < ledger().section("scenarios", "plain", "noise")[1]
+        assert np.sqrt(np.mean(error**2)) < parameters().section("scenarios", "plain", "noise")[1]
     else:
         layer = 0.5 * np.array(body["boundary_layer"])
         counted = [float((np.abs(row) > layer).sum()) / row.size for row in run["innovation"]]
@@ -285,16 +285,16 @@ def test_nothing_is_outside_wide_layers() -> None:
         estimates = evaluator().figure(figure).estimates
         for name, estimate in estimates.items():
             if "saturated" in estimate.channels:
-                factor = ledger().section("observers", name, "layer_factor")
+                factor = parameters().section("observers", name, "layer_factor")
                 assert not estimate["saturated"].any(), (name, factor)
-    thin = ledger({"observers": {"svsf": {"layer_factor": 1e-9}}})
+    thin = parameters({"observers": {"svsf": {"layer_factor": 1e-9}}})
     share = observe.estimate(thin.settings("observe", "svsf"), record("plain"))["saturated"]
     assert share[-1000:].mean() > 0.99
 
 
 def test_mixing_can_be_left_out() -> None:
     body = observer("kalman", "motion")
-    settings = {"plant": ledger().section("plant"), "observer": {**body, "mixing": False}}
+    settings = {"plant": parameters().section("plant"), "observer": {**body, "mixing": False}}
     assert observe.build(settings, 1e-3).mixing is False
     assert observe.build({**settings, "observer": body}, 1e-3).mixing is True
 
@@ -576,7 +576,7 @@ BAD_CONFIG: dict[str, tuple[Tree, str, str]] = {
 def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
     changes, key, said = BAD_CONFIG[case]
     with pytest.raises(InputError) as caught:
-        check_ledger(ledger(changes))
+        check_parameters(parameters(changes))
     # One of a list is named with its place.
     assert re.sub(r"\.\d+$", "", caught.value.parameter) == f"imm.{key}"
     assert said in caught.value.problem
@@ -584,4 +584,4 @@ def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
 
 
 def test_the_config_is_accepted() -> None:
-    check_ledger(ledger())
+    check_parameters(parameters())

@@ -20,10 +20,10 @@ from reobserve.papers.imm import keys, plant, search
 from reobserve.papers.imm.calibration import Calibration, Trial, switches
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.replication.parameters.job import read_job
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import signed
 from reobserve.signals.series import Series
-from tests.papers.imm.test_paper import SEED, Tree, ledger, record
+from tests.papers.imm.test_paper import SEED, Tree, parameters, record
 from tests.papers.imm.test_studies import KEPT
 
 Array = NDArray[np.float64]
@@ -43,22 +43,22 @@ SMALL: Tree = {
 
 
 @cache
-def small_ledger() -> Ledger:
-    return ledger(SMALL)
+def small_parameters() -> Parameters:
+    return parameters(SMALL)
 
 
 @cache
 def small_record() -> Series:
-    return plant.simulate(small_ledger().settings("plant", "step"))
+    return plant.simulate(small_parameters().settings("plant", "step"))
 
 
-def write_record(path: Path, of: Ledger) -> None:
+def write_record(path: Path, of: Parameters) -> None:
     settings = of.settings("plant", "step")
     signed(plant.simulate(settings), of, "plant", "step", settings).write(path)
 
 
 def found(lines: list[str] | None = None, **stated: Any) -> dict[str, Any]:
-    settings = deepcopy(small_ledger().settings("search", "calibrated"))
+    settings = deepcopy(small_parameters().settings("search", "calibrated"))
     settings["search"].update(stated)
     told: list[str] = [] if lines is None else lines
     return search.run(settings, small_record(), told.append)
@@ -70,12 +70,12 @@ def first() -> tuple[dict[str, Any], list[str]]:
     return found(lines), lines
 
 
-def calibration(of: Ledger, series: Series) -> Calibration:
-    job = read_job(keys.Ledger, of.settings("search", "calibrated"))
+def calibration(of: Parameters, series: Series) -> Calibration:
+    job = read_job(keys.Parameters, of.settings("search", "calibrated"))
     return Calibration(job.plant, job.observers, job.metrics, series)
 
 
-def targets(of: Ledger) -> int:
+def targets(of: Parameters) -> int:
     observers = of.settings("search", "calibrated")["observers"].values()
     return sum(len(body["quoted"]) + body["quoted_high"] for body in observers)
 
@@ -91,16 +91,16 @@ def test_the_same_bits_each_time_and_on_any_number_of_threads(
 def test_what_was_found_is_what_its_numbers_give() -> None:
     one = first()[0]
     numbers = np.array([one["found"][name] for name in TUNED])
-    trial = calibration(small_ledger(), small_record()).try_out(numbers)
+    trial = calibration(small_parameters(), small_record()).try_out(numbers)
     assert one["distance"] == trial.distance
     assert one["means"] == {name: list(means) for name, means in trial.means.items()}
-    assert (one["tuned"], one["targets"]) == (9, 5) == (len(TUNED), targets(small_ledger()))
+    assert (one["tuned"], one["targets"]) == (9, 5) == (len(TUNED), targets(small_parameters()))
     # Without neighbours the worst is the choice itself.
     assert one["worst_nearby"] == pytest.approx(one["distance"], rel=1e-6)
 
 
 def test_what_was_found_lies_within_the_bounds_with_three_digits() -> None:
-    body = small_ledger().section("searches", "calibrated")
+    body = small_parameters().section("searches", "calibrated")
     low, high = search.bounds(parse(keys.Search, body))
     values = np.array([first()[0]["found"][name] for name in TUNED])
     assert np.all((values >= 0.99 * 10.0**low) & (values <= 1.01 * 10.0**high))
@@ -157,7 +157,7 @@ def test_the_search_comes_to_the_best_there_is(tried: list[Array]) -> None:
 
 
 def test_another_seed_takes_another_way(tried: list[Array]) -> None:
-    settings = small_ledger().settings("search", "calibrated")
+    settings = small_parameters().settings("search", "calibrated")
     for seed in (SEED, SEED + 1, SEED):
         search.run({**settings, "seed": seed}, small_record(), str)
     ways = np.reshape(tried, (3, -1))
@@ -229,22 +229,22 @@ def kept(name: str) -> dict[str, Any]:
     return stored
 
 
-def ledgers_own(name: str) -> Calibration:
-    job = read_job(keys.Ledger, ledger().settings("search", name))
+def own_parameters(name: str) -> Calibration:
+    job = read_job(keys.Parameters, parameters().settings("search", name))
     return Calibration(job.plant, job.observers, job.metrics, record(SEARCHES[name]))
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_numbers_are_those_of_the_ledger(name: str) -> None:
+def test_the_kept_numbers_are_those_of_the_parameters(name: str) -> None:
     assert list(kept(name)["search"]["found"]) == list(TUNED)
     found = list(kept(name)["search"]["found"].values())
-    np.testing.assert_allclose(found, ledgers_own(name).stated(), rtol=1e-12)
+    np.testing.assert_allclose(found, own_parameters(name).stated(), rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", SEARCHES)
 def test_the_kept_distance_is_what_the_numbers_give(name: str) -> None:
     one = kept(name)["search"]
-    trial = ledgers_own(name).try_out(np.array(list(one["found"].values())))
+    trial = own_parameters(name).try_out(np.array(list(one["found"].values())))
     assert one["distance"] == pytest.approx(trial.distance, abs=1e-9)
     for observer, means in one["means"].items():
         assert means == pytest.approx(trial.means[observer], abs=1e-9)
@@ -255,7 +255,7 @@ def test_the_kept_distance_is_what_the_numbers_give(name: str) -> None:
 @pytest.mark.parametrize("name", SEARCHES)
 def test_the_kept_search_counts_right(name: str) -> None:
     one = kept(name)["search"]
-    observers = ledger().settings("search", name)["observers"].values()
+    observers = parameters().settings("search", name)["observers"].values()
     sought = sum(len(body["quoted"]) + body["quoted_high"] for body in observers)
     assert (one["tuned"], one["targets"]) == (len(TUNED), sought)
     assert one["trials"] == one["history"][-1][0]
@@ -268,8 +268,8 @@ def test_the_kept_search_counts_right(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_kept_search_is_the_one_that_the_ledger_states(name: str) -> None:
-    was, now = kept(name)["provenance"]["settings"], ledger().settings("search", name)
+def test_the_kept_search_is_the_one_that_the_parameters_states(name: str) -> None:
+    was, now = kept(name)["provenance"]["settings"], parameters().settings("search", name)
     for part in ("plant", "search", "seed"):
         assert was[part] == now[part], part
     for key, value in now["scenario"].items():
@@ -283,11 +283,11 @@ def test_the_kept_search_is_the_one_that_the_ledger_states(name: str) -> None:
 
 
 def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:
-    least = ledger().section("searches", "switching", "switching")
+    least = parameters().section("searches", "switching", "switching")
     outside = kept("switching")["search"]["outside"]
     assert outside["svsf_retuned"] < least < outside["svsf_thin_retuned"]
     # In the unit of the other search none does.
-    one = ledgers_own("calibrated")
+    one = own_parameters("calibrated")
     trial = one.try_out(one.stated())
     assert not switches(trial, one.observers, least)
 
@@ -297,7 +297,7 @@ def test_thin_layers_alone_switch_in_what_the_search_for_it_found() -> None:
     [(0.0, 0.2, True), (0.0, 0.01, True), (0.01, 0.2, False), (0.0, 0.009, False)],
 )
 def test_which_layers_must_switch(wide: float, thin: float, right: bool) -> None:
-    observers = ledgers_own("calibrated").observers
+    observers = own_parameters("calibrated").observers
     trial = Trial({}, 0.0, {"svsf_tuned": wide, "svsf_thin_tuned": thin})
     assert switches(trial, observers, 0.01) == right
     assert not switches(Trial({}, 0.0), observers, 0.01)
@@ -314,8 +314,8 @@ def reobserve(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) -> None:
-    (tmp_path / "parameters.json").write_text(small_ledger().text(), encoding="utf-8")
-    write_record(tmp_path / "plant.parquet", small_ledger())
+    (tmp_path / "parameters.json").write_text(small_parameters().text(), encoding="utf-8")
+    write_record(tmp_path / "plant.parquet", small_parameters())
     output = tmp_path / "found.search.json"
     files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
     done = reobserve("stage", "search", *files, "calibrated", "--output", output)
@@ -325,11 +325,11 @@ def test_the_command_writes_what_it_finds_and_tells_how_it_goes(tmp_path: Path) 
     stored = json.loads(output.read_text(encoding="utf-8"))
     assert stored["search"] == first()[0]
     assert stored["provenance"]["stage"] == "search"
-    assert stored["provenance"]["settings"] == small_ledger().settings("search", "calibrated")
+    assert stored["provenance"]["settings"] == small_parameters().settings("search", "calibrated")
 
 
 def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path) -> None:
-    bad = ledger({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
+    bad = parameters({**SMALL, "searches": {"calibrated": {"leave": [0.2, 0.1]}}})
     (tmp_path / "parameters.json").write_text(bad.text(), encoding="utf-8")
     write_record(tmp_path / "plant.parquet", bad)
     files = tmp_path / "parameters.json", tmp_path / "plant.parquet"
@@ -347,7 +347,7 @@ def test_a_command_that_cannot_search_says_why_and_writes_nothing(tmp_path: Path
 
 def test_a_search_over_what_its_banks_do_not_share_is_refused() -> None:
     """Before the first trial: it would give all of them one noise, whatever was stated."""
-    settings = deepcopy(small_ledger().settings("search", "calibrated"))
+    settings = deepcopy(small_parameters().settings("search", "calibrated"))
     noise = settings["observers"]["svsf_thin_tuned"]["process_noise"]
     settings["observers"]["svsf_thin_tuned"]["process_noise"] = [2.0 * x for x in noise]
     told: list[str] = []

@@ -20,7 +20,7 @@ from reobserve.papers.imm.metrics import reach
 from reobserve.papers.imm.study_rows import TUNED
 from reobserve.replication.metrics.study_table import StudyTable
 from reobserve.replication.parameters.job import Job, read_job
-from tests.papers.imm.test_paper import ROOT, Tree, ledger, measured, record
+from tests.papers.imm.test_paper import ROOT, Tree, measured, parameters, record
 
 Row = dict[str, Any]
 
@@ -142,7 +142,10 @@ def kept_text(**changes: Any) -> str:
         ('{"search": {"found": {}}}', "search.distance: is missing; the kept search needs it"),
         (kept_text(trials=-0.5), "search.trials: -0.5 must be a whole number"),
         (kept_text(distance=None), "search.distance: None is not a number"),
-        (kept_text(found={"leave": 0.1}), "holds other numbers than the search tunes; run it anew"),
+        (
+            kept_text(found={"leave": 0.1}),
+            "holds other numbers than the search tunes; run it again",
+        ),
     ],
 )
 def test_a_kept_file_that_is_none(tmp_path: Path, text: str | None, said: str) -> None:
@@ -157,7 +160,7 @@ def test_a_kept_file_that_is_none(tmp_path: Path, text: str | None, said: str) -
 
 @cache
 def settings_of(name: str) -> Tree:
-    return ledger().settings("study", name)
+    return parameters().settings("study", name)
 
 
 def neighbourhood(changes: Tree | None = None, factors: Sequence[float] = ()) -> list[Row]:
@@ -168,7 +171,7 @@ def neighbourhood(changes: Tree | None = None, factors: Sequence[float] = ()) ->
     return study.run(settings, record("step"))
 
 
-def test_the_ledger_has_what_the_search_found() -> None:
+def test_the_parameter_has_what_the_search_found() -> None:
     found = values(neighbourhood())
     kept = json.loads(KEPT.read_text(encoding="utf-8"))["search"]
     for name in ("trials", "tuned", "targets", "distance"):
@@ -202,7 +205,7 @@ def test_banks_that_are_tuned_together_share_their_numbers() -> None:
     settings["observers"]["svsf_thin_tuned"]["self_transition"] = 0.9
 
     def calibration() -> Calibration:
-        job = read_job(keys.Ledger, settings)
+        job = read_job(keys.Parameters, settings)
         return Calibration(job.plant, job.observers, job.metrics, record("step"))
 
     with pytest.raises(InputError, match=r"^observers.svsf_thin_tuned: must have the noise of"):
@@ -227,7 +230,7 @@ def test_as_stated_are_the_numbers_of_the_figures() -> None:
     found = values(changes())
     for figure in ("fig5", "fig7"):
         numbers = measured(figure)
-        for name in ledger().section("figures", figure, "observers"):
+        for name in parameters().section("figures", figure, "observers"):
             for quantity in (*QUANTITIES, "friction_after"):
                 value = found[name, "as_stated", 1.0, quantity]
                 wanted = pytest.approx(numbers[name, quantity], rel=1e-12, abs=1e-13)
@@ -245,11 +248,11 @@ def test_as_stated_are_the_numbers_of_the_figures() -> None:
 
 
 def test_a_change_to_what_it_was_changes_nothing() -> None:
-    scenario = ledger().section("scenarios", "step")
+    scenario = parameters().section("scenarios", "step")
     rows = changes(
         prbs=scenario["input"], square=scenario["input"], sweep=scenario["input"],
         periods=[scenario["period"]], shares=[1.0], layer_factors=[1.0], noise=scenario["noise"],
-        initial_covariances=[ledger().section("observers", "svsf_tuned", "initial_covariance")],
+        initial_covariances=[parameters().section("observers", "svsf_tuned", "initial_covariance")],
     )  # fmt: skip
     found: dict[str, list[tuple[str, str, float]]] = {}
     for row in rows:

@@ -24,7 +24,7 @@ from reobserve.replication.metrics.metrics import lookup
 from reobserve.signals.inputs import Signal
 from reobserve.systems.linear import LinearModel
 from tests.observers.actuator_models import ACTUATOR, motion_model, velocity_model
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 
 def found(changes: dict[str, Any] | None = None, seed: int = SEED) -> dict[tuple[str, str], float]:
-    return lookup(Evaluator(fixed_ledger("imm", changes, seed)).theory())
+    return lookup(Evaluator(fixed_parameters("imm", changes, seed)).theory())
 
 
 @cache
@@ -95,7 +95,7 @@ def test_the_radius_is_that_of_the_slowest_mode_and_of_the_inverse() -> None:
 
 
 def test_within_an_endless_layer_the_single_filter_errs_as_much_as_its_model() -> None:
-    rules = fixed_ledger("imm").section("theory")
+    rules = fixed_parameters("imm").section("theory")
     steps, begin = (round(rules[name] / rules["period"]) for name in ("horizon", "onset"))
     control = Signal.parse("input", rules["input"], 1)(np.arange(steps) * rules["period"])[:, 0]
     normal, leakage = (ActuatorModel(*ACTUATOR[mode]) for mode in ("normal", "leakage"))
@@ -142,7 +142,7 @@ def test_a_bank_that_never_leaves_its_first_mode_is_its_filter() -> None:
 
 def test_a_priori_errors_may_leave_layers_and_a_posteriori_ones_do_not() -> None:
     """By a filter that is run by hand; |e| (1 - |e| / psi) is a quarter of psi at most."""
-    rules = fixed_ledger("imm").section("theory")
+    rules = fixed_parameters("imm").section("theory")
     period = rules["period"]
     steps, begin = (round(rules[name] / period) for name in ("horizon", "onset"))
     control = Signal.parse("input", rules["input"], 1)(np.arange(steps) * period)[:, 0]
@@ -153,7 +153,7 @@ def test_a_priori_errors_may_leave_layers_and_a_posteriori_ones_do_not() -> None
         for mode in (leaks, np.zeros(steps))
     )
     layer = rules["layer_share"] * np.abs(leaking - healthy)[begin:].max(axis=0)
-    settings = fixed_ledger("imm").settings("observe", "svsf")
+    settings = fixed_parameters("imm").settings("observe", "svsf")
     model = cast(LinearFilter, observe.build(settings, period).filters[0]).model
     one = SmoothVariableStructureFilter(model, layer, 0.1)
     run = one.run(leaking, stacked_inputs(control), state=one.init([0.0] * 5, 1.0, u=[0.0, 0.0]))

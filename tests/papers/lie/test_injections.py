@@ -20,7 +20,7 @@ from tests.papers.lie.test_paper import evaluator
 @cache
 def small_study() -> list[dict[str, Any]]:
     """Coefficients -1/3, 0 and 1/3, eight initial states, five seconds."""
-    settings = deepcopy(evaluator().ledger.settings("study", "injections"))
+    settings = deepcopy(evaluator().parameters.settings("study", "injections"))
     settings["study"].update(largest=1 / 3, coefficients=3, points=3, half_width=1.5)
     settings["plant"]["horizon"] = 5.0
     design = {"plant": settings["plant"], "design": settings["designs"]["linear"]}
@@ -69,7 +69,7 @@ def test_settings_as_drawings_write_them() -> None:
 
 
 def test_every_observer_has_a_line_of_its_own() -> None:
-    assert set(OBSERVERS) == set(evaluator().ledger.tree["observers"])
+    assert set(OBSERVERS) == set(evaluator().parameters.tree["observers"])
     for kept in (OBSERVERS.values(), [style for style, _ in FORMS.values()]):
         styles = list(kept)
         assert len({style.color for style in styles}) == len(styles)

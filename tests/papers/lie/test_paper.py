@@ -19,7 +19,7 @@ from reobserve.papers.lie.scoring import decay_rate, integral_of_squares, settli
 from reobserve.polynomials.maps import PolynomialMap
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Numbers, lookup
-from reobserve.replication.parameters.check import check_ledger
+from reobserve.replication.parameters.check import check_parameters
 from reobserve.signals.series import Series
 from reobserve.synthesis.normal_form.direct_s import solve_s
 from reobserve.synthesis.normal_form.solver import solver_for
@@ -35,7 +35,7 @@ from tests.observers.test_normal_form_observers import (
     integrated,
     slope,
 )
-from tests.papers import fixed_ledger
+from tests.papers import fixed_parameters
 from tests.synthesis.normal_form.systems import (
     QQ,
     Case,
@@ -53,7 +53,7 @@ STEP, HORIZON = 2e-3, 20.0
 
 @cache
 def evaluator() -> Evaluator:
-    return Evaluator(fixed_ledger("lie", seed=1))
+    return Evaluator(fixed_parameters("lie", seed=1))
 
 
 @cache
@@ -163,7 +163,7 @@ def test_scoring_of_a_known_error() -> None:
 
 def test_all_of_the_ensemble_start_from_the_estimate_of_the_first() -> None:
     """The one state that is that estimate is left out: there is no error to begin with."""
-    settings = deepcopy(evaluator().ledger.settings("study", "ensemble"))
+    settings = deepcopy(evaluator().parameters.settings("study", "ensemble"))
     settings["study"].update(half_width=0.5, points=3, orders=[2])
     settings["plant"]["horizon"] = 2.0
     first = next(iter(settings["observers"]))
@@ -187,7 +187,7 @@ def lookup_ise(rows: list[dict[str, Any]], observer: str) -> dict[tuple[float, f
 
 
 def table_rows(changes: Callable[[dict[str, Any]], None] | None = None) -> list[dict[str, Any]]:
-    settings = deepcopy(evaluator().ledger.settings("table", "table_coefficients"))
+    settings = deepcopy(evaluator().parameters.settings("table", "table_coefficients"))
     if changes is not None:
         changes(settings)
     computed = design_stage.compute({"plant": settings["plant"], "design": settings["design"]})
@@ -253,7 +253,7 @@ def test_a_digit_that_is_wrong(text: str, agrees: str) -> None:
 
 
 def test_the_config_is_accepted() -> None:
-    check_ledger(evaluator().ledger)
+    check_parameters(evaluator().parameters)
 
 
 def test_the_gain_of_the_figure_is_not_the_constant_one() -> None:

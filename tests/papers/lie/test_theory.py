@@ -95,7 +95,7 @@ def test_the_printed_eigenvalues_leave_one_output() -> None:
     real, imaginary = sympy.Rational(-1, 2), sympy.sqrt(11) / 2
     found = sympy.solve([A.trace() - 2 * real, A.det() - real**2 - imaginary**2], [h1, h2])
     assert found == {h1: 1, h2: 0}
-    settings = evaluator().ledger.settings("design", "linear")
+    settings = evaluator().parameters.settings("design", "linear")
     settings["plant"]["output"] = [{"component": 1, "powers": [0, 1], "coefficient": 1}]
     with pytest.raises(InputError, match="all real parts must be negative"):
         design_stage.compute(settings)
@@ -170,7 +170,7 @@ def test_decays_near_the_origin_are_those_of_the_slowest_mode() -> None:
 
 def test_the_system_of_the_siegel_domain() -> None:
     """F has its eigenvalues on the imaginary axis, A its own where the parameters say."""
-    problem = theory_stage.siegel(read_job(keys.Ledger, settings_of_theory()).theory)
+    problem = theory_stage.siegel(read_job(keys.Parameters, settings_of_theory()).theory)
     assert np.allclose(np.linalg.eigvals(problem.F).real, 0.0)
     assert not in_poincare_domain(np.linalg.eigvals(problem.F))
     assert np.allclose(np.sort(np.linalg.eigvals(problem.A).real), [-2.0, -1.0])
@@ -182,7 +182,7 @@ def test_the_system_of_the_siegel_domain() -> None:
 
 
 def settings_of_theory() -> dict[str, Any]:
-    return evaluator().ledger.settings("theory")
+    return evaluator().parameters.settings("theory")
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
@@ -272,7 +272,7 @@ def test_runs_tell_a_linear_error_from_another() -> None:
 
 
 def test_the_share_of_pole_choices_by_another_count() -> None:
-    stated = read_job(keys.Ledger, settings_of_theory()).theory
+    stated = read_job(keys.Parameters, settings_of_theory()).theory
     rules = replace(
         stated, seed=5, printed_degree=3, poles=[-1.0, -3.0], choices=40, tries=2, margin=0.05
     )
@@ -321,7 +321,7 @@ def test_the_least_ratio_is_over_initial_states() -> None:
 def test_one_degree_with_a_wrong_spectrum_shows(
     monkeypatch: pytest.MonkeyPatch, degree: int
 ) -> None:
-    """The number of the ledger's degrees is the worst of them, whichever that is."""
+    """The number of the parameter file's degrees is the worst of them, whichever that is."""
     assert theory()["ad", "spectrum_difference"] < 1e-6
     right = theory_stage.spectrum_difference
     monkeypatch.setattr(
@@ -329,6 +329,8 @@ def test_one_degree_with_a_wrong_spectrum_shows(
         "spectrum_difference",
         lambda A, d: right(A, d) + (0.5 if d == degree else 0.0),
     )
-    found = list(theory_stage._series(read_job(keys.Ledger, evaluator().ledger.settings("theory"))))
+    found = list(
+        theory_stage._series(read_job(keys.Parameters, evaluator().parameters.settings("theory")))
+    )
     (worst,) = (m.value for m in found if m.metric == "spectrum_difference")
     assert worst == pytest.approx(0.5, abs=1e-6)

@@ -8,12 +8,12 @@ import pytest
 
 from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.checks import THEORY
-from reobserve.replication.claims.choices import draw
+from reobserve.replication.claims.choices import sample
 from reobserve.replication.claims.outcomes import Outcomes, outcome
 from reobserve.replication.claims.registry import read_registry
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import lookup
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
 SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
@@ -21,16 +21,16 @@ SEED = read_yaml(ROOT / "config" / "config.yaml")["seed"]
 
 @pytest.mark.parametrize("paper", ["delay", "ilo", "imm", "lie"])
 def test_a_theory_in_parts_gives_what_it_gives_whole(paper: str) -> None:
-    """With a few claims, each at a draw of all its choices."""
-    ledger = Ledger.load(ROOT, paper, seed=SEED)
+    """With a few claims, each at a sample of all its choices."""
+    parameters = Parameters.load(ROOT, paper, seed=SEED)
     claims = [
         claim
-        for claim in read_registry(ROOT, ledger).claims
+        for claim in read_registry(ROOT, parameters).claims
         if claim.figures == [THEORY] and claim.choices
     ]
-    outcomes = Outcomes(Evaluator(ledger), claims)
+    outcomes = Outcomes(Evaluator(parameters), claims)
     for claim in claims[::4]:
-        drawn, _ = draw(ledger, claim.choices, 1)
+        drawn, _ = sample(parameters, claim.choices, 1)
         whole = outcome(claim, {THEORY: lookup(Evaluator(drawn).theory())})
         found = outcomes.at(drawn, [claim])[claim.name]
         assert (found.held, repr(found.numbers)) == (whole.held, repr(whole.numbers))

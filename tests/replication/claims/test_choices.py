@@ -11,27 +11,29 @@ import numpy as np
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.replication.claims.choices import Knob, change, draw, find_choice
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.claims.choices import Knob, change, find_choice, sample
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.sampled.K2"
 
 
-def ledger(**entries: dict[str, Any]) -> Ledger:
-    """The ledger of `ilo` with entries of its plant replaced."""
+def parameters(**entries: dict[str, Any]) -> Parameters:
+    """The parameter file of `ilo` with entries of its plant replaced."""
     tree = copy.deepcopy(ILO.tree)
     for name, parts in entries.items():
         tree["plant"][name] = {"unit": "1", "source": "assumed", "why": "so", **parts}
-    return Ledger("ilo", tree, 1)
+    return Parameters("ilo", tree, 1)
 
 
-def values(start: Ledger, pattern: str, count: int = 4000) -> np.ndarray:
-    """What draws of one choice give."""
+def values(start: Parameters, pattern: str, count: int = 4000) -> np.ndarray:
+    """What samples of one choice give."""
     choice = find_choice(start, pattern)
     key = choice.keys[0].split(".")
-    return np.array([draw(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)])
+    return np.array(
+        [sample(start, [choice], k)[0].section(*key[:-1])[key[-1]] for k in range(count)]
+    )
 
 
 def test_a_magnitude_is_drawn_evenly_over_decades() -> None:
@@ -49,13 +51,13 @@ def test_a_number_stays_whole_only_if_its_value_and_its_range_are() -> None:
 
 
 def test_a_shorter_range_is_drawn_evenly() -> None:
-    drawn = values(ledger(mass={"value": 2.0, "range": [1.0, 5.0]}), "plant.mass")
+    drawn = values(parameters(mass={"value": 2.0, "range": [1.0, 5.0]}), "plant.mass")
     assert abs(np.mean(drawn) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(drawn))
     assert abs(np.mean(drawn < 2.0) - 0.25) < 4 * math.sqrt(0.19 / len(drawn))
 
 
 def test_numbers_of_a_vector_are_drawn_each_by_its_pattern() -> None:
-    start = ledger(noise={"value": [1.0, 2.0, 3.0], "range": {"0": [0, 1], "2": [3.0, 3.5]}})
+    start = parameters(noise={"value": [1.0, 2.0, 3.0], "range": {"0": [0, 1], "2": [3.0, 3.5]}})
     drawn = values(start, "plant.noise", 200)
     assert np.all((drawn[:, 0] >= 0) & (drawn[:, 0] <= 1))
     assert np.all(drawn[:, 1] == 2.0)
@@ -65,27 +67,27 @@ def test_numbers_of_a_vector_are_drawn_each_by_its_pattern() -> None:
 
 def test_two_patterns_allow_what_both_do() -> None:
     spans = {"*.size": [0.0, 1.0], "0.size": [0.25, 2.0]}
-    start = ledger(fault={"value": [{"kind": "constant", "size": 0.5}], "range": spans})
+    start = parameters(fault={"value": [{"kind": "constant", "size": 0.5}], "range": spans})
     (knob,) = find_choice(start, "plant.fault").knobs
     assert (knob.name, knob.span) == ("plant.fault.0.size", (0.25, 1.0))
 
 
 def test_whole_numbers_stay_whole_and_words_are_words() -> None:
-    drawn = values(ledger(order={"value": 2, "range": [1, 4]}), "plant.order")
+    drawn = values(parameters(order={"value": 2, "range": [1, 4]}), "plant.order")
     assert set(drawn.tolist()) == {1, 2, 3, 4}
     drawn = values(
-        ledger(solver={"value": "A", "range": {"choices": ["A", "B"]}}), "plant.solver", 400
+        parameters(solver={"value": "A", "range": {"choices": ["A", "B"]}}), "plant.solver", 400
     )
     assert abs(np.mean(drawn == "A") - 0.5) < 0.1
 
 
 def test_draws_keep_to_the_grid_that_the_code_asks_for() -> None:
-    start = ledger(hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1})
+    start = parameters(hold={"value": 0.3, "range": [0.05, 1.0], "multiple_of": 0.1})
     drawn = values(start, "plant.hold", 400)
     grid = {0.05} | {round(0.1 * k, 1) for k in range(1, 11)}  # the ends are always allowed
     assert set(drawn.tolist()) <= grid
     assert 0.3 in drawn  # not 0.30000000000000004
-    start = ledger(
+    start = parameters(
         noise={"value": [1.0, 2.0], "range": {"*": [0.0, 9.0]}, "multiple_of": {"1": 0.5}}
     )
     drawn = values(start, "plant.noise", 100)
@@ -97,7 +99,7 @@ def test_a_pattern_moves_its_keys_together() -> None:
     choice = find_choice(ILO, "observers.*.K2")
     assert len(choice.keys) == 3
     assert choice.knobs[0].name == "observers.{sampled,continuous,forgetting}.K2"
-    drawn, values = draw(ILO, [choice], 2)
+    drawn, values = sample(ILO, [choice], 2)
     assert len(values) == len(choice.names) == 1
     gains = {drawn.section("observers", name)["K2"] for name in ("sampled", "continuous")}
     assert len(gains) == 1
@@ -108,9 +110,9 @@ def test_a_pattern_moves_its_keys_together() -> None:
 def test_the_seed_can_be_drawn() -> None:
     choice = find_choice(ILO, "seed")
     assert choice.names == ("seed",)
-    draws = [draw(ILO, [choice], k) for k in range(5)]
-    seeds = {ledger.seed for ledger, _ in draws}
-    assert seeds == {values[0] for _, values in draws}
+    samples = [sample(ILO, [choice], k) for k in range(5)]
+    seeds = {parameters.seed for parameters, _ in samples}
+    assert seeds == {values[0] for _, values in samples}
     assert len(seeds) == 5
 
 
@@ -149,18 +151,20 @@ def test_what_is_no_choice_is_one_sentence(pattern: str, said: str) -> None:
 
 def test_rounding_to_the_grid_does_not_leave_the_range() -> None:
     """The ends 0.16 and 0.98 round to 0.2 and, were it inside, to 1.0."""
-    start = ledger(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
+    start = parameters(spacing={"value": 0.5, "range": [0.16, 0.98], "multiple_of": 0.1})
     (knob,) = find_choice(start, "plant.spacing").knobs
     assert [knob.at(place) for place in (0.0, 0.5, 1.0)] == [0.2, 0.6, 0.98]
 
 
 def test_half_of_the_draws_take_a_value_that_the_paper_names() -> None:
-    drawn = values(ledger(mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0]}), "plant.mass")
+    drawn = values(
+        parameters(mass={"value": 2.0, "range": [1.0, 5.0], "named": [1.0]}), "plant.mass"
+    )
     assert abs(np.mean(drawn == 1.0) - 0.5) < 4 * 0.5 / math.sqrt(len(drawn))
     others = drawn[drawn != 1.0]
     assert abs(np.mean(others) - 3.0) < 4 * (4 / math.sqrt(12)) / math.sqrt(len(others))
     words = {"value": "A", "range": {"choices": ["A", "B", "C"]}, "named": ["B"]}
-    chosen = values(ledger(solver=words), "plant.solver", 400)
+    chosen = values(parameters(solver=words), "plant.solver", 400)
     assert abs(np.mean(chosen == "B") - (0.5 + 0.5 / 3)) < 0.1
     (knob,) = find_choice(ILO, GAIN).knobs
-    assert "named" not in repr(knob)  # digests of kept draws are of this
+    assert "named" not in repr(knob)  # digests of cached samples are of this

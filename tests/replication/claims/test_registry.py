@@ -12,29 +12,29 @@ import yaml
 from reobserve.core.errors import InputError
 from reobserve.replication.claims.registry import Claim, amiss, decisive, read_registry
 from reobserve.replication.errata import read_errata
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
 ERRATA = [path.stem for path in sorted((ROOT / "config/errata").glob("*.yaml"))]
 
 GOOD = {
     "place": "Fig. 1",
-    "says": "It is\n  accurate.",
+    "statement": "It is\n  accurate.",
     "checks": [{"value": "fig1 sampled relative_rms_error", "below": 0.05}],
     "why": "A twentieth.",
     "threshold": "after",
     "depends_on": ["gains", "plant.control"],
 }
-OTHER = {"place": "Fig. 2", "says": "Words.", "not_testable": "Words cannot be tested."}
+OTHER = {"place": "Fig. 2", "statement": "Words.", "not_testable": "Words cannot be tested."}
 
 
 def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
     """The claims of a registry of `ilo` with these entries."""
     (tmp_path / "config/claims").mkdir(parents=True, exist_ok=True)
     tree = {
-        "obstacles": "Nothing.",
+        "limitations": "Nothing.",
         "choices": {"gains": ["observers.sampled.K2", "observers.*.update_interval"]},
         "claims": claims,
     }
@@ -44,7 +44,7 @@ def registry(tmp_path: Path, **claims: Any) -> list[Claim]:
 
 def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
     one, other = registry(tmp_path, one=GOOD, other=OTHER)
-    assert (one.says, one.why) == ("It is accurate.", "A twentieth.")
+    assert (one.statement, one.why) == ("It is accurate.", "A twentieth.")
     assert one.threshold == "after"
     assert one.figures == ["fig1"]
     assert one.keys[0] == "observers.sampled.K2"
@@ -122,9 +122,9 @@ def test_bounds_that_nobody_set_are_refused(tmp_path: Path) -> None:
     [
         (None, "cannot be read (No such file or directory)"),
         ("- a list\n", "must be a mapping of keys to values"),
-        ("claims: {a: {}}\n", "claims.ilo.obstacles: is missing; the claims file needs it"),
+        ("claims: {a: {}}\n", "claims.ilo.limitations: is missing; the claims file needs it"),
         (
-            "obstacles: x\nclaims: {a: {}}\nchoice: {}\n",
+            "limitations: x\nclaims: {a: {}}\nchoice: {}\n",
             "claims.ilo.choice: unknown key; did you mean 'choices'?",
         ),
     ],
@@ -143,8 +143,8 @@ def test_a_registry_that_is_none_is_one_sentence(
 
 
 def test_wording_decides_nothing() -> None:
-    tree = {"obstacles": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
-    other = {**tree, "obstacles": "c", "claims": {"one": {**GOOD, "says": "d", "why": "e"}}}
+    tree = {"limitations": "a", "choices": {"gains": ["b"]}, "claims": {"one": GOOD}}
+    other = {**tree, "limitations": "c", "claims": {"one": {**GOOD, "statement": "d", "why": "e"}}}
     assert decisive(tree) == decisive(other)
     stricter = [{"value": "fig1 sampled relative_rms_error", "below": 0.04}]
     assert decisive(tree) != decisive({**tree, "claims": {"one": {**GOOD, "checks": stricter}}})
@@ -152,8 +152,8 @@ def test_wording_decides_nothing() -> None:
 
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_registries_of_the_papers_are_sound(paper: str) -> None:
-    ledger = Ledger.load(ROOT, paper)
-    claims = read_registry(ROOT, ledger).claims
+    parameters = Parameters.load(ROOT, paper)
+    claims = read_registry(ROOT, parameters).claims
     assert list(amiss(claims)) == []
 
 
@@ -177,9 +177,9 @@ def test_every_erratum_names_a_test_that_is_there(paper: str) -> None:
 
 @pytest.mark.parametrize("paper", ERRATA)
 def test_no_claim_depends_on_what_an_erratum_settles(paper: str) -> None:
-    ledger = Ledger.load(ROOT, paper)
-    known = {key for key, _ in ledger.entries()}
-    drawn = {key for claim in read_registry(ROOT, ledger).claims for key in claim.keys}
+    parameters = Parameters.load(ROOT, paper)
+    known = {key for key, _ in parameters.entries()}
+    drawn = {key for claim in read_registry(ROOT, parameters).claims for key in claim.keys}
     for erratum in read_errata(ROOT, paper):
         if erratum.settles:
             assert erratum.settles in known, erratum.name

@@ -1,4 +1,4 @@
-"""Robustness where the answer is known: the "metric" is a number of the ledger itself."""
+"""Robustness where the answer is known: the "metric" is a number of the parameter file itself."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from reobserve.core.errors import DivergenceError, InputError
 from reobserve.replication.claims import outcomes
 from reobserve.replication.claims.checks import Check
 from reobserve.replication.claims.choices import find_choice
-from reobserve.replication.claims.flips import Flip
 from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.reversals import Reversal
 from reobserve.replication.claims.robustness import Robustness, assess
 from reobserve.replication.claims.robustness_file import read_robustness, to_data
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Metric
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000: logarithmic
 DAMPING = "observers.forgetting.K1"  # 0.9, from 0.5 to 0.99: linear
 READING = "metrics.reading"  # the first of these words
@@ -32,19 +32,19 @@ READINGS = ("sampled", "continuous", "forgetting")
 
 @pytest.fixture(autouse=True)
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Figures show gains of the ledger; one diverges, one refuses; all calls are kept."""
+    """Figures show gains of the parameter file; one diverges, one refuses; all calls are cached."""
     calls: list[str] = []
 
     def metrics_of(evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
         calls.append(figure)
-        observers = evaluator.ledger.section("observers")
+        observers = evaluator.parameters.section("observers")
         gain = observers["continuous"]["K2"]
         if figure == "fig2" and gain < 1000:
             raise DivergenceError("it", 1.0)
         if figure == "fig3" and gain < 1000:
             raise InputError("K2", "must be 1000 or more")
         share = observers["forgetting"]["K1"]
-        place = READINGS.index(evaluator.ledger.section("metrics")["reading"])
+        place = READINGS.index(evaluator.parameters.section("metrics")["reading"])
         numbers = {"gain": gain, "share": share, "reading": place}
         return [Metric("a", name, value, "1") for name, value in numbers.items()]
 
@@ -57,15 +57,15 @@ def claim(value: str, *keys: str, **relation: Any) -> Claim:
     return Claim("ilo", "it", checks=checks, choices=tuple(find_choice(ILO, key) for key in keys))
 
 
-def found(one: Claim, draws: int = 400) -> Robustness:
-    return assess(Evaluator(ILO), [one], draws)["it"]
+def found(one: Claim, samples: int = 400) -> Robustness:
+    return assess(Evaluator(ILO), [one], samples)["it"]
 
 
 def test_the_share_is_that_of_the_range() -> None:
-    """Near the line between the verdicts, so that no number of draws here decides."""
+    """Near the line between the verdicts, so that no number of samples here decides."""
     one = found(claim("fig1 a gain", GAIN, above=630))  # 0.1 of a decade from 500
     assert one.firm is None
-    assert one.draws == 400
+    assert one.samples == 400
     low, high = one.interval()
     assert low < 1 - math.log10(1.26) < high
     assert one.share == one.held / 400
@@ -74,11 +74,11 @@ def test_the_share_is_that_of_the_range() -> None:
 def test_draws_end_when_they_decide() -> None:
     turns_over = found(claim("fig1 a gain", GAIN, above=1000))
     assert turns_over.firm is False
-    assert 20 <= turns_over.draws < 100
+    assert 20 <= turns_over.samples < 100
     holds = found(claim("fig1 a gain", GAIN, above=400))
-    assert (holds.firm, holds.draws, holds.held) == (True, 36, 36)
+    assert (holds.firm, holds.samples, holds.held) == (True, 36, 36)
     fails = found(claim("fig1 a gain", GAIN, below=400))
-    assert (fails.firm, fails.draws, fails.held) == (True, 36, 0)
+    assert (fails.firm, fails.samples, fails.held) == (True, 36, 0)
     assert fails.interval() == (0.0, pytest.approx(1 - holds.interval()[0]))
 
 
@@ -87,7 +87,7 @@ def test_the_same_readers_are_asked_about_all_claims() -> None:
     quick = claim("fig1 a gain", GAIN, above=1900)
     slow = replace(claim("fig1 a gain", DAMPING, GAIN, above=400), name="slow")
     both = assess(Evaluator(ILO), [quick, slow], 400)
-    assert (both["it"].draws, both["slow"].draws) == (20, 36)
+    assert (both["it"].samples, both["slow"].samples) == (20, 36)
     gains = [[trial.outcome.numbers for trial in one.trials] for one in both.values()]
     assert gains[0] == gains[1][:20]
 
@@ -115,90 +115,90 @@ def test_the_same_seed_draws_the_same_and_other_claims_do_not_matter() -> None:
 def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
     """From 2000 to 1000 is log10(2) of a decade; the interval from 1/4 of the way is halved."""
     one = found(claim("fig1 a gain", GAIN, above=1000), 1)
-    assert one.flip is not None
-    assert (one.flip.key, one.flip.unit, one.flip.start) == (GAIN, "N m s/rad", 2000.0)
+    assert one.reversal is not None
+    assert (one.reversal.key, one.reversal.unit, one.reversal.start) == (GAIN, "N m s/rad", 2000.0)
     true = math.log10(2)
-    assert true <= one.flip.size <= true + 0.75 * math.log10(4) / 16
-    assert one.flip.end <= 1000
-    assert one.flip.end == pytest.approx(2000 * 10**-one.flip.size)
+    assert true <= one.reversal.size <= true + 0.75 * math.log10(4) / 16
+    assert one.reversal.end <= 1000
+    assert one.reversal.end == pytest.approx(2000 * 10**-one.reversal.size)
 
 
 def test_of_two_changes_the_smaller_is_told() -> None:
     """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
     two = claim("fig1 a gain", GAIN, DAMPING, below=4000)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))
-    flip = found(two, 1).flip
-    assert flip is not None
-    assert flip.key == DAMPING
-    assert 0.01 / 0.49 <= flip.size < 0.03
-    assert flip.end >= 0.91
+    reversal = found(two, 1).reversal
+    assert reversal is not None
+    assert reversal.key == DAMPING
+    assert 0.01 / 0.49 <= reversal.size < 0.03
+    assert reversal.end >= 0.91
 
 
 def test_another_word_is_a_change_of_the_whole_range() -> None:
     one = claim("fig1 a reading", READING, below=1.5)
-    assert found(one, 1).flip == Flip(READING, "1", "sampled", "forgetting", 1.0)
-    assert found(claim("fig1 a reading", READING, below=2.5), 1).flip is None
+    assert found(one, 1).reversal == Reversal(READING, "1", "sampled", "forgetting", 1.0)
+    assert found(claim("fig1 a reading", READING, below=2.5), 1).reversal is None
     two = claim("fig1 a reading", READING, GAIN, below=1.5)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a gain", "above": 1900})))
-    flip = found(two, 1).flip
-    assert flip is not None
-    assert flip.key == GAIN  # which moves by less
+    reversal = found(two, 1).reversal
+    assert reversal is not None
+    assert reversal.key == GAIN  # which moves by less
 
 
 def test_a_claim_that_fails_is_flipped_too_and_one_that_cannot_flip_is_not() -> None:
-    flip = found(claim("fig1 a gain", GAIN, below=1000), 1).flip
-    assert flip is not None
-    assert flip.end < 1000
-    assert found(claim("fig1 a gain", GAIN, above=1), 1).flip is None
+    reversal = found(claim("fig1 a gain", GAIN, below=1000), 1).reversal
+    assert reversal is not None
+    assert reversal.end < 1000
+    assert found(claim("fig1 a gain", GAIN, above=1), 1).reversal is None
 
 
 def test_a_draw_that_diverges_does_not_hold() -> None:
     one = found(claim("fig2 a gain", GAIN, above=0))
     assert one.firm is False
-    assert one.held + one.diverged == one.draws
-    assert 0 < one.diverged < one.draws
-    assert one.flip is not None  # to where it diverges
-    assert one.flip.end < 1000
+    assert one.held + one.diverged == one.samples
+    assert 0 < one.diverged < one.samples
+    assert one.reversal is not None  # to where it diverges
+    assert one.reversal.end < 1000
 
 
 def test_a_draw_that_is_refused_does_not_hold() -> None:
     one = found(claim("fig3 a gain", GAIN, above=0))
-    assert (one.held + len(one.refused), one.diverged) == (one.draws, 0)
+    assert (one.held + len(one.refused), one.diverged) == (one.samples, 0)
     assert all(gain < 1000 for k in one.refused for gain in one.trials[k].values)
     assert one.firm is False
-    assert one.flip is not None  # to where it is refused
-    assert one.flip.end < 1000
-    assert one.to_keep.draws[one.refused[0]] is None
+    assert one.reversal is not None  # to where it is refused
+    assert one.reversal.end < 1000
+    assert one.to_keep.samples[one.refused[0]] is None
 
 
 def test_draws_of_what_can_be_end_with_the_first_example() -> None:
-    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the draws, not as stated
+    rare = claim("fig1 a gain", GAIN, above=4000)  # a tenth of the samples, not as stated
     can, seldom = found(replace(rare, quantifier="can")), found(rare)
-    assert (can.firm, can.draws) == (True, 20)
+    assert (can.firm, can.samples) == (True, 20)
     assert 0 < can.held < 20
-    assert seldom.draws > 20
+    assert seldom.samples > 20
     always = found(replace(claim("fig1 a gain", GAIN, below=4000), quantifier="always"))
-    assert (always.firm, always.draws) == (True, 20)
+    assert (always.firm, always.samples) == (True, 20)
     none = found(replace(claim("fig1 a gain", GAIN, above=5001), quantifier="can"))
-    assert (none.firm, none.draws, none.held) == (True, 36, 0)
+    assert (none.firm, none.samples, none.held) == (True, 36, 0)
 
 
 def test_an_expensive_claim_is_looked_at_the_ends_only(shown: list[str]) -> None:
     expensive = replace(claim("fig1 a gain", GAIN, above=1000), expensive=True)
     one = found(expensive, 4)
-    assert one.draws == 4
-    assert one.flip is not None
-    assert one.flip.end <= 1000
-    # As stated, draws, two ends, halvings.
+    assert one.samples == 4
+    assert one.reversal is not None
+    assert one.reversal.end <= 1000
+    # As stated, samples, two ends, halvings.
     assert len(shown) == 1 + 4 + 2 + 4
 
 
 def test_where_nobody_looks_there_is_no_flip(shown: list[str], tmp_path: Path) -> None:
     one = claim("fig1 a gain", GAIN, above=100)
-    silent = assess(Evaluator(ILO), [one], 4, flips=False)["it"]
-    assert (silent.draws, silent.flip, silent.looked) == (4, None, False)
+    silent = assess(Evaluator(ILO), [one], 4, reversals=False)["it"]
+    assert (silent.samples, silent.reversal, silent.looked) == (4, None, False)
     assert len(shown) == 1 + 4
-    stored = {"paper": "ilo", "seed": 1, "draws": 4, "claims": {"it": to_data(silent)}}
+    stored = {"paper": "ilo", "seed": 1, "samples": 4, "claims": {"it": to_data(silent)}}
     (tmp_path / "robustness.json").write_text(json.dumps(stored))
     assert read_robustness(tmp_path / "robustness.json", "ilo") == {"it": silent}
 

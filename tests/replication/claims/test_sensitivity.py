@@ -1,4 +1,4 @@
-"""What the draws show, where it is known which choice decides and how far a bound may move."""
+"""What the samples show, where it is known which choice decides and how far a bound may move."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import chatterjeexi
 
-from reobserve.replication.claims.bounds import rooms, tell_rooms
 from reobserve.replication.claims.checks import Check
+from reobserve.replication.claims.margins import format_margins, margins
 from reobserve.replication.claims.outcomes import Outcome
 from reobserve.replication.claims.plot import sensitivity_bars, specification_curves
 from reobserve.replication.claims.registry import Claim
@@ -26,11 +26,11 @@ def claim(*checks: Check) -> Claim:
     return Claim("ilo", "it_is_small", checks=checks, promised=("abstract",))
 
 
-def drawn(draws: int = 40) -> Robustness:
+def drawn(samples: int = 40) -> Robustness:
     """The error falls and rises with the first choice, hardly moves with the others."""
     stream = np.random.default_rng(3)
     trials = []
-    for k in range(draws):
+    for k in range(samples):
         strong, weak = stream.random(2)
         error = abs(2 * strong - 1) + 0.01 * weak
         values = (strong, weak, ("x", "y")[k % 2], k)
@@ -99,26 +99,26 @@ def test_the_check_that_fails_most_decides() -> None:
 
 
 def test_how_far_a_bound_may_move() -> None:
-    """All of 40 draws lie between 0.1 and 0.49; the 36th in order is what 0.9 hangs on."""
+    """All of 40 samples lie between 0.1 and 0.49; the 36th in order is what 0.9 hangs on."""
     numbers = [0.1 + 0.01 * k for k in range(40)]
     outcomes = [Outcome(True, (number,)) for number in numbers]
-    found = rooms(claim(BELOW), Outcome(True, (0.2,)), outcomes)
+    found = margins(claim(BELOW), Outcome(True, (0.2,)), outcomes)
     # One of 40 that fails leaves it undecided: the bound may fall to the greatest number.
     assert found == {BELOW: (pytest.approx(0.49), math.inf)}
-    assert tell_rooms(found) == "below 0.5 could be 0.49 or more"
-    # Without draws only the number itself decides.
-    assert rooms(claim(BELOW), Outcome(True, (0.2,))) == {BELOW: (0.2, math.inf)}
-    assert rooms(claim(BELOW), Outcome(False, (0.7,))) == {BELOW: (-math.inf, 0.7)}
-    assert tell_rooms({BELOW: (-math.inf, 0.7)}) == "below 0.5 could be 0.7 or less"
-    assert tell_rooms({BELOW: (0.1, 0.7)}) == "below 0.5 could be 0.1 to 0.7"
-    assert tell_rooms({BELOW: (-math.inf, math.inf)}) == "below 0.5 could be any"
-    # Where it fails, in all draws, too, the bound may rise to the least of the numbers.
+    assert format_margins(found) == "below 0.5 could be 0.49 or more"
+    # Without samples only the number itself decides.
+    assert margins(claim(BELOW), Outcome(True, (0.2,))) == {BELOW: (0.2, math.inf)}
+    assert margins(claim(BELOW), Outcome(False, (0.7,))) == {BELOW: (-math.inf, 0.7)}
+    assert format_margins({BELOW: (-math.inf, 0.7)}) == "below 0.5 could be 0.7 or less"
+    assert format_margins({BELOW: (0.1, 0.7)}) == "below 0.5 could be 0.1 to 0.7"
+    assert format_margins({BELOW: (-math.inf, math.inf)}) == "below 0.5 could be any"
+    # Where it fails, in all samples, too, the bound may rise to the least of the numbers.
     outcomes = [Outcome(False, (number + 0.5,)) for number in numbers]
-    found = rooms(claim(BELOW), Outcome(False, (0.8,)), outcomes)
+    found = margins(claim(BELOW), Outcome(False, (0.8,)), outcomes)
     assert found == {BELOW: (-math.inf, pytest.approx(0.6))}
     # A check that fails whatever the other's bound leaves that free.
     never = Check.parse({"value": "fig1 a gain", "above": 2.0})
-    both = rooms(claim(BELOW, never), Outcome(False, (0.2, 1.0)))
+    both = margins(claim(BELOW, never), Outcome(False, (0.2, 1.0)))
     assert both == {BELOW: (-math.inf, math.inf), never: (1.0, math.inf)}
 
 
@@ -133,7 +133,7 @@ def test_a_curve_has_all_draws_in_order() -> None:
         for place, number in zip(line.get_xdata(), line.get_ydata(), strict=True):
             assert numbers[int(place)] == number
     assert len(held.get_xdata()) == one.held
-    assert len(failed.get_xdata()) == one.draws - one.held
+    assert len(failed.get_xdata()) == one.samples - one.held
     assert max(held.get_ydata()) < 0.5 <= min(failed.get_ydata())
     assert [label.get_text() for label in choices.get_yticklabels()] == list(NAMES)
 
@@ -144,7 +144,7 @@ def test_bars_are_of_claims_that_turn_over() -> None:
     (axes,) = figure.axes
     widths = [bar.get_width() for bar in axes.patches]
     assert widths == sorted(widths, reverse=True)
-    assert axes.get_title(loc="left") == f"it is small: held in {one.held} of 40 draws"
+    assert axes.get_title(loc="left") == f"it is small: held in {one.held} of 40 samples"
 
 
 def test_where_nothing_is_to_draw_a_sentence_says_so() -> None:

@@ -1,4 +1,4 @@
-"""The rule that ends the draws: its error rate and its cost on shares that are known."""
+"""The rule that ends the samples: its error rate and its cost on shares that are known."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ LINE = 0.9
 
 
 def decide(agreed: np.ndarray, most: int) -> tuple[bool | None, int]:
-    """What a sequence of draws decides, looked at after each of them, and after how many."""
+    """What a sequence of samples decides, looked at after each of them, and after how many."""
     total = 0
-    for draws, one in enumerate(agreed[:most], start=1):
+    for samples, one in enumerate(agreed[:most], start=1):
         total += int(one)
-        found = above(LINE, total, draws)
+        found = above(LINE, total, samples)
         if found is not None:
-            return found, draws
+            return found, samples
     return None, most
 
 
 def simulate(share: float, most: int, runs: int = 400) -> tuple[float, float, float]:
-    """Which parts of the runs say above and below, and how many draws they take on average."""
+    """Which parts of the runs say above and below, and how many samples they take on average."""
     stream = np.random.default_rng(round(1000 * share))
     found = [decide(stream.random(most) < share, most) for _ in range(runs)]
     said = [word for word, _ in found]
     return (
         said.count(True) / runs, said.count(False) / runs,
-        float(np.mean([draws for _, draws in found])),
+        float(np.mean([samples for _, samples in found])),
     )  # fmt: skip
 
 
@@ -44,34 +44,34 @@ def test_it_errs_as_seldom_as_it_says_however_often_one_looks(share: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("share", "most", "decided", "draws"),
+    ("share", "most", "decided", "samples"),
     [(0.2, 40, 1.0, 5), (0.5, 40, 0.99, 9), (0.7, 160, 0.99, 35), (0.97, 160, 0.7, 100)],
 )
-def test_what_it_costs(share: float, most: int, decided: float, draws: int) -> None:
-    """Far from the line few draws decide; `draws` is the number that suffices on average."""
+def test_what_it_costs(share: float, most: int, decided: float, samples: int) -> None:
+    """Far from the line few samples decide; `samples` is the number that suffices on average."""
     says_above, says_below, mean = simulate(share, most)
     assert (says_above if share > LINE else says_below) >= decided
-    assert mean <= draws
+    assert mean <= samples
 
 
 def test_the_evidence_is_that_of_the_mixture_over_fractions() -> None:
-    """For k agreeing draws the second gambler has 1 / ((n + 1) binom(n, k)) over p^k q^(n-k)."""
-    for draws in range(1, 40):
-        for agreed in range(draws):
-            if agreed >= 0.9 * draws:
+    """For k agreeing samples the second gambler has 1 / ((n + 1) binom(n, k)) over p^k q^(n-k)."""
+    for samples in range(1, 40):
+        for agreed in range(samples):
+            if agreed >= 0.9 * samples:
                 continue
             p = Fraction(9, 10)
-            mixed = Fraction(1, (draws + 1) * math.comb(draws, agreed))
-            stands = mixed / (p**agreed * (1 - p) ** (draws - agreed)) < 20
-            assert above(LINE, agreed, draws) is (None if stands else False)
+            mixed = Fraction(1, (samples + 1) * math.comb(samples, agreed))
+            stands = mixed / (p**agreed * (1 - p) ** (samples - agreed)) < 20
+            assert above(LINE, agreed, samples) is (None if stands else False)
 
 
 def test_the_interval_leaves_the_line_when_it_decides() -> None:
-    for draws in range(1, 120):
-        for agreed in range(draws + 1):
-            low, high = interval(agreed, draws)
-            assert 0 <= low <= agreed / draws <= high <= 1
-            found = above(LINE, agreed, draws)
+    for samples in range(1, 120):
+        for agreed in range(samples + 1):
+            low, high = interval(agreed, samples)
+            assert 0 <= low <= agreed / samples <= high <= 1
+            found = above(LINE, agreed, samples)
             assert (low > LINE) is (found is True)
             assert (high < LINE) is (found is False)
     assert interval(0, 0) == (0.0, 1.0)

@@ -17,12 +17,12 @@ from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import read_table, write_table
 from reobserve.replication.claims.checks import Check, Reference
 from reobserve.replication.claims.choices import find_choice
-from reobserve.replication.claims.flips import Flip
 from reobserve.replication.claims.outcomes import Outcome, outcome
 from reobserve.replication.claims.registry import Claim, Quantifier, read_registry
+from reobserve.replication.claims.reversals import Reversal
 from reobserve.replication.claims.robustness import Robustness, Trial
 from reobserve.replication.claims.robustness_file import read_robustness, to_data
-from reobserve.replication.claims.table import row, tell_flip
+from reobserve.replication.claims.table import format_reversal, row
 from reobserve.replication.claims.verdict_table import put_into, titles
 from reobserve.replication.claims.verdicts import (
     count,
@@ -30,27 +30,27 @@ from reobserve.replication.claims.verdicts import (
     title_margin,
     verdict,
 )
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.sampled.K2"
 
 
-def marked() -> Ledger:
-    """The ledger with the gain chosen for a claim."""
+def marked() -> Parameters:
+    """The parameter file with the gain chosen for a claim."""
     tree = copy.deepcopy(ILO.tree)
     tree["observers"]["sampled"]["K2"]["chosen_for"] = "it, found by trying"
-    return Ledger("ilo", tree, 1)
+    return Parameters("ilo", tree, 1)
 
 
 DEPENDENT = Claim("ilo", "it", choices=(find_choice(ILO, GAIN),))
 FREE = Claim("ilo", "it")
 
 
-def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Robustness:
-    """Draws of one choice and one check, of which the first ones held."""
-    trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(draws)]
+def drawn(held: int, samples: int, stated: bool = True, number: float = 0.0) -> Robustness:
+    """Samples of one choice and one check, of which the first ones held."""
+    trials = [Trial((float(k),), Outcome(k < held, (number + k,))) for k in range(samples)]
     return Robustness(Outcome(stated, (number,)), (GAIN,), trials)
 
 
@@ -69,17 +69,21 @@ def drawn(held: int, draws: int, stated: bool = True, number: float = 0.0) -> Ro
         ("always", True, None, "reproduced"),
     ],
 )
-@pytest.mark.parametrize("ledger", [ILO, marked()])
+@pytest.mark.parametrize("parameters", [ILO, marked()])
 def test_one_setting_decides_what_can_be_and_what_is_always_so(
-    quantifier: Quantifier, held: bool, share: tuple[int, int] | None, word: str, ledger: Ledger
+    quantifier: Quantifier,
+    held: bool,
+    share: tuple[int, int] | None,
+    word: str,
+    parameters: Parameters,
 ) -> None:
     claim = replace(DEPENDENT, quantifier=quantifier)
     robustness = None if share is None else drawn(*share, stated=held)
-    assert verdict(claim, ledger, held, robustness) == word
+    assert verdict(claim, parameters, held, robustness) == word
 
 
 @pytest.mark.parametrize(
-    ("claim", "ledger", "held", "share", "word"),
+    ("claim", "parameters", "held", "share", "word"),
     [
         (FREE, ILO, True, None, "reproduced"),
         (FREE, ILO, False, None, "contradicted"),
@@ -103,23 +107,23 @@ def test_one_setting_decides_what_can_be_and_what_is_always_so(
     ],
 )
 def test_the_verdict_follows_the_rule(
-    claim: Claim, ledger: Ledger, held: bool, share: tuple[int, int] | None, word: str
+    claim: Claim, parameters: Parameters, held: bool, share: tuple[int, int] | None, word: str
 ) -> None:
     robustness = None if share is None else drawn(*share, stated=held)
-    assert verdict(claim, ledger, held, robustness) == word
+    assert verdict(claim, parameters, held, robustness) == word
 
 
 def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
     claim = replace(DEPENDENT, checks=checks, says="It is small.", why="A twentieth.")
-    flip = Flip(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
-    stands = replace(drawn(70, 71), flip=flip)
+    reversal = Reversal(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
+    stands = replace(drawn(70, 71), reversal=reversal)
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
     assert told["verdict"] == "reproduced"
     assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
-    assert (told["draws"], told["held"], told["share"]) == (71, 70, "0.9859")
+    assert (told["samples"], told["held"], told["share"]) == (71, 70, "0.9859")
     assert (told["low"], told["high"]) == ("0.9011", "1")
-    assert told["flip"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
+    assert told["reversal"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
     assert told["holds"] == "no"
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
@@ -128,7 +132,7 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
     assert told["verdict"] == "broken"
     assert told["problem"] == (
-        "claims.ilo.it: all 8 draws give the same numbers, must name a choice that reaches them "
+        "claims.ilo.it: all 8 samples give the same numbers, must name a choice that reaches them "
         "or depend on nothing"
     )
     told = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
@@ -136,21 +140,23 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     assert told["problem"] == (
         "claims.ilo.it: metric: fig1 has no 'error' of a; did you mean 'errors'?"
     )
-    assert tell_flip(Flip("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
-    assert tell_flip(Flip("a.b", "word", True, False, 1.0)) == "a.b from True to False"
-    assert tell_flip(None) == ""
-    pair = Flip("a.b.1", "V, A", 1.0, 2.0, 0.5)
-    assert tell_flip(pair) == "a.b.1 from 1 to 2 A (50 % of its range)"
-    assert tell_flip(replace(pair, key="a.b", unit="1")) == "a.b from 1 to 2 (50 % of its range)"
+    assert format_reversal(Reversal("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
+    assert format_reversal(Reversal("a.b", "word", True, False, 1.0)) == "a.b from True to False"
+    assert format_reversal(None) == ""
+    pair = Reversal("a.b.1", "V, A", 1.0, 2.0, 0.5)
+    assert format_reversal(pair) == "a.b.1 from 1 to 2 A (50 % of its range)"
+    assert (
+        format_reversal(replace(pair, key="a.b", unit="1")) == "a.b from 1 to 2 (50 % of its range)"
+    )
     slow, fast, step = (
         [{"kind": "prbs", "size": 1.5}],
         [{"kind": "prbs", "size": 47}],
         [{"kind": "step"}],
     )
-    assert tell_flip(Flip("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
-    assert tell_flip(Flip("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
+    assert format_reversal(Reversal("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
+    assert format_reversal(Reversal("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
     path, told = tmp_path / "robustness.json", {"a": to_data(stands)}
-    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "draws": 40, "claims": told}))
+    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "samples": 40, "claims": told}))
     assert read_robustness(path, "ilo") == {"a": stands}
 
 
@@ -164,7 +170,7 @@ def made(*verdicts: str, promised: Iterable[int] = ()) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def test_a_replication_stands_or_falls_with_its_headlines() -> None:
+def test_a_replication_stands_or_falls_with_its_main_claims() -> None:
     good, other, bad = "reproduced", "reproduced only by calibration", "contradicted"
     assert replicated(made(good, good, bad, promised=[0, 1]))
     assert replicated(made(good, good, other, promised=[0, 1, 2]))
@@ -183,17 +189,17 @@ def test_a_replication_stands_or_falls_with_its_headlines() -> None:
     [
         (
             "rrr",
-            "3 of 3 headline claims are reproduced and 0 contradicted; it would be [¬Re] with one "
+            "3 of 3 main claims are reproduced and 0 contradicted; it would be [¬Re] with one "
             "contradicted or 2 fewer reproduced",
         ),
         (
             "rrc",
-            "2 of 3 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "2 of 3 main claims are reproduced and 1 contradicted; it would be [Re] with 1 "
             "fewer contradicted",
         ),
         (
             "rddc",
-            "1 of 4 headline claims are reproduced and 1 contradicted; it would be [Re] with 1 "
+            "1 of 4 main claims are reproduced and 1 contradicted; it would be [Re] with 1 "
             "fewer contradicted and 2 more reproduced",
         ),
     ],
@@ -204,7 +210,7 @@ def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
     assert title_margin(rows) == said
 
 
-def test_the_titles_under_other_choices_of_headlines() -> None:
+def test_the_titles_under_other_choices_of_main_claims() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0, 2])
     rows[3] |= {"place": "Section 2", "promised": "conclusions"}
     head, _, told = titles(rows).strip().splitlines()
@@ -248,11 +254,11 @@ def test_the_counts_are_written_and_broken_claims_fail(tmp_path: Path) -> None:
 
 Numbers = dict[str, dict[tuple[str, str], float]]
 PAPERS = [path.stem for path in sorted((ROOT / "config/claims").glob("*.yaml"))]
-LEDGERS = {paper: Ledger.load(ROOT, paper) for paper in PAPERS}
+PARAMETER_FILES = {paper: Parameters.load(ROOT, paper) for paper in PAPERS}
 CLAIMS = [
     pytest.param(claim, id=f"{paper}-{claim.name}")
     for paper in PAPERS
-    for claim in read_registry(ROOT, LEDGERS[paper]).claims
+    for claim in read_registry(ROOT, PARAMETER_FILES[paper]).claims
     if claim.checks
 ]
 
@@ -309,12 +315,12 @@ def test_each_check_of_a_claim_flips_it(claim: Claim) -> None:
     """Fed with what satisfies it a check holds; with what just does not, the claim is refuted."""
     for check in claim.checks:
         alone = replace(claim, checks=(check,), choices=())
-        ledger = LEDGERS[claim.paper]
+        parameters = PARAMETER_FILES[claim.paper]
         good, bad = fed(alone), fed(alone, check)
         assert outcome(alone, good).held
         assert not outcome(alone, bad).held
-        assert row(alone, ledger, good, None)["verdict"] == "reproduced"
-        assert row(alone, ledger, bad, None)["verdict"] == "contradicted"
+        assert row(alone, parameters, good, None)["verdict"] == "reproduced"
+        assert row(alone, parameters, bad, None)["verdict"] == "contradicted"
         # With all checks of the claim: one that fails is enough.
         whole = fed(claim, check)
         assert satisfied(claim, whole)[claim.checks.index(check)] is False
@@ -355,5 +361,5 @@ def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path:
 
 @pytest.mark.parametrize(("place", "unit"), [(0, " V"), (1, " A"), (2, ""), (3, "")])
 def test_a_place_beyond_the_units_has_none(place: int, unit: str) -> None:
-    flip = Flip(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
-    assert tell_flip(flip) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"
+    reversal = Reversal(f"a.b.{place}", "V, A", 1.0, 2.0, 0.5)
+    assert format_reversal(reversal) == f"a.b.{place} from 1 to 2{unit} (50 % of its range)"

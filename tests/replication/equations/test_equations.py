@@ -123,7 +123,7 @@ def _texts(tree: Any, *keys: str) -> Iterator[str]:
 
 # What tells of a paper where it stands; corrections also name what it does not have.
 TELLING = {
-    "claims": ("place", "says", "why", "not_testable"),
+    "claims": ("place", "statement", "why", "not_testable"),
     "errata": ("place",),
     "papers": ("source", "why"),
 }
@@ -131,7 +131,9 @@ TELLING = {
 
 @pytest.mark.parametrize("paper", FIVE)
 @pytest.mark.parametrize("folder", TELLING)
-def test_what_claims_errata_and_ledgers_cite_is_in_the_table(folder: str, paper: str) -> None:
+def test_what_claims_errata_and_parameter_files_cite_is_in_the_table(
+    folder: str, paper: str
+) -> None:
     tree = read_yaml(ROOT / f"config/{folder}/{paper}.yaml")
     found = [place for text in _texts(tree, *TELLING[folder]) for place in places_in(text)]
     assert found

@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[3]
 
 IMM = "reobserve.observers.imm.IMM"
 TEST = "tests/observers/test_imm.py::test_with_mixing_they_do"
-FIRST = {"number": "1", "says": "It is\n  linear.", "implemented": [IMM], "tests": [TEST]}
-LAST = {"number": "2", "says": "A step.", "implemented": [], "tests": [], "note": "A step."}
+FIRST = {"number": "1", "statement": "It is\n  linear.", "implemented": [IMM], "tests": [TEST]}
+LAST = {"number": "2", "statement": "A step.", "implemented": [], "tests": [], "note": "A step."}
 OTHER = {**LAST, "number": "Theorem 1"}
 
 
@@ -54,7 +54,7 @@ def test_an_equation_is_found_as_a_person_writes_it(tmp_path: Path) -> None:
         ({"number": " "}, "equations.0.number: must not be empty"),
         ({"number": "01"}, "equations: (2) stands where (1) must: all, in their order"),
         ({"number": "2"}, "equations: (2) stands there twice"),
-        ({"says": ["x"]}, "equations.0.says: ['x'] must be a word"),
+        ({"statement": ["x"]}, "equations.0.says: ['x'] must be a word"),
         ({"sais": "x"}, "equations.0.sais: unknown key; did you mean 'says'?"),
         ({"implemented": IMM}, f"equations.0.implemented: '{IMM}' must be a list of words"),
         (

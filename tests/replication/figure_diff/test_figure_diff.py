@@ -21,7 +21,7 @@ from reobserve.replication.figure_diff import commands
 from reobserve.replication.golden import acceptance
 from reobserve.replication.golden.values import built_numbers, part_names
 from reobserve.replication.metrics.metrics import Metric, write_metrics
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.series import Channel, Series
 from tests.pipeline.conftest import ROOT
 
@@ -38,7 +38,7 @@ TREE = {
     "designs": {"gains": {"title": ""}},
     "tables": {"table1": {"title": "", "source": "", "design": "gains"}},
 }  # fmt: skip
-LEDGER = Ledger("made", TREE, 0)
+PARAMETERS = Parameters("made", TREE, 0)
 BUILD = commands._build
 TIME = np.arange(41) * 0.05
 BUILT, GOLDEN, ACCEPTED = "results/made", "tests/golden/made", "tests/reference/made"
@@ -77,7 +77,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_table(f"{BUILT}/table1.csv", [{"term": "x1", "value": 2.5}], ("term", "value"))
     record("plant")
     record("watch")
-    write_text(f"{BUILT}/parameters.json", LEDGER.text())
+    write_text(f"{BUILT}/parameters.json", PARAMETERS.text())
     claim = {"paper": "made", "claim": "is_stable", "verdict": "reproduced", "holds": "yes"}
     write_table("results/claims.csv", [dict.fromkeys(HEADER, "") | claim], HEADER)
     write_text("results/verdicts.md", "| `made` | [Re] |\n")
@@ -95,7 +95,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CI", "")
     monkeypatch.setattr(commands, "_build", lambda *arguments: None)
     monkeypatch.setattr(commands, "write_lists", lambda project: None)
-    monkeypatch.setattr(commands.Ledger, "load", lambda *arguments, **options: LEDGER)
+    monkeypatch.setattr(commands.Parameters, "load", lambda *arguments, **options: PARAMETERS)
     monkeypatch.setattr(acceptance, "measure", measure)
     assert main(["accept", "--reason", "a paper is new"]) == 0
     commit()

@@ -22,7 +22,7 @@ from reobserve.replication.golden.files import (
 from reobserve.replication.golden.tolerances import tolerance
 from reobserve.replication.golden.values import _samples, evaluated_numbers, part_names, records
 from reobserve.signals.series import Channel, Series
-from tests.pipeline.conftest import EVALUATORS, LEDGERS, ROOT
+from tests.pipeline.conftest import EVALUATORS, PARAMETER_FILES, ROOT
 
 METRIC: Key = ("watch", "rms", "")
 
@@ -173,7 +173,7 @@ def test_renewing_writes_what_moved_and_nothing_else(
 def test_a_process_evaluates_as_this_one_does() -> None:
     golden, here = read_numbers(golden_file(ROOT, "lie", "fig1")), EVALUATORS["lie"]
     there = conditions.evaluate(ROOT, "lie", {})
-    assert set(there) == set(part_names(LEDGERS["lie"].tree))
+    assert set(there) == set(part_names(PARAMETER_FILES["lie"].tree))
     for found in (evaluated_numbers(here, "fig1"), there["fig1"]):
         assert list(compare(golden, found, "")) == []
     halved = conditions.evaluate(ROOT, "lie", change="halved")
@@ -182,7 +182,8 @@ def test_a_process_evaluates_as_this_one_does() -> None:
 
 def test_a_rounding_error_is_one_unit_in_the_last_place() -> None:
     one, other = (
-        kind(LEDGERS["ilo"]).run("plant", "constant") for kind in (Evaluator, conditions.Rounded)
+        kind(PARAMETER_FILES["ilo"]).run("plant", "constant")
+        for kind in (Evaluator, conditions.Rounded)
     )
     for name, values in one.flat().items():
         off = np.abs(other.flat()[name] - values)

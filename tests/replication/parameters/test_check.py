@@ -1,6 +1,6 @@
-"""Ledgers checked whole before anything runs: what once went by, ended in a traceback or in memory.
+"""Parameter files checked whole before anything runs: what once went by, ended in a traceback or in memory.
 
-Each case is an override as a user would write it, or a change of a ledger's own file.
+Each case is an override as a user would write it, or a change of a parameter file's own file.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import yaml
 
 from reobserve.core.documents import check_plain, read_yaml
 from reobserve.core.errors import InputError
-from reobserve.replication.parameters.check import check_ledger
+from reobserve.replication.parameters.check import check_parameters
 from reobserve.replication.parameters.config import (
     check_config,
     known_papers,
     take_truths,
 )
 from reobserve.replication.parameters.job import declared_keys, named, read_job
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
 CONFIG = read_yaml(ROOT / "config/config.yaml")
@@ -33,7 +33,7 @@ Tree = dict[str, Any]
 
 def refused(paper: str, overrides: Tree) -> str:
     with pytest.raises(InputError) as caught:
-        check_ledger(Ledger.load(ROOT, paper, overrides))
+        check_parameters(Parameters.load(ROOT, paper, overrides))
     said = str(caught.value)
     assert "\n" not in said
     assert len(said) < 1000
@@ -41,22 +41,22 @@ def refused(paper: str, overrides: Tree) -> str:
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
-def test_the_ledgers_as_they_are_can_be_built(paper: str) -> None:
-    check_ledger(Ledger.load(ROOT, paper))
+def test_the_parameter_files_as_they_are_can_be_built(paper: str) -> None:
+    check_parameters(Parameters.load(ROOT, paper))
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_what_every_job_sees_is_declared(paper: str) -> None:
-    ledger, keys = Ledger.load(ROOT, paper), declared_keys(paper)
+    parameters, keys = Parameters.load(ROOT, paper), declared_keys(paper)
     jobs = [("theory", "")]
     for stage, section in (
         ("plant", "scenarios"), ("observe", "observers"), ("design", "designs"),
         ("study", "studies"), ("search", "searches"), ("table", "tables"),
         ("metrics", "figures"), ("plot", "figures"),
     ):  # fmt: skip
-        jobs += [(stage, name) for name in ledger.tree.get(section, {})]
+        jobs += [(stage, name) for name in parameters.tree.get(section, {})]
     for stage, name in jobs:
-        job = read_job(keys, ledger.settings(stage, name))
+        job = read_job(keys, parameters.settings(stage, name))
         assert isinstance(job.plant, sys.modules[keys.__module__].Plant)
         assert read_job(keys, job) is job
 
@@ -205,7 +205,7 @@ TAKEN: list[tuple[str, Tree]] = [
 
 @pytest.mark.parametrize(("paper", "overrides"), TAKEN)
 def test_the_most_that_is_taken(paper: str, overrides: Tree) -> None:
-    check_ledger(Ledger.load(ROOT, paper, overrides))
+    check_parameters(Parameters.load(ROOT, paper, overrides))
 
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
@@ -244,7 +244,7 @@ def test_a_name_that_is_more_than_a_name(section: str, name: str) -> None:
 
 def test_names_that_are_names() -> None:
     for name in ("a", "A1_b", "x" * 60):
-        check_ledger(Ledger.load(ROOT, "ilo", {"scenarios": {name: {"like": "constant"}}}))
+        check_parameters(Parameters.load(ROOT, "ilo", {"scenarios": {name: {"like": "constant"}}}))
 
 
 @pytest.fixture
@@ -290,7 +290,7 @@ def test_a_paper_with_a_name_that_is_none(project: Path) -> None:
 def test_a_key_that_the_file_itself_lacks(
     project: Path, paper: str, path: tuple[str, ...], said: str
 ) -> None:
-    """Without overrides, too: a slip in a ledger was found by a job, minutes later."""
+    """Without overrides, too: a slip in a parameter file was found by a job, minutes later."""
     file = project / "config" / "papers" / f"{paper}.yaml"
     tree = read_yaml(file)
     branch: Any = tree
@@ -300,7 +300,7 @@ def test_a_key_that_the_file_itself_lacks(
     kept = branch.pop(path[-1])
     file.write_text(yaml.safe_dump(tree))
     with pytest.raises(InputError) as caught:
-        check_ledger(Ledger.load(project, paper))
+        check_parameters(Parameters.load(project, paper))
     assert said in str(caught.value)
     if len(path) == 1:
         return
@@ -310,7 +310,7 @@ def test_a_key_that_the_file_itself_lacks(
     branch[f"{path[-1]}x"] = kept
     file.write_text(yaml.safe_dump(misspelt))
     with pytest.raises(InputError, match=r"unknown key|is not|must be a mapping") as caught:
-        check_ledger(Ledger.load(project, paper))
+        check_parameters(Parameters.load(project, paper))
     assert f"{path[-1]}x" in str(caught.value)
 
 
@@ -319,10 +319,10 @@ CALLS: dict[str, tuple[Tree, str]] = {
     "formats in a word": ({"formats": "gif"}, "config.formats: 'gif' must be a list of words"),
     "a negative seed": ({"seed": -1}, "config.seed: -1 must not be negative"),
     "half a seed": ({"seed": 5.0}, "config.seed: 5 must be a whole number"),
-    "no draws": ({"draws": 0}, "config.draws: 0 must be 1 or more"),
+    "no samples": ({"samples": 0}, "config.samples: 0 must be 1 or more"),
     "a key that is neither of the schema nor a paper": (
         {"draw": {}},
-        "config.draw: unknown key; did you mean 'draws'?",
+        "config.draw: unknown key; did you mean 'samples'?",
     ),
     "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
     "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
@@ -339,9 +339,9 @@ def test_what_a_call_hands_over(case: str) -> None:
 
 @pytest.mark.parametrize(("word", "taken"), [("true", True), ("false", False)])
 def test_truths_of_the_command_line(word: str, taken: bool) -> None:
-    config = {**CONFIG, "flips": word}
+    config = {**CONFIG, "reversals": word}
     take_truths(config)
-    assert config["flips"] is taken
+    assert config["reversals"] is taken
     check_config(ROOT, config, known_papers(ROOT))
 
 
@@ -354,8 +354,8 @@ def test_an_observer_that_a_study_names_is_there_and_of_its_form() -> None:
         named(observers, "here", int)
 
 
-def test_a_ledger_without_declared_keys_is_told() -> None:
-    with pytest.raises(InputError, match=r"^nobody: has a ledger, but there is no module "):
+def test_a_parameter_without_declared_keys_is_told() -> None:
+    with pytest.raises(InputError, match=r"^nobody: has a parameter file, but there is no module "):
         declared_keys("nobody")
 
 
@@ -365,7 +365,7 @@ class Observed:
 
 
 def test_other_words_are_no_truths() -> None:
-    config = {**CONFIG, "flips": "no"}
+    config = {**CONFIG, "reversals": "no"}
     take_truths(config)
     with pytest.raises(InputError, match=r"^config.flips: 'no' must be one of true and false"):
         check_config(ROOT, config, known_papers(ROOT))
@@ -378,4 +378,4 @@ def test_a_tree_without_end() -> None:
     with pytest.raises(InputError, match="nested"):
         check_plain({"ilo": deep}, "config")
     with pytest.raises(InputError, match="nested"):
-        Ledger.load(ROOT, "ilo", {"plant": deep})
+        Parameters.load(ROOT, "ilo", {"plant": deep})

@@ -35,7 +35,7 @@ FAULTS = {
         "errata.ilo.",
     ),
     "an equation": ("equations/ilo.yaml", "- number:", "- numbr:", "equations.ilo.equations.0."),
-    "samples": ("draws/ilo.json", '"looked": true', '"looked": 1', ""),
+    "samples": ("samples/ilo.json", '"looked": true', '"looked": 1', ""),
     "a search": ("searches/imm_calibrated.json", "{", "[", "imm.studies.neighbourhood.kept."),
     "a link": (
         "papers/ilo.yaml", "same_as: plant.initial_rate", "same_as: plant.rate",

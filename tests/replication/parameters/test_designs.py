@@ -1,4 +1,4 @@
-"""Designs and tables in the ledger: who may name one, what a job sees of it, what it is called."""
+"""Designs and tables in the parameter file: who may name one, what a job sees of it, what it is called."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import yaml
 
 from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
 
@@ -45,26 +45,26 @@ def designed(project: Path) -> dict[str, Any]:
 
 def load_tree(
     project: Path, tree: dict[str, Any], overrides: dict[str, Any] | None = None
-) -> Ledger:
+) -> Parameters:
     (project / "config/papers/ilo.yaml").write_text(yaml.safe_dump(tree))
-    return Ledger.load(project, "ilo", overrides)
+    return Parameters.load(project, "ilo", overrides)
 
 
 def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str, Any]) -> None:
-    ledger = load_tree(project, designed)
+    parameters = load_tree(project, designed)
     high, low = {"pole": 9.0}, {"pole": 2.0}
-    plant = ledger.section("plant")
-    assert ledger.settings("design", "high") == {"plant": plant, "design": high}
-    assert ledger.settings("table", "table1") == {
+    plant = parameters.section("plant")
+    assert parameters.settings("design", "high") == {"plant": plant, "design": high}
+    assert parameters.settings("table", "table1") == {
         "plant": plant, "design": low, "table": {"design": "low", "digits": 3},
     }  # fmt: skip
-    assert ledger.settings("observe", "forgetting")["design"] == high
-    assert set(ledger.settings("observe", "sampled")) == {"plant", "observer"}
+    assert parameters.settings("observe", "forgetting")["design"] == high
+    assert set(parameters.settings("observe", "sampled")) == {"plant", "observer"}
     # Fig. 1 shows the observer; Fig. 4 neither it nor the study; the other both.
-    assert ledger.settings("metrics", "fig1")["designs"] == {"high": high}
-    assert "designs" not in ledger.settings("metrics", "fig4")
-    assert ledger.settings("metrics", "fig4_matched")["designs"] == {"high": high, "low": low}
-    assert ledger.settings("study", "matching")["designs"] == {"high": high, "low": low}
+    assert parameters.settings("metrics", "fig1")["designs"] == {"high": high}
+    assert "designs" not in parameters.settings("metrics", "fig4")
+    assert parameters.settings("metrics", "fig4_matched")["designs"] == {"high": high, "low": low}
+    assert parameters.settings("study", "matching")["designs"] == {"high": high, "low": low}
     # A figure also sees the designs of observers that only its study runs.
     designed["figures"]["fig4_matched"]["observers"] = ["sampled"]
     seen = load_tree(project, designed).settings("plot", "fig4_matched")["designs"]
@@ -74,11 +74,11 @@ def test_a_job_sees_the_designs_that_are_named(project: Path, designed: dict[str
 
 
 def test_a_paper_without_designs_has_no_word_of_them() -> None:
-    ledger = Ledger.load(ROOT, "ilo")
+    parameters = Parameters.load(ROOT, "ilo")
     for stage, name in (("study", "matching"), ("metrics", "fig4_matched"), ("plot", "fig1")):
-        assert "designs" not in ledger.settings(stage, name)
+        assert "designs" not in parameters.settings(stage, name)
     with pytest.raises(InputError, match="ilo: there is no 'designs'"):
-        ledger.settings("design", "high")
+        parameters.settings("design", "high")
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_name_must_serve_as_part_of_a_file_name(
 def test_designs_and_tables_can_be_added_and_changed(
     project: Path, designed: dict[str, Any]
 ) -> None:
-    ledger = load_tree(
+    parameters = load_tree(
         project,
         designed,
         {
@@ -132,7 +132,7 @@ def test_designs_and_tables_can_be_added_and_changed(
             "observers": {"forgetting": {"design": "mine"}},
         },
     )
-    assert ledger.settings("observe", "forgetting")["design"] == {"pole": 5}
-    assert ledger.settings("table", "table_mine")["design"] == {"pole": 5}
+    assert parameters.settings("observe", "forgetting")["design"] == {"pole": 5}
+    assert parameters.settings("table", "table_mine")["design"] == {"pole": 5}
     with pytest.raises(InputError, match="forgetting: there is no 'mien' in designs"):
         load_tree(project, designed, {"observers": {"forgetting": {"design": "mien"}}})

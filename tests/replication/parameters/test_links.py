@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from reobserve.core.errors import InputError
-from reobserve.replication.claims.choices import change, draw, find_choice
+from reobserve.replication.claims.choices import change, find_choice, sample
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.overrides import links_in, resolve
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
 ENTRY = {"value": 1.0, "unit": "m", "source": "p. 1"}
@@ -71,7 +71,7 @@ def test_a_link_to_nothing_is_refused(entry: dict[str, Any], said: str) -> None:
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_every_link_of_a_paper_follows(paper: str) -> None:
-    entries = dict(Ledger.load(ROOT, paper).entries())
+    entries = dict(Parameters.load(ROOT, paper).entries())
     for key, target in links_in(iter(entries.items())).items():
         assert entries[key]["value"] == entries[target]["value"], key
 
@@ -82,21 +82,21 @@ def test_theory_and_observers_follow_the_scenario_and_the_plant() -> None:
         "plant": {"initial_rate": [0.08, -0.03, 0.04]},
         "scenarios": {"aperiodic": {"fault": fault}},
     }
-    ledger = Ledger.load(ROOT, "ilo", overrides)
-    assert ledger.section("theory", "aperiodic") == fault
-    for observer in ledger.section("observers").values():
+    parameters = Parameters.load(ROOT, "ilo", overrides)
+    assert parameters.section("theory", "aperiodic") == fault
+    for observer in parameters.section("observers").values():
         assert observer["initial_rate"] == [0.08, -0.03, 0.04]
 
 
 def test_samples_keep_links_too() -> None:
-    ledger = Ledger.load(ROOT, "ilo", seed=1)
-    choice = find_choice(ledger, "plant.initial_rate")
-    sampled, rates = draw(ledger, [choice], 3)
+    parameters = Parameters.load(ROOT, "ilo", seed=1)
+    choice = find_choice(parameters, "plant.initial_rate")
+    sampled, rates = sample(parameters, [choice], 3)
     assert list(rates) == sampled.section("plant", "initial_rate")
     assert list(rates) == sampled.section("observers", "adaptive", "initial_rate")
-    both = [choice, find_choice(ledger, "observers.*.initial_rate")]
-    apart, _ = draw(ledger, both, 3)
+    both = [choice, find_choice(parameters, "observers.*.initial_rate")]
+    apart, _ = sample(parameters, both, 3)
     assert apart.section("plant", "initial_rate") == list(rates)
     assert apart.section("observers", "adaptive", "initial_rate") != list(rates)
-    moved = change(ledger, choice.knobs[0], 0.07)
+    moved = change(parameters, choice.knobs[0], 0.07)
     assert moved.section("observers", "sampled", "initial_rate")[0] == 0.07

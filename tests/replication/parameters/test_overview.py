@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from reobserve.cli.main import command_parser, main
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from tests.replication.report.project import make_project
 
 Capture = pytest.CaptureFixture[str]
@@ -54,10 +54,10 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
 
 
 def test_parameters_of_a_build_are_those_it_was_made_of(project: Path, capsys: Capture) -> None:
-    ledger = Ledger.load(project, "toy", {"scenarios": {"push": {"disturbance": 3.0}}})
+    parameters = Parameters.load(project, "toy", {"scenarios": {"push": {"disturbance": 3.0}}})
     path = project / "results/toy/parameters.json"
     path.parent.mkdir(parents=True)
-    path.write_text(ledger.text())
+    path.write_text(parameters.text())
     stated, built = (
         printed(capsys, "params", "toy", "scenarios", *option)[2] for option in ([], ["--built"])
     )

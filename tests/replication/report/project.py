@@ -9,7 +9,7 @@ from pathlib import Path
 from reobserve.core.files import write_table
 from reobserve.replication.claims.table import HEADER
 from reobserve.replication.metrics.metrics import Metric, write_metrics
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
 TOY = ROOT / "tests" / "pipeline" / "toy"
@@ -24,44 +24,44 @@ It lags.
 **Left open by the paper**: the gains of *slow* <and more>. ``reobserve params toy`` has them.
 """
 
-_DRAWN = {"draws": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
+_DRAWN = {"samples": 40, "held": 30, "share": 0.75, "low": 0.598, "high": 0.858}
 
 CLAIMS = [
     {
         "claim": "double_pole", "promised": "abstract", "place": "(3)",
-        "says": "Both poles are in one place.", "verdict": "reproduced", "holds": "yes",
+        "statement": "Both poles are in one place.", "verdict": "reproduced", "holds": "yes",
         "measured": "theory gains discriminant = 0, within [-1e-09, 1e-09]", "why": "Rounding.",
         "figures": "theory",
     },
     {
         "claim": "placed_is_better", "promised": "abstract", "place": "Fig. 1",
-        "says": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
+        "statement": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
         "holds": "yes", "why": "What better means.", "figures": "fig1",
         "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
         "fig1 slow late_rms_error = 0.4, must be below 1",
         "depends_on": "observers.slow.gains", **_DRAWN, "threshold": "after",
-        "room": "below 1 could be any",
-        "flip": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
+        "margin": "below 1 could be any",
+        "reversal": "observers.slow.gains.1 from 1 to 0.6 1/s^2 (0.1 of its range)",
     },
     {
-        "claim": "tuned", "place": "Fig. 1", "says": "It is <script>alert(1)</script> tuned.",
+        "claim": "tuned", "place": "Fig. 1", "statement": "It is <script>alert(1)</script> tuned.",
         "verdict": "reproduced only by calibration", "holds": "yes", "figures": "fig1",
         "measured": "fig1 slow late_rms_error = 0.4, must be below 1", "why": "As `chosen`.",
         "depends_on": "observers.slow.gains seed", **_DRAWN,
     },
     {
-        "claim": "slow_is_good", "place": "Section 3", "says": "The slow observer is good, too.",
+        "claim": "slow_is_good", "place": "Section 3", "statement": "The slow observer is good, too.",
         "verdict": "contradicted", "holds": "no", "figures": "fig1",
         "measured": "fig1 slow late_rms_error = 0.4, must be below 0.002", "why": "A thousandth.",
     },
     {
-        "claim": "measured", "place": "Section 4", "says": "It works in the laboratory.",
+        "claim": "measured", "place": "Section 4", "statement": "It works in the laboratory.",
         "verdict": "not testable", "why": "There is no laboratory here.",
     },
 ]  # fmt: skip
 
 BROKEN = {
-    "claim": "amiss", "place": "Fig. 3", "says": "Something else.", "verdict": "broken",
+    "claim": "amiss", "place": "Fig. 3", "statement": "Something else.", "verdict": "broken",
     "problem": "claims.toy.amiss: figure: there is no 'fig3'; did you mean 'fig1'?",
 }  # fmt: skip
 
@@ -97,7 +97,7 @@ def make_project(folder: Path) -> Path:
     shutil.copy(TOY / "fig1.rst", folder / "workflow/report/toy")
     shutil.copytree(ROOT / "workflow/report/replication", folder / "workflow/report/replication")
     shutil.copy(ROOT / "workflow/report/table.rst", folder / "workflow/report")
-    (built / "parameters.json").write_text(Ledger.load(folder, "toy", seed=1).text())
+    (built / "parameters.json").write_text(Parameters.load(folder, "toy", seed=1).text())
     for picture in ("fig1", "specification", "sensitivity"):
         (built / f"{picture}.svg").write_text(SVG)
     (built / "fig1.caption.rst").write_text(CAPTION)
@@ -118,10 +118,10 @@ def make_project(folder: Path) -> Path:
     ]
     drawn = {
         "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [39],
-        "looked": True, "flip": None, "basis": "", "kept": 38, "quantifier": "is",
+        "looked": True, "reversal": None, "basis": "", "kept": 38, "quantifier": "is",
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
-    stored = {"paper": "toy", "seed": 1, "draws": 40, "claims": drawn_of}
+    stored = {"paper": "toy", "seed": 1, "samples": 40, "claims": drawn_of}
     (built / "robustness.json").write_text(json.dumps(stored))
     for name in ("fig1.plot", "theory"):
         log = folder / "logs" / "toy" / f"{name}.log"

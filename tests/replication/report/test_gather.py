@@ -43,7 +43,7 @@ def test_a_whole_build_has_no_gaps(project: Path) -> None:
     report, paper = gathered(project)
     assert report["gaps"] == []
     assert (paper["name"], paper["short"], paper["doi"]) == ("toy", "Example (2000)", "10.0000/toy")
-    assert paper["obstacles"] == "The gains of one observer are not given."
+    assert paper["limitations"] == "The gains of one observer are not given."
     assert list(paper["counts"].values()) == [1, 1, 1, 1, 0, 1, 0]
     assert paper["tables"][0]["content"]["left_out"] == 0
 
@@ -92,19 +92,19 @@ def test_claims_come_with_checks_and_robustness(project: Path) -> None:
     )
     found = better.robustness
     assert found
-    assert (found.draws, found.held, found.share, found.diverged) == (40, 30, 0.75, 2)
+    assert (found.samples, found.held, found.share, found.diverged) == (40, 30, 0.75, 2)
     assert (found.refused, found.kept, found.looked) == (1, 38, True)
-    assert found.flip_key == "observers.slow.gains.1"
-    assert found.flip == "from 1 to 0.6 1/s^2 (0.1 of its range)"
+    assert found.reversal_key == "observers.slow.gains.1"
+    assert found.reversal == "from 1 to 0.6 1/s^2 (0.1 of its range)"
     assert claims(project)["double_pole"].robustness is None
 
 
 def test_no_flip_found_is_another_thing_than_none_looked_for(project: Path) -> None:
-    for flip, looked in (("", True), (NOT_LOOKED_FOR, False)):
-        write_claims(project, [CLAIMS[0], CLAIMS[1] | {"flip": flip}, *CLAIMS[2:]])
+    for reversal, looked in (("", True), (NOT_LOOKED_FOR, False)):
+        write_claims(project, [CLAIMS[0], CLAIMS[1] | {"reversal": reversal}, *CLAIMS[2:]])
         found = claims(project)["placed_is_better"].robustness
         assert found
-        assert (found.flip_key, found.flip, found.looked) == ("", "", looked)
+        assert (found.reversal_key, found.reversal, found.looked) == ("", "", looked)
 
 
 def test_the_same_choice_of_two_observers_is_one_row(project: Path) -> None:
@@ -180,7 +180,7 @@ DAMAGED = [
     ("results/toy/robustness.json", "[]", "must be a mapping"),
     ("results/toy/parameters.json", "{}", "paper: is missing; the stored file needs it"),
     ("results/claims.csv", "a,b\n", "has the columns"),
-    ("config/claims/toy.yaml", "claims: {}", "claims.toy.obstacles: is missing"),
+    ("config/claims/toy.yaml", "claims: {}", "claims.toy.limitations: is missing"),
     ("config/errata/toy.yaml", "errata: {sign: {place: a}}", "errata.toy.sign.printed: is missing"),
     ("config/errata/toy.yaml", "errata: [", "is not YAML"),
     ("config/errata/toy.yaml", "errata: {sign: here}", "errata.toy.sign: 'here' must be a"),
@@ -202,7 +202,7 @@ def test_a_damaged_file_is_one_gap(project: Path, path: str, content: str, said:
 def test_a_damaged_table_of_claims_is_one_gap(
     project: Path, change: dict[str, str], said: str
 ) -> None:
-    write_claims(project, [row | change if "flip" in row else row for row in CLAIMS])
+    write_claims(project, [row | change if "reversal" in row else row for row in CLAIMS])
     (sentence,) = sentences(project)
     assert sentence.startswith("results/claims.csv: line 3, ")
     assert said in sentence

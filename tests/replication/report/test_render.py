@@ -58,13 +58,13 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
     for told in (
         "One paper on observers, run again", "[¬Re]", "No gaps:", "A lag and its disturbance",
         "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Depends on",
-        "Held in 30 of 40 draws: 75\xa0%, may be 60 to 86\xa0%.",
+        "Held in 30 of 40 samples: 75\xa0%, may be 60 to 86\xa0%.",
         "The bound was set after its numbers were known.",
         "With the same verdict, below 1 could be any.",
         "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
-        "1 of 2 headline claims are reproduced and 0 contradicted; it would be [Re] with 1 more",
+        "1 of 2 main claims are reproduced and 0 contradicted; it would be [Re] with 1 more",
         "2 diverged. 1 refused. 38 were made earlier and are kept in",
-        "Smallest single change that flips it",
+        "Smallest single change that reverses it",
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
         "There is no laboratory here.", "The gains of one observer are not given.",
         "0.5 to 5 each", "l₂ = 15.9", "It is the square of the pole, which is 4.",
@@ -101,7 +101,7 @@ def test_claims_link_to_figures_and_keys_and_back(project: Path) -> None:
     claim = page.partition('id="toy-claim-placed_is_better"')[2].partition("</article>")[0]
     assert '<a href="#toy-fig1">fig1</a> slow late_rms_error' in claim
     assert claim.count('href="#toy-key-observers.slow.gains"') == 2, (
-        "what flips it, what it depends on"
+        "what reverses it, what it depends on"
     )
     figure = page.partition('id="toy-fig1"')[2].partition("</article>")[0]
     assert 'href="#toy-claim-placed_is_better"' in figure

@@ -54,7 +54,7 @@
   let natural, scale, x, y, opener;
 
   const show = () => {
-    // Its size, not a scale: vectors are drawn anew and stay sharp.
+    // Its size, not a scale: vectors are drawn again and stay sharp.
     image.style.width = `${natural.width * scale}px`;
     image.style.height = `${natural.height * scale}px`;
     image.style.transform = `translate(${x}px, ${y}px)`;

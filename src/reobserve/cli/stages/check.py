@@ -9,10 +9,10 @@ from typing import Any
 
 from reobserve.core.documents import check_plain
 from reobserve.replication.check import check_evidence
-from reobserve.replication.parameters.check import check_ledger, check_units
+from reobserve.replication.parameters.check import check_parameters, check_units
 from reobserve.replication.parameters.config import known_papers, known_styles
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import DEFAULT_STYLE, style_sheet
+from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
@@ -34,10 +34,10 @@ def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
     """
     check_plain(overrides, "config")
     for name in paper or known_papers(project):
-        ledger = Ledger.load(project, name, overrides.get(name))
-        check_units(ledger)
-        check_ledger(ledger)
-        check_evidence(project, ledger)
+        parameters = Parameters.load(project, name, overrides.get(name))
+        check_units(parameters)
+        check_parameters(parameters)
+        check_evidence(project, parameters)
         print(f"{name}: parameters, claims, errata and equations are sound", file=sys.stderr)
     if not paper:
         from reobserve.plotting.look import read_sheet

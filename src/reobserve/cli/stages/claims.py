@@ -14,8 +14,8 @@ from reobserve.replication.claims.robustness_file import read_robustness
 from reobserve.replication.claims.table import HEADER, broken_row, row
 from reobserve.replication.metrics.metrics import lookup, read_metrics
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import stored_parameters
+from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> None:
@@ -42,11 +42,11 @@ def run(paper: Sequence[str], results: Path, output: Path, project: Path) -> Non
 
 def _rows(project: Path, results: Path, paper: str) -> list[dict[str, Any]]:
     folder = results / paper
-    ledger = Ledger.read(folder / Path(stored_parameters(paper)).name)
-    claims = read_registry(project, ledger).claims
-    named = [*ledger.tree["figures"], *([THEORY] if THEORY in ledger.tree else [])]
+    parameters = Parameters.read(folder / Path(stored_parameters(paper)).name)
+    claims = read_registry(project, parameters).claims
+    named = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
     numbers = {name: lookup(read_metrics(folder / f"{name}.metrics.csv")) for name in named}
     robustness = read_robustness(folder / "robustness.json", paper)
-    rows = [row(claim, ledger, numbers, robustness.get(claim.name)) for claim in claims]
+    rows = [row(claim, parameters, numbers, robustness.get(claim.name)) for claim in claims]
     problem = "; ".join(amiss(claims))
     return [*rows, *([broken_row(paper, problem)] if problem else [])]

@@ -1,4 +1,4 @@
-"""Stage design: gains and series that several jobs share, from the ledger to JSON."""
+"""Stage design: gains and series that several jobs share, from the parameter file to JSON."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import json
 from pathlib import Path
 
 from reobserve.core.files import write_text
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import compute_design, provenance
 
 
-def run(ledger_file: Path, design: str, output: Path) -> None:
+def run(parameter_file: Path, design: str, output: Path) -> None:
     """Compute and write; nothing is written if the design cannot be computed."""
-    ledger = Ledger.read(ledger_file)
+    parameters = Parameters.read(parameter_file)
     stored = {
-        "design": compute_design(ledger, design),
-        "provenance": provenance(ledger, "design", design, ledger.settings("design", design)),
+        "design": compute_design(parameters, design),
+        "provenance": provenance(
+            parameters, "design", design, parameters.settings("design", design)
+        ),
     }
     write_text(output, json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

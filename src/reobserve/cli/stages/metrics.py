@@ -6,12 +6,12 @@ from pathlib import Path
 
 from reobserve.cli.stages.records import read_estimates, read_record
 from reobserve.replication.metrics.metrics import write_metrics
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import figure_data, measure, read_study, rows_from
 
 
 def run(
-    ledger_file: Path,
+    parameter_file: Path,
     figure: str,
     plant_file: Path,
     estimate_files: list[Path],
@@ -19,11 +19,13 @@ def run(
     output: Path,
 ) -> None:
     """Judge and write; the estimates come in the order in which the figure names observers."""
-    ledger = Ledger.read(ledger_file)
-    settings = ledger.settings("metrics", figure)
-    plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
-    estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
-    study = read_study(ledger.paper, study_file)
+    parameters = Parameters.read(parameter_file)
+    settings = parameters.settings("metrics", figure)
+    plant = read_record(plant_file, parameters, settings["figure"]["scenario"])
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files, parameters, plant)
+    study = read_study(parameters.paper, study_file)
     with rows_from(study_file):
-        found = measure(ledger.paper, figure_data(ledger.paper, settings, plant, estimates, study))
+        found = measure(
+            parameters.paper, figure_data(parameters.paper, settings, plant, estimates, study)
+        )
     write_metrics(output, found)

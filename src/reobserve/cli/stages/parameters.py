@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from reobserve.core.files import write_text
-from reobserve.replication.parameters.check import check_ledger
-from reobserve.replication.parameters.ledger import Ledger, default_seed
+from reobserve.replication.parameters.check import check_parameters
+from reobserve.replication.parameters.parameters import Parameters, default_seed
 
 
 def run(
@@ -15,6 +15,6 @@ def run(
 ) -> None:
     """Resolve, build every plant and observer once to check them, and write."""
     root = default_seed(project) if seed is None else seed
-    ledger = Ledger.load(project, paper, overrides, root)
-    check_ledger(ledger)
-    write_text(output, ledger.text())
+    parameters = Parameters.load(project, paper, overrides, root)
+    check_parameters(parameters)
+    write_text(output, parameters.text())

@@ -12,12 +12,12 @@ from reobserve.plotting.look import use_sheet
 from reobserve.replication.captions import render, with_note
 from reobserve.replication.evaluation import Replication, draw
 from reobserve.replication.metrics.metrics import read_metrics
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import read_study, rows_from
 
 
 def run(
-    ledger_file: Path,
+    parameter_file: Path,
     figure: str,
     plant_file: Path,
     estimate_files: list[Path],
@@ -34,15 +34,17 @@ def run(
     ``style`` is a sheet of matplotlib's; without ``notes`` they go into the caption.
     """
     use_sheet(style)
-    ledger = Ledger.read(ledger_file)
-    settings = ledger.settings("plot", figure)
+    parameters = Parameters.read(parameter_file)
+    settings = parameters.settings("plot", figure)
     metrics = read_metrics(metrics_file)
     text = render(template, settings, metrics)
-    plant = read_record(plant_file, ledger, settings["figure"]["scenario"])
-    estimates = read_estimates(settings["figure"]["observers"], estimate_files, ledger, plant)
-    study = read_study(ledger.paper, study_file)
+    plant = read_record(plant_file, parameters, settings["figure"]["scenario"])
+    estimates = read_estimates(settings["figure"]["observers"], estimate_files, parameters, plant)
+    study = read_study(parameters.paper, study_file)
     with rows_from(study_file):
-        drawing = draw(Replication(ledger, figure, plant, estimates, study, metrics), notes=notes)
+        drawing = draw(
+            Replication(parameters, figure, plant, estimates, study, metrics), notes=notes
+        )
     for output in outputs:
         save(drawing, output)
     write_text(caption, text if notes else with_note(text, note_of(drawing)))

@@ -1,4 +1,4 @@
-"""Records and estimates as stages read them: checked against the ledger before they are used."""
+"""Records and estimates as stages read them: checked against the parameter file before they are used."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import numpy as np
 from reobserve.core.errors import InputError, located, shown
 from reobserve.core.validation import parse
 from reobserve.replication.parameters.job import Job, declared_keys, read_job, record_axis
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import Provenance, paper_module
 from reobserve.signals.series import Series, Shape
 
 _ROUNDING = 1e-9  # of a step: how far a sample may be from its place on the axis
 
 
-def read_record(path: Path, ledger: Ledger, scenario: str | None = None) -> Series:
-    """A plant's record, of ``scenario`` or of whichever scenario of the ledger it is.
+def read_record(path: Path, parameters: Parameters, scenario: str | None = None) -> Series:
+    """A plant's record, of ``scenario`` or of whichever scenario of the parameter file it is.
 
     Raises
     ------
     InputError
         If the file is damaged, the record is another, its time is not on the step and horizon of
-        the ledger, or channels are missing, of other units or not finite.
+        the parameter file, or channels are missing, of other units or not finite.
     """
     series = Series.read(path)
-    job = _job(path, series, ledger, "plant", scenario)
-    stated, settings = _stated(ledger, ledger.settings("plant", job))
+    job = _job(path, series, parameters, "plant", scenario)
+    stated, settings = _stated(parameters, parameters.settings("plant", job))
     horizon, step = getattr(stated, "axis", record_axis)(settings)
     count = round(horizon / step) + 1
     _check_axis(path, series, np.arange(count, dtype=np.float64) * step, step)
@@ -41,7 +41,7 @@ def read_record(path: Path, ledger: Ledger, scenario: str | None = None) -> Seri
 
 
 def read_estimates(
-    observers: Sequence[str], paths: list[Path], ledger: Ledger, plant: Series
+    observers: Sequence[str], paths: list[Path], parameters: Parameters, plant: Series
 ) -> dict[str, Series]:
     """The estimates of a figure by observer, from the files in the same order.
 
@@ -56,9 +56,9 @@ def read_estimates(
         raise InputError("--estimate-files", f"{len(paths)} given, must be one each for {wanted}")
     found = {}
     for name, path in zip(observers, paths, strict=True):
-        stated, settings = _stated(ledger, ledger.settings("observe", name))
+        stated, settings = _stated(parameters, parameters.settings("observe", name))
         series = found[name] = Series.read(path)
-        _job(path, series, ledger, "observe", name)
+        _job(path, series, parameters, "observe", name)
         rows, samples = len(series.time), len(plant.time)
         every = (samples - 1) // max(rows - 1, 1)
         _check_axis(path, series, plant.time[::every], plant.step)
@@ -66,23 +66,25 @@ def read_estimates(
     return found
 
 
-def _stated(ledger: Ledger, settings: dict[str, Any]) -> tuple[Any, Job]:
+def _stated(parameters: Parameters, settings: dict[str, Any]) -> tuple[Any, Job]:
     """What the paper says of its files, and the settings of a job as it declares them."""
-    with located(ledger.paper):
-        return paper_module(ledger.paper, "record"), read_job(declared_keys(ledger.paper), settings)
+    with located(parameters.paper):
+        return paper_module(parameters.paper, "record"), read_job(
+            declared_keys(parameters.paper), settings
+        )
 
 
-def _job(path: Path, series: Series, ledger: Ledger, stage: str, name: str | None) -> str:
+def _job(path: Path, series: Series, parameters: Parameters, stage: str, name: str | None) -> str:
     """The scenario or observer that a series says it is of; the wanted one, if one is wanted."""
     made = parse(Provenance, series.provenance, f"{path}: provenance")
-    known = ledger.tree["scenarios" if stage == "plant" else "observers"]
+    known = parameters.tree["scenarios" if stage == "plant" else "observers"]
     wanted = known if name is None else (name,)
-    if (made.paper, made.stage) != (ledger.paper, stage) or made.job not in wanted:
+    if (made.paper, made.stage) != (parameters.paper, stage) or made.job not in wanted:
         kind = "a record" if stage == "plant" else "an estimate"
         raise InputError(
             str(path),
             f"is {shown(made.job)} of stage {made.stage} of {made.paper}, must be {kind} of "
-            f"{' or '.join(wanted)} of {ledger.paper}",
+            f"{' or '.join(wanted)} of {parameters.paper}",
         )
     return made.job
 
@@ -92,7 +94,7 @@ def _check_axis(path: Path, series: Series, wanted: Any, step: float) -> None:
         raise InputError(
             str(path),
             f"has {len(series.time)} samples up to {series.time[-1:].sum():g} s, must have "
-            f"{len(wanted)} up to {wanted[-1]:g} s, the horizon of the ledger",
+            f"{len(wanted)} up to {wanted[-1]:g} s, the horizon of the parameter file",
         )
     off = np.abs(series.time - wanted)
     worst = int(np.argmax(off))

@@ -6,17 +6,17 @@ from pathlib import Path
 
 from reobserve.cli.stages.records import read_record
 from reobserve.core.files import write_table
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.steps import compute, named_design, paper_module
 
 
 def run(
-    ledger_file: Path, plant_file: Path, study: str, design_file: Path | None, output: Path
+    parameter_file: Path, plant_file: Path, study: str, design_file: Path | None, output: Path
 ) -> None:
     """Run and write; nothing is written if one of the runs cannot be made."""
-    ledger = Ledger.read(ledger_file)
-    settings = ledger.settings("study", study)
-    design = named_design(ledger, settings["study"], design_file)
-    plant = read_record(plant_file, ledger, settings["study"]["scenario"])
-    rows = compute(ledger.paper, "study", study, settings, plant, *design)
-    write_table(output, rows, paper_module(ledger.paper, "study_rows").HEADER)
+    parameters = Parameters.read(parameter_file)
+    settings = parameters.settings("study", study)
+    design = named_design(parameters, settings["study"], design_file)
+    plant = read_record(plant_file, parameters, settings["study"]["scenario"])
+    rows = compute(parameters.paper, "study", study, settings, plant, *design)
+    write_table(output, rows, paper_module(parameters.paper, "study_rows").HEADER)

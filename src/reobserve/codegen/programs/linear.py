@@ -82,7 +82,7 @@ def fixed_gain(observer: FixedGainObserver, state: State) -> Program:
     program = Program("Linear observer of constant gain", model.outputs, model.inputs)
     m = matrices(program, model, noise=False)
     L = program.constant("L", observer.gain)
-    x = program.remember("x", state.belief.mean)
+    x = program.remember("x", state.posterior.mean)
     inputs = Inputs(program, model, state)
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))
@@ -120,9 +120,9 @@ def _filter(
     program, n = Program(title, model.outputs, model.inputs), model.states
     m = matrices(program, model)
     switching = None if svsf is None else switching_constants(program, [svsf])
-    x = program.remember("x", state.belief.mean)
-    P = program.remember("P", state.belief.covariance)
-    error = program.remember("error", state.belief.error) if switching else None
+    x = program.remember("x", state.posterior.mean)
+    P = program.remember("P", state.posterior.covariance)
+    error = program.remember("error", state.posterior.error) if switching else None
     inputs = Inputs(program, model, state)
     with inputs.moves():
         program.let(x, predicted_mean(m, x, inputs.held))

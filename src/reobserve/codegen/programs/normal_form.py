@@ -42,7 +42,7 @@ def identity(observer: IdentityObserver, state: State | None) -> Program:
         raise InputError(
             "observer",
             f"of the gain {observer.gain} cannot be exported, only series: it solves or composes "
-            "anew at each stage",
+            "again at each stage",
         )
     form = observer.normal_form
     n, p = form.problem.system.states, form.problem.system.outputs

@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ class TuningFigure(job.StudyFigure):
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     """All sections."""
 
     plant: Plant

@@ -1,10 +1,9 @@
 """Stage metrics: how well state and delay are estimated, at rest and while the delay moves.
 
-Errors are estimates minus the truth. They count from the ledger's `metrics.start` on, or
-`_from_start`; the other windows are the ledger's, too (`late`, `varying_from` and `varying_until`,
-`radius`, `ripple`). A
-number at the end of a state's error is its component, at the end of a delay's the segment before
-which jump of the delay. `nan` means that it never happens.
+Errors are estimates minus the truth. They count from the parameter file's `metrics.start` on, or
+`_from_start`; the other windows are the parameter file's, too (`late`, `varying_from` and
+`varying_until`, `radius`, `ripple`). A number at the end of a state's error is its component, at
+the end of a delay's the segment before which jump of the delay. `nan` means that it never happens.
 
 In the theory the observer column holds what is computed: the pendulum, the delay, an input, the
 order of the expansion, the differentiator with L in its last line (`levant`), random starts
@@ -68,7 +67,7 @@ MEANINGS = {
     "bound_share": "third derivative of the input over L",
     "noise_exponent_<order>": "power of the noise with which the error of a derivative grows",
     "rms_delay_error_faster rho=<level>": (
-        "error with a faster input and a shorter delay over that without, by the ledger's measure"
+        "error with a faster input and a shorter delay over that without, by the parameter file's measure"
     ),
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"

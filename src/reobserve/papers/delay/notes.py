@@ -1,4 +1,4 @@
-"""What stands under a figure: settings that decide it, from the ledger."""
+"""What stands under a figure: settings that decide it, from the parameter file."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _beginning(body: keys.Extended) -> str:
     if body.initial_matrix == "algebraic":
         return "S from the algebraic equation"
     begun = body.initial_matrix
-    start = f"{begun:g} I" if isinstance(begun, int | float) else "the matrix of the ledger"
+    start = f"{begun:g} I" if isinstance(begun, int | float) else "the matrix of the parameter file"
     return f"S from the dynamic equation, S(0) = {start}"
 
 

@@ -36,7 +36,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     observer = job.observer
     every = stride(job.plant, observer.sampling_period)
     channels = _RUNS[observer.algorithm](job, plant, every)
@@ -94,7 +94,7 @@ def build_estimator(job: Job) -> DelayEstimator:
 
 def build(settings: Settings) -> Any:
     """Whatever observer a branch states, with what it starts from checked; `InputError` if not."""
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     observer: keys.Observer = job.observer
     if isinstance(observer, keys.Extended):
         built = build_extended(job)

@@ -45,7 +45,7 @@ def build(settings: Settings) -> Setup:
     InputError
         If a parameter or a signal cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant, scenario = job.plant, job.scenario
     steps, step = grid(plant)
     if plant.noise_period >= 2 * step:
@@ -87,7 +87,7 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     setup = build(job)
     plant, (steps, step) = job.plant, grid(job.plant)
 

@@ -1,4 +1,4 @@
-"""From the ledger's values to models, signals and the grid."""
+"""From the parameter file's values to models, signals and the grid."""
 
 from __future__ import annotations
 

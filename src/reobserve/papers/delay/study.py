@@ -37,7 +37,7 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     methods = {"tradeoff": tradeoff, "tuning": tuning}
     return [dict(zip(HEADER, row, strict=True)) for row in methods[job.study.method](job, plant)]
 

@@ -26,7 +26,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     ramp, sine = (theory_runs.record(job, terms) for terms in (job.theory.ramp, job.theory.sine))
     return [
         *theory_conditions.measure(job, ramp, sine),

@@ -1,4 +1,4 @@
-"""Stage design: gains of an observer, certified; the ``kind`` of a design in the ledger is one of
+"""Stage design: gains of an observer, certified; the ``kind`` of a design in the parameter file is one of
 
 pi_feasible      the PI observer by feasibility with a decay rate
 pi_optimised     the PI observer by optimisation
@@ -35,13 +35,13 @@ def compute(settings: Settings) -> dict[str, Any]:
     InputError
         If a value cannot be used, the solver fails, or the certificate does not hold.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     body = job.design
     return {"filter_rate": body.filter_rate, **design(job.plant, body).to_dict()}
 
 
 def design(plant: keys.Plant, stated: keys.Design) -> Design:
-    """The design that a ledger states; raises as `compute`.
+    """The design that a parameter file states; raises as `compute`.
 
     It is remembered: draws of what no design sees, such as a hold, ask for it again.
     """

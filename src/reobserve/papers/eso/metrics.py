@@ -1,11 +1,11 @@
 """Stage metrics: errors and lags of the estimated faults, and what the certificates say.
 
-Errors are estimates minus faults, over the windows of the ledger in which a fault varies or is
-constant; the observer `plant` has the sizes of what is estimated. A number at coordinates belongs
-to a design of the study: at the filter's rate and at what was chosen; there the observer column
-holds the kind of design, and errors are without disturbance and noise. In `theory` the observer
-column holds an observer or what is judged: the motor (also with the sign of the paper), one or both
-outputs, and so on.
+Errors are estimates minus faults, over the windows of the parameter file in which a fault varies or
+is constant; the observer `plant` has the sizes of what is estimated. A number at coordinates
+belongs to a design of the study: at the filter's rate and at what was chosen; there the observer
+column holds the kind of design, and errors are without disturbance and noise. In `theory` the
+observer column holds an observer or what is judged: the motor (also with the sign of the paper),
+one or both outputs, and so on.
 """
 
 from __future__ import annotations

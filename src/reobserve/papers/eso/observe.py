@@ -22,7 +22,7 @@ def build(settings: Settings, design: Mapping[str, Any]) -> ExtendedStateObserve
     InputError
         If a setting or the design cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     system, found = stored_design(job.plant, design)
     return ExtendedStateObserver(system, found.gains, sampling_period=2.0 * job.plant.step)
 
@@ -37,7 +37,7 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     DivergenceError
         If the observer leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     observer = build(job, design)
     run = run_on(observer, plant, job.observer.initial_estimate)
     return Series(

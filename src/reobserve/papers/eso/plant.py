@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 def build(settings: Settings) -> Experiment:
     """Everything a scenario states, checked; see `experiment`."""
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
 
@@ -34,7 +34,7 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     setup = build(job)
     disturbance, noise = _drawn(setup, job.seed)
     run = setup.plant.simulate(

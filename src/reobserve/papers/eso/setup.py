@@ -1,4 +1,4 @@
-"""From the ledger's values to the motor, its control, the augmented system and the signals."""
+"""From the parameter file's values to the motor, its control, the augmented system and the signals."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
 
 
 def pulses(plant: keys.Plant) -> list[Any]:
-    """The terms of the reference, its square waves as wide as the ledger says."""
+    """The terms of the reference, its square waves as wide as the parameter file says."""
     return [
         {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
         for term in plant.reference

@@ -36,7 +36,7 @@ def run(settings: Settings, plant: Series) -> list[Row]:
     InputError
         If a level cannot be used, or one of the designs fails.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     undisturbed = replace(job.scenario, disturbance=[[0.0, 0.0], [0.0, 0.0]], noise_power=0.0)
     clean = plant_stage.simulate(replace(job, scenario=undisturbed))
     return [row for one in _designs(job.study) for row in _rows(job, clean, *one)]
@@ -84,7 +84,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
 
 
 def _deviations(job: Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
-    """What held disturbances and noise of the ledger's noisy setting do to both faults."""
+    """What held disturbances and noise of the parameter file's noisy setting do to both faults."""
     setup = experiment(job.plant, job.scenario)
     period = setup.hold * setup.step
     uniform = (setup.high - setup.low) / np.sqrt(12.0)

@@ -38,9 +38,9 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     Raises
     ------
     InputError
-        If a value of the ledger cannot be used.
+        If a value of the parameter file cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant, theory = job.plant, job.theory
     system = augmented(plant, 1.0)
     noise = plant.noise_deviation(theory.noise_power)

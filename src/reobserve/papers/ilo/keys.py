@@ -174,7 +174,7 @@ class MatchingFigure(job.StudyFigure):
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     """All sections."""
 
     plant: Plant

@@ -24,7 +24,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return observe(build_observer(job.plant, job.observer), job, plant)
 
 

@@ -22,7 +22,7 @@ def build(settings: Settings) -> tuple[Satellite, Signal, Signal]:
     InputError
         If a parameter or a signal cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant = job.plant
     steps, step = grid(plant)
     with located("plant"):
@@ -48,7 +48,7 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the rate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant = job.plant
     satellite, control, fault = build(job)
     steps, step = grid(plant)

@@ -44,7 +44,7 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If an observer or a level cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return [*_gain_rows(job, plant), *_noise_rows(job, plant)]
 
 

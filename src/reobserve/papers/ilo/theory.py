@@ -41,7 +41,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If the plant or an observer diverges.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     body = (job.plant.inertia, job.plant.input_matrix, job.plant.fault_matrix)
     return [
         *_without_observers(json.dumps([asdict(job.theory), *body])),

@@ -212,7 +212,7 @@ def read_kept(path: Path) -> KeptSearch:
     """
     kept = parse(_Stored, read_json(path), str(path)).search
     if set(kept.found) != set(TUNED):
-        raise InputError(str(path), "holds other numbers than the search tunes; run it anew")
+        raise InputError(str(path), "holds other numbers than the search tunes; run it again")
     return kept
 
 

@@ -238,7 +238,7 @@ class OfStudy(job.StudyFigure):
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     """All sections."""
 
     plant: Plant

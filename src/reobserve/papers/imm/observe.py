@@ -22,7 +22,7 @@ from reobserve.signals.series import Channel, Series
 
 def build(settings: Settings, period: float) -> IMM:
     """The bank that an observer's settings state, for samples at a period [s]."""
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return bank(job.plant, job.observer, period)
 
 
@@ -40,7 +40,7 @@ def estimate(settings: Settings, plant: Series) -> Series:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     observer = job.observer
     chosen = build(job, plant.step)
     columns = measured_columns(observer)

@@ -16,7 +16,7 @@ from reobserve.signals.series import Channel, Series
 
 def build(settings: Settings) -> Experiment:
     """Everything a scenario states, checked; see `experiment`."""
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return experiment(job.plant, job.scenario)
 
 
@@ -32,7 +32,7 @@ def simulate(settings: Settings) -> Series:
     InputError
         If a value cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     setup = build(job)
     motion = move(setup.models, setup.mode, setup.control, setup.period, setup.switching_condition)
     stream = random_stream(job.seed, "imm", "noise")

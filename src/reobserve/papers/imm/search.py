@@ -46,7 +46,7 @@ def run(settings: Settings, plant: Series, progress: Callable[[str], None]) -> d
     InputError
         If a bound cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     body = job.search
     calibration = Calibration(job.plant, job.observers, job.metrics, plant)
     calibration.stated()

@@ -33,7 +33,7 @@ MOST_STEPS = 5_000_000  # of a plant's record
 # choice: with both in other units a bank gives the same probabilities.
 STATE_FREQUENCY = 200.0
 
-# The ledger's keys for what the library calls otherwise.
+# The parameter file's keys for what the library calls otherwise.
 _KEYS = {
     "Q": "process_noise",
     "R": "measurement_noise",
@@ -120,7 +120,7 @@ def bank(
         If a value of the observer cannot be used.
     """
     known = modes(plant) if models is None else models
-    with _ledger_keys():
+    with _parameter_keys():
         filters = [_filter(observer, mode, period) for mode in known]
     transition = _transition(observer.self_transition, len(known))
     return IMM(filters, transition, observer.mixing)
@@ -203,7 +203,7 @@ def start(chosen: IMM, observer: keys.Observer, held: float = 0.0) -> State:
     InputError
         If the covariance is none.
     """
-    with _ledger_keys():
+    with _parameter_keys():
         rest = np.zeros(chosen.filters[0].model.states)
         certain = np.eye(len(chosen.filters))[0] if observer.initial_mode == "normal" else None
         return chosen.init(rest, observer.initial_covariance, certain, u=[held, 0.0])
@@ -215,7 +215,7 @@ def start_alone(one: LinearFilter, observer: keys.Observer, held: float) -> Filt
 
 
 @contextmanager
-def _ledger_keys() -> Iterator[None]:
+def _parameter_keys() -> Iterator[None]:
     """Name a parameter of the library as the parameter file does."""
     try:
         yield

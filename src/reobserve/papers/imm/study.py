@@ -39,7 +39,7 @@ def run(settings: Settings, plant: Series) -> list[dict[str, Any]]:
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     with located("study"):
         check_study(job)
     rows = METHODS[job.study.method](job, plant)

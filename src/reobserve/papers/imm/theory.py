@@ -54,7 +54,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     DivergenceError
         If a filter leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     chosen = check(job.theory, job.observers)
     return [
         *_corrections(job, chosen),

@@ -20,7 +20,7 @@ def compute(settings: Settings) -> dict[str, Any]:
     InputError
         If the injection cannot be used: unstable, resonant, or of the wrong size.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     problem = build_problem(job.plant, job.design)
     form = normal_form(problem.system, problem.degree, injection=problem.injection)
     series = {"S": form.S, "T": form.T, "gain": form.gain}

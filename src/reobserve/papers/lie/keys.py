@@ -278,7 +278,7 @@ class OfInjections(job.StudyFigure):
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     """All sections."""
 
     plant: Plant

@@ -26,7 +26,7 @@ def estimate(settings: Settings, plant: Series, design: Mapping[str, Any]) -> Se
     DivergenceError
         If the estimate leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     mine = job.observer
     form = stored_form(job.plant, job.design, design)
     observer = build_observer(mine, form)

@@ -15,7 +15,7 @@ from reobserve.signals.series import Channel, Series
 
 def build(settings: Settings) -> PolynomialPlant:
     """The plant, its grid and its initial state checked; `InputError` if they cannot be used."""
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     grid(job.plant)
     plant = PolynomialPlant(build_system(job.plant))
     with located("scenario"):
@@ -33,7 +33,7 @@ def simulate(settings: Settings) -> Series:
     DivergenceError
         If the state leaves the range of floating-point numbers.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant = build(job)
     steps, step = grid(job.plant)
     states = plant.simulate(job.scenario.initial_state, step, steps)

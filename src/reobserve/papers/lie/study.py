@@ -37,7 +37,7 @@ def run(settings: Settings, plant: Series, design: Mapping[str, Any]) -> list[di
     InputError
         If there is no such method or a setting cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     rows: list[Row] = METHODS[job.study.method](job, plant, design)
     return [row._asdict() for row in rows]
 

@@ -37,7 +37,7 @@ def rows(settings: Settings, design: Mapping[str, Any]) -> list[dict[str, Any]]:
     InputError
         If the injection is resonant, or the design is none of this plant.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     degree = job.table.degree
     with located(f"designs.{job.table.design}"):
         problem = build_problem(job.plant, job.design, degree=degree, exact=True)

@@ -64,7 +64,7 @@ def measure(settings: Settings, designs: Mapping[str, Any]) -> list[Metric]:
     InputError
         If a parameter cannot be used.
     """
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     theory = job.theory
     return [
         *_example(job, designs["linear"]),

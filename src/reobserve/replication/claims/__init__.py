@@ -1,5 +1,5 @@
 """Claims of the papers as checks of numbers: verdicts, and how robust they are.
 
-`registry` reads claims, `checks` decides them from metrics, `choices` draws and moves what a paper
-leaves open, `robustness` decides them over such draws, `verdicts` puts a word to it.
+`registry` reads claims, `checks` decides them from metrics, `choices` samples and moves what a
+paper leaves open, `robustness` decides them over such samples, `verdicts` puts a word to it.
 """

@@ -12,8 +12,8 @@ import numpy as np
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.random_streams import random_stream
-from reobserve.replication.parameters.ledger import Ledger, leaves, matches
 from reobserve.replication.parameters.overrides import follow, links_in
+from reobserve.replication.parameters.parameters import Parameters, leaves, matches
 
 SEED = "seed"  # the root of all random streams: nobody states it
 
@@ -26,7 +26,7 @@ class Knob:
 
     ``keys`` are the entries that it stands for, ``span`` is the interval of a number, ``words``
     are the alternatives of anything else. ``named`` are those of the values that the paper names:
-    half of the draws take one of them.
+    half of the samples take one of them.
     """
 
     keys: tuple[str, ...]
@@ -39,7 +39,7 @@ class Knob:
 
     @property
     def name(self) -> str:
-        """The ledger keys, told in one with braces for what differs, and the place in the value."""
+        """The parameter file keys, told in one with braces for what differs, and the place in the value."""
         return ".".join((_in_one(self.keys), *map(str, self.path)))
 
     @property
@@ -80,7 +80,7 @@ class Knob:
 
 @dataclass(frozen=True)
 class Choice:
-    """Entries of the ledger that a reader would set together, or the seed (without knobs)."""
+    """Entries of the parameter file that a reader would set together, or the seed (without knobs)."""
 
     keys: tuple[str, ...]
     knobs: tuple[Knob, ...]
@@ -91,8 +91,8 @@ class Choice:
         return tuple(knob.name for knob in self.knobs) or self.keys
 
 
-def find_choice(ledger: Ledger, pattern: str) -> Choice:
-    """The choice of a ledger key, or of a pattern of keys that move together.
+def find_choice(parameters: Parameters, pattern: str) -> Choice:
+    """The choice of a parameter file key, or of a pattern of keys that move together.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
     """
     if pattern == SEED:
         return Choice((SEED,), ())
-    entries = dict(ledger.entries())
+    entries = dict(parameters.entries())
     keys = tuple(key for key in entries if fnmatchcase(key, pattern))
     if not keys:
         raise InputError("depends_on", f"there is no {pattern!r}{nearest(pattern, entries)}")
@@ -113,29 +113,31 @@ def find_choice(ledger: Ledger, pattern: str) -> Choice:
     return Choice(keys, tuple(_knobs(keys, entries[keys[0]])))
 
 
-def draw(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Ledger, tuple[Any, ...]]:
-    """The ledger of another reader, every choice drawn anew from its range, and what was drawn.
+def sample(
+    parameters: Parameters, choices: Iterable[Choice], number: int
+) -> tuple[Parameters, tuple[Any, ...]]:
+    """The parameter file of another reader, every choice drawn again from its range, and what was drawn.
 
     The reader of a ``number`` sets a choice the same, whichever others are asked of him.
     """
     choices = list(choices)
-    values = chosen(ledger, choices, number)
-    drawn, seed, left = ledger.tree, ledger.seed, iter(values)
+    values = chosen(parameters, choices, number)
+    drawn, seed, left = parameters.tree, parameters.seed, iter(values)
     for choice in choices:
         for knob in choice.knobs:
             drawn = _turned(drawn, knob, next(left))
         if choice.keys == (SEED,):
             seed = next(left)
     keys = {key for choice in choices for key in choice.keys}
-    drawn = follow(drawn, links_in(ledger.entries()), keys)
-    return Ledger(ledger.paper, drawn, seed), values
+    drawn = follow(drawn, links_in(parameters.entries()), keys)
+    return Parameters(parameters.paper, drawn, seed), values
 
 
-def chosen(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Any, ...]:
+def chosen(parameters: Parameters, choices: Iterable[Choice], number: int) -> tuple[Any, ...]:
     """What the reader of a number sets, a value for each of the choices' names."""
 
     def stream(name: str) -> np.random.Generator:
-        return random_stream(ledger.seed, "claims", ledger.paper, name, str(number))
+        return random_stream(parameters.seed, "claims", parameters.paper, name, str(number))
 
     values: list[Any] = []
     for choice in choices:
@@ -145,10 +147,12 @@ def chosen(ledger: Ledger, choices: Iterable[Choice], number: int) -> tuple[Any,
     return tuple(values)
 
 
-def change(ledger: Ledger, knob: Knob, value: Any) -> Ledger:
-    """The ledger with one number another."""
-    turned = _turned(ledger.tree, knob, value)
-    return Ledger(ledger.paper, follow(turned, links_in(ledger.entries()), knob.keys), ledger.seed)
+def change(parameters: Parameters, knob: Knob, value: Any) -> Parameters:
+    """The parameter file with one number another."""
+    turned = _turned(parameters.tree, knob, value)
+    return Parameters(
+        parameters.paper, follow(turned, links_in(parameters.entries()), knob.keys), parameters.seed
+    )
 
 
 def _knobs(keys: tuple[str, ...], entry: dict[str, Any]) -> Iterator[Knob]:
@@ -180,7 +184,7 @@ def _in_one(keys: tuple[str, ...]) -> str:
 
 
 def _turned(tree: Any, knob: Knob, value: Any) -> Any:
-    """The tree of a ledger with one number another."""
+    """The tree of a parameter file with one number another."""
     for key in knob.keys:
         tree = _with(tree, (*key.split("."), "value", *knob.path), value)
     return tree

@@ -11,7 +11,7 @@ from reobserve.replication.claims.checks import THEORY, Check, Numbers
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Metric, lookup
-from reobserve.replication.parameters.ledger import Ledger, digest
+from reobserve.replication.parameters.parameters import Parameters, digest
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Outcome:
 
 
 class Outcomes:
-    """Outcomes of claims with other ledgers; what a change does not touch is not run again."""
+    """Outcomes of claims with other parameter files; what a change does not touch is not run again."""
 
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
@@ -40,15 +40,15 @@ class Outcomes:
         other._base = self._base.apart()
         return other
 
-    def at(self, ledger: Ledger, claims: Iterable[Claim]) -> dict[str, Outcome]:
+    def at(self, parameters: Parameters, claims: Iterable[Claim]) -> dict[str, Outcome]:
         """The outcomes by claim.
 
         Raises
         ------
         InputError
-            If the ledger cannot be run, or a claim names a number that does not exist.
+            If the parameter file cannot be run, or a claim names a number that does not exist.
         """
-        evaluator = self._base.sibling(ledger)
+        evaluator = self._base.sibling(parameters)
         numbers: dict[str, dict[tuple[str, str], float]] = {}
         diverged = set()
         outcomes: dict[str, Outcome] = {}
@@ -70,7 +70,7 @@ class Outcomes:
         return basis_of(self._base, claim)
 
     def stated(self, claim: Claim) -> Outcome | None:
-        """The outcome with the ledger as it is; None if it names a number that nobody has."""
+        """The outcome with the parameter file as it is; None if it names a number that nobody has."""
         try:
             return outcome(claim, self._stated)
         except InputError:
@@ -78,11 +78,11 @@ class Outcomes:
 
 
 def basis_of(evaluator: Evaluator, claim: Claim) -> str:
-    """A digest of all but code that draws of a claim depend on."""
+    """A digest of all but code that samples of a claim depend on."""
     seen = [evaluator.digest(None if figure == THEORY else figure) for figure in claim.figures]
     asked = [repr(part) for part in (*claim.checks, *claim.choices)]
     asked += [repr(knob.named) for choice in claim.choices for knob in choice.knobs if knob.named]
-    return digest([seen, asked, evaluator.ledger.seed])
+    return digest([seen, asked, evaluator.parameters.seed])
 
 
 def metrics_of(

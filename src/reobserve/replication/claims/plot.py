@@ -1,6 +1,6 @@
 """Plots of samples: specification curves of main claims, sensitivity bars of the others.
 
-The curve has the deciding number over all draws in order, the bound across it, and below it where
+The curve has the deciding number over all samples in order, the bound across it, and below it where
 in its range each choice stood (Simonsohn, Simmons & Nelson 2020, Nat. Hum. Behav. 4:1208).
 """
 
@@ -28,7 +28,7 @@ from reobserve.replication.claims.sensitivity import (
 )
 
 _HELD, _FAILED, _STATED = "#1a1a1a", "#c4500a", "#2a7fc1"
-_OTHER = "other"  # of a draw: this check is satisfied, and another one is not
+_OTHER = "other"  # of a sample: this check is satisfied, and another one is not
 _MARKS: dict[object, tuple[str, str, str]] = {
     True: ("claim holds", _HELD, "o"),
     False: ("claim fails", _FAILED, "x"),
@@ -41,11 +41,11 @@ _MOST_BARS = 6  # the greatest; the others explain less, and seldom more than ch
 
 
 def specification_curves(claims: Sequence[Claim], found: Mapping[str, Robustness]) -> Figure:
-    """Of the headline claims that were drawn, one below the other."""
-    drawn = [claim for claim in claims if claim.headline and claim.name in found]
-    drawn = [claim for claim in drawn if found[claim.name].draws]
+    """Of the main claims that were drawn, one below the other."""
+    drawn = [claim for claim in claims if claim.is_main and claim.name in found]
+    drawn = [claim for claim in drawn if found[claim.name].samples]
     if not drawn:
-        return _said("No headline claim depends on a choice that could be drawn.")
+        return _said("No main claim depends on a choice that could be drawn.")
     rows = [len(found[claim.name].names) for claim in drawn]
     figure, panels = _stack(
         [place for count in rows for place in ((0.45, 1.5), (0.06, 0.05 + 0.13 * count))], 0.25
@@ -65,14 +65,16 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
         if bars
     ]
     if not told:
-        return _said(f"No claim turns over in some of {FEWEST} draws or more.")
+        return _said(f"No claim turns over in some of {FEWEST} samples or more.")
     figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in told], 0.45)
     for axes, (claim, one, bars) in zip(panels, told, strict=True):
         places = range(len(bars))
         colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
         axes.barh(places, [max(bar.share, 0.0) for bar in bars], color=colors, height=0.7)
         _label_rows(axes, [bar.name for bar in bars])
-        axes.set_title(f"{_spoken(claim)}: held in {one.held} of {one.draws} draws", fontsize=7.5)
+        axes.set_title(
+            f"{_spoken(claim)}: held in {one.held} of {one.samples} samples", fontsize=7.5
+        )
         axes.grid(axis="y", visible=False)
         axes.set_xlim(0, 1)
         axes.set_xticks([0, 0.25, 0.5, 0.75, 1], labels=[])
@@ -124,9 +126,9 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
     if math.isfinite(stated):
         curve.axhline(stated, color=_STATED, linewidth=0.8, label="parameter file")
     _scale(curve, [*filter(math.isfinite, [*numbers, stated]), *_bounds(check)])
-    lost = one.draws - len(trials)
+    lost = one.samples - len(trials)
     noted = f" ({lost} diverged or were refused)" if lost else ""
-    curve.set_title(f"{_spoken(claim)}: held in {one.held} of {one.draws} draws{noted}")
+    curve.set_title(f"{_spoken(claim)}: held in {one.held} of {one.samples} samples{noted}")
     curve.set_ylabel("\n".join(textwrap.wrap(_spelled(check), 26)), fontsize=_SMALL)
     curve.legend(fontsize=_SMALL, ncols=3, loc="best")
     curve.set_xticks([])
@@ -139,7 +141,7 @@ def _curve(curve: Axes, choices: Axes, claim: Claim, one: Robustness) -> None:
     _label_rows(choices, one.names)
     choices.set_xlim(curve.get_xlim())
     choices.set_xlabel(
-        "draws in order; dark: high in its range, or late among its words in alphabetic order",
+        "samples in order; dark: high in its range, or late among its words in alphabetic order",
         fontsize=_SMALL,
     )
     choices.set_xticks([])

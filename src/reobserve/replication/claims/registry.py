@@ -16,9 +16,9 @@ from reobserve.core.validation import Text, distinct, items
 from reobserve.replication.claims.checks import THEORY, Check, Reference
 from reobserve.replication.claims.choices import Choice, find_choice
 from reobserve.replication.meanings import Meanings, meanings
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import claims_path
 from reobserve.replication.parameters.parameter_file import Interval, Model, parse_file
+from reobserve.replication.parameters.parameters import Parameters
 
 Promise = Literal["abstract", "conclusions"]
 Quantifier = Literal["can", "is", "always"]
@@ -49,7 +49,7 @@ class ClaimEntry(Model):
     """One claim of a paper: either checks with a reason, or why nothing can test it."""
 
     place: Text
-    says: Text
+    statement: Text
     promised: Annotated[list[Promise], distinct] = Field(
         [], description="Where the paper promises it of its own method: abstract, conclusions."
     )
@@ -84,7 +84,7 @@ class ClaimEntry(Model):
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
-    obstacles: Text = Field(description="What the paper leaves out.")
+    limitations: Text = Field(description="What the paper leaves out.")
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Parameters that are often named together, by a name of the group."
     )
@@ -107,7 +107,7 @@ class Claim:
     paper: str
     name: str
     place: str = ""
-    says: str = ""
+    statement: str = ""
     promised: tuple[str, ...] = ()
     quantifier: Quantifier = "is"
     checks: tuple[Check, ...] = ()
@@ -118,7 +118,7 @@ class Claim:
     testable: bool = True
 
     @property
-    def headline(self) -> bool:
+    def is_main(self) -> bool:
         """Whether the title of the replication depends on it."""
         return bool(self.promised)
 
@@ -134,20 +134,20 @@ class Claim:
 
     @property
     def keys(self) -> list[str]:
-        """The ledger keys that it depends on."""
+        """The parameter file keys that it depends on."""
         return [key for choice in self.choices for key in choice.keys]
 
     @property
     def knob_names(self) -> tuple[str, ...]:
-        """What each value is of that a draw chooses."""
+        """What each value is of that a sample chooses."""
         return tuple(name for choice in self.choices for name in choice.names)
 
 
 @dataclass(frozen=True)
 class Registry:
-    """The claims of a paper, and the obstacles to replicating it."""
+    """The claims of a paper, and the limitations to replicating it."""
 
-    obstacles: str = ""
+    limitations: str = ""
     claims: list[Claim] = field(default_factory=list)
 
 
@@ -161,7 +161,7 @@ def read_claims(project: Path, paper: str) -> ClaimsFile:
     return parse_file(ClaimsFile, read_yaml(claims_file(project, paper)), "claims", paper)
 
 
-def read_registry(project: Path, ledger: Ledger) -> Registry:
+def read_registry(project: Path, parameters: Parameters) -> Registry:
     """The claims of a paper.
 
     Raises
@@ -170,24 +170,24 @@ def read_registry(project: Path, ledger: Ledger) -> Registry:
         If the file is missing or no YAML, or with the key of the first claim that is wrong: in
         itself, or since there is no figure, metric or parameter that it names.
     """
-    stated = read_claims(project, ledger.paper)
-    known = meanings(ledger.paper)
+    stated = read_claims(project, parameters.paper)
+    known = meanings(parameters.paper)
     claims = []
     for name, entry in stated.claims.items():
-        with located(f"claims.{ledger.paper}.{name}"):
-            claims.append(_claim(ledger, name, entry, stated.choices, known))
-    return Registry(stated.obstacles, claims)
+        with located(f"claims.{parameters.paper}.{name}"):
+            claims.append(_claim(parameters, name, entry, stated.choices, known))
+    return Registry(stated.limitations, claims)
 
 
 def amiss(claims: Sequence[Claim]) -> Iterator[str]:
     """What is wrong with claims taken together, a sentence each."""
-    if claims and not any(claim.headline and claim.testable for claim in claims):
+    if claims and not any(claim.is_main and claim.testable for claim in claims):
         yield f"claims.{claims[0].paper}: none that can be tested is promised, must be one or more"
     said: dict[str, str] = {}
     for claim in claims:
-        first = said.setdefault(claim.says, claim.name)
+        first = said.setdefault(claim.statement, claim.name)
         if first != claim.name:
-            place = f"claims.{claim.paper}.{claim.name}.says"
+            place = f"claims.{claim.paper}.{claim.name}.statement"
             yield f"{place}: what {first} says, must be another claim"
 
 
@@ -205,42 +205,46 @@ def claims_text(project: Path, paper: str) -> Tree:
 
 
 def decisive(tree: Tree) -> Tree:
-    """What of a registry decides whether its claims hold, and over which draws: no wording."""
-    kept = ("checks", "quantifier", "depends_on", "expensive")
+    """What of a registry decides whether its claims hold, and over which samples: no wording."""
+    cached = ("checks", "quantifier", "depends_on", "expensive")
     claims = {
-        name: {key: body[key] for key in kept if key in body} if isinstance(body, dict) else body
+        name: {key: body[key] for key in cached if key in body} if isinstance(body, dict) else body
         for name, body in tree.get("claims", {}).items()
     }
     return {"choices": tree.get("choices", {}), "claims": claims}
 
 
 def _claim(
-    ledger: Ledger, name: str, entry: ClaimEntry, groups: Mapping[str, list[str]], known: Meanings
+    parameters: Parameters,
+    name: str,
+    entry: ClaimEntry,
+    groups: Mapping[str, list[str]],
+    known: Meanings,
 ) -> Claim:
     checks = []
     for index, one in enumerate(entry.checks or ()):
         with located(f"checks.{index}"):
             checks.append(Check.parse(one.model_dump(exclude_none=True)))
-            _check_names(ledger, checks[-1], known)
+            _check_names(parameters, checks[-1], known)
     return Claim(
-        ledger.paper,
+        parameters.paper,
         name,
         place=entry.place,
-        says=entry.says,
+        statement=entry.statement,
         promised=tuple(entry.promised),
         quantifier=entry.quantifier,
         checks=tuple(checks),
         why=entry.why or entry.not_testable or "",
         threshold=entry.threshold or "",
-        choices=_choices(ledger, entry.depends_on, groups),
+        choices=_choices(parameters, entry.depends_on, groups),
         expensive=entry.expensive,
         testable=entry.not_testable is None,
     )
 
 
-def _check_names(ledger: Ledger, check: Check, known: Meanings) -> None:
+def _check_names(parameters: Parameters, check: Check, known: Meanings) -> None:
     """Refuse a figure that is not there, and a metric that the paper's code does not know."""
-    figures = [*ledger.tree["figures"], *([THEORY] if THEORY in ledger.tree else [])]
+    figures = [*parameters.tree["figures"], *([THEORY] if THEORY in parameters.tree else [])]
     for reference in check.references:
         if reference.figure not in figures:
             problem = f"there is no {shown(reference.figure)}{nearest(reference.figure, figures)}"
@@ -252,7 +256,7 @@ def _check_names(ledger: Ledger, check: Check, known: Meanings) -> None:
 
 
 def _choices(
-    ledger: Ledger, named: Iterable[str], groups: Mapping[str, list[str]]
+    parameters: Parameters, named: Iterable[str], groups: Mapping[str, list[str]]
 ) -> tuple[Choice, ...]:
     patterns = [pattern for name in named for pattern in groups.get(name, [name])]
-    return tuple(find_choice(ledger, pattern) for pattern in dict.fromkeys(patterns))
+    return tuple(find_choice(parameters, pattern) for pattern in dict.fromkeys(patterns))

@@ -1,4 +1,4 @@
-"""The robustness of claims as it is kept between two stages: plain data for JSON."""
+"""The robustness of claims as it is cached between two stages: plain data for JSON."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 from reobserve.core.documents import read_json
 from reobserve.core.errors import InputError, shown
 from reobserve.core.validation import parse
-from reobserve.replication.claims.flips import Flip
 from reobserve.replication.claims.outcomes import Outcome
 from reobserve.replication.claims.registry import Quantifier
+from reobserve.replication.claims.reversals import Reversal
 from reobserve.replication.claims.robustness import Robustness, Trial
 
 
 def to_data(robustness: Robustness) -> dict[str, Any]:
-    """As JSON keeps it, every draw with what was chosen and the numbers that came out."""
-    flip = robustness.flip
+    """As JSON keeps it, every sample with what was chosen and the numbers that came out."""
+    reversal = robustness.reversal
     return {
         "stated": _outcome(robustness.stated),
         "names": list(robustness.names),
@@ -26,10 +26,10 @@ def to_data(robustness: Robustness) -> dict[str, Any]:
         ],
         "refused": robustness.refused,
         "basis": robustness.basis,
-        "kept": robustness.kept,
+        "cached": robustness.cached,
         "quantifier": robustness.quantifier,
         "looked": robustness.looked,
-        "flip": flip and vars(flip),
+        "reversal": reversal and vars(reversal),
     }
 
 
@@ -68,17 +68,17 @@ class _StoredRobustness:
     trials: tuple[_StoredTrial, ...]
     refused: tuple[int, ...]
     basis: str
-    kept: int
+    cached: int
     quantifier: Quantifier
     looked: bool
-    flip: Flip | None
+    reversal: Reversal | None
 
     def __post_init__(self) -> None:
         drawn = range(len(self.trials))
         if sorted(set(self.refused) & set(drawn)) != list(self.refused):
-            raise InputError("refused", f"{shown(self.refused)} must be numbers of draws, rising")
-        if not 0 <= self.kept <= len(self.trials):
-            raise InputError("kept", f"{self.kept} must be a number of draws")
+            raise InputError("refused", f"{shown(self.refused)} must be numbers of samples, rising")
+        if not 0 <= self.cached <= len(self.trials):
+            raise InputError("cached", f"{self.cached} must be a number of samples")
         checks = len(self.stated.numbers)
         for k, trial in enumerate(self.trials):
             if len(trial.values) != len(self.names):
@@ -92,8 +92,8 @@ class _StoredRobustness:
         """What was stored."""
         trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
         return Robustness(
-            self.stated.outcome(), self.names, trials, list(self.refused), self.flip, self.looked,
-            self.basis, self.kept, self.quantifier,
+            self.stated.outcome(), self.names, trials, list(self.refused), self.reversal, self.looked,
+            self.basis, self.cached, self.quantifier,
         )  # fmt: skip
 
 
@@ -103,7 +103,7 @@ class _Stored:
 
     paper: str
     seed: int
-    draws: int
+    samples: int
     claims: dict[str, _StoredRobustness]
 
 

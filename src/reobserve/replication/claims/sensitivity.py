@@ -2,7 +2,7 @@
 
 The measure is Chatterjee's rank correlation (2021, J. Am. Stat. Assoc. 116:2009) of the outcome,
 yes or no, with a choice. It is 0 where the outcome does not depend on the choice, and near 1 where
-the choice alone decides, whichever of its values make the claim true. From draws at hand it
+the choice alone decides, whichever of its values make the claim true. From samples at hand it
 estimates the Cramer-von Mises index of first order (Gamboa et al. 2022, SIAM/ASA J. Uncertain.
 Quantif. 10:1). What remains below one is other choices, their interplay, and the random seed.
 
@@ -21,7 +21,7 @@ import numpy as np
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.claims.robustness import Robustness
 
-FEWEST = 16  # draws; with less, chance makes half of the scale
+FEWEST = 16  # samples; with less, chance makes half of the scale
 
 
 class Influence(NamedTuple):
@@ -33,7 +33,7 @@ class Influence(NamedTuple):
 
 
 def deciding_check(claim: Claim, robustness: Robustness) -> int:
-    """The check that fails in most draws, the first of those that fail as often."""
+    """The check that fails in most samples, the first of those that fail as often."""
     drawn = [trial.outcome.numbers for trial in robustness.trials if trial.outcome.numbers]
     fails = [
         sum(not check.satisfied_by(numbers[k]) for numbers in drawn)
@@ -45,7 +45,7 @@ def deciding_check(claim: Claim, robustness: Robustness) -> int:
 def influences(found: Iterable[Robustness]) -> list[list[Influence]]:
     """For each claim: of every choice that is drawn from a range, greatest first.
 
-    None of a claim with too few draws, or one that holds in all of them or in none. The
+    None of a claim with too few samples, or one that holds in all of them or in none. The
     probabilities are corrected for the number of choices of all the claims together.
     """
     from scipy.stats import false_discovery_control
@@ -67,7 +67,8 @@ def _influences(robustness: Robustness) -> list[Influence]:
     for column, name in enumerate(robustness.names):
         places = as_places([trial.values[column] for trial in robustness.trials])
         if len(set(places)) > 1 and name != "seed":
-            # Where values of a choice are alike their order is that of the draws, which is random.
+            # Where values of a choice are alike their order is that of the samples, which is
+            # random.
             result = chatterjeexi(places, outcomes)
             found.append(Influence(name, float(result.statistic), float(result.pvalue)))
     return found

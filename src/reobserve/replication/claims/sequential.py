@@ -1,11 +1,11 @@
 """Sequential confidence bounds on a share of yes and no.
 
-After every draw one may look: the interval covers the share with its probability at all numbers of
-draws at once, so that it does not matter that the draws go on until it decides. It holds the shares
-that no gambler who bets against them has ruined: with probability q drawn from a Beta distribution,
-the likelihood ratio of the draws against a share p is a martingale if p is the share, and by
-Ville's inequality it ever reaches 1 / a with a probability of at most a (Robbins 1970, Ann. Math.
-Statist. 41:1397; Ramdas et al. 2023, Stat. Sci. 38:576).
+After every sample one may look: the interval covers the share with its probability at all numbers
+of samples at once, so that it does not matter that the samples go on until it decides. It holds the
+shares that no gambler who bets against them has ruined: with probability q drawn from a Beta
+distribution, the likelihood ratio of the samples against a share p is a martingale if p is the
+share, and by Ville's inequality it ever reaches 1 / a with a probability of at most a (Robbins
+1970, Ann. Math. Statist. 41:1397; Ramdas et al. 2023, Stat. Sci. 38:576).
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ import math
 # The probability that a share below the line is ever said to be above it, and the other way round.
 ERROR = 0.05
 
-# The gamblers: one bets on shares near one, the other on any. With the first, draws that all agree
-# decide soonest that their share is above nine tenths (after 36 of them).
+# The gamblers: one bets on shares near one, the other on any. With the first, samples that all
+# agree decide soonest that their share is above nine tenths (after 36 of them).
 _NEAR_ONE = (2.0, 0.25)
 _ANY = (1.0, 1.0)
 
 
-def interval(agreed: int, draws: int) -> tuple[float, float]:
-    """What the share of agreeing draws may be, each end ever wrong with probability `ERROR`."""
-    if not draws:
+def interval(agreed: int, samples: int) -> tuple[float, float]:
+    """What the share of agreeing samples may be, each end ever wrong with probability `ERROR`."""
+    if not samples:
         return 0.0, 1.0
-    share = agreed / draws
-    low = _end(_NEAR_ONE, agreed, draws, 0.0, share)
-    high = _end(_ANY, agreed, draws, 1.0, share)
+    share = agreed / samples
+    low = _end(_NEAR_ONE, agreed, samples, 0.0, share)
+    high = _end(_ANY, agreed, samples, 1.0, share)
     return low, high
 
 
-def above(line: float, agreed: int, draws: int) -> bool | None:
+def above(line: float, agreed: int, samples: int) -> bool | None:
     """Whether the share is at ``line`` or above it; None if that is not decided."""
-    if agreed > line * draws and _evidence(_NEAR_ONE, agreed, draws, line) >= -math.log(ERROR):
+    if agreed > line * samples and _evidence(_NEAR_ONE, agreed, samples, line) >= -math.log(ERROR):
         return True
-    if agreed < line * draws and _evidence(_ANY, agreed, draws, line) >= -math.log(ERROR):
+    if agreed < line * samples and _evidence(_ANY, agreed, samples, line) >= -math.log(ERROR):
         return False
     return None
 
 
-def _evidence(prior: tuple[float, float], agreed: int, draws: int, share: float) -> float:
-    """The logarithm of what the gambler has made of one, had the draws this share."""
+def _evidence(prior: tuple[float, float], agreed: int, samples: int, share: float) -> float:
+    """The logarithm of what the gambler has made of one, had the samples this share."""
     a, b = prior
-    other = draws - agreed
+    other = samples - agreed
     if (agreed and share <= 0) or (other and share >= 1):
         return math.inf
     mixed = _log_beta(a + agreed, b + other) - _log_beta(a, b)
@@ -52,15 +52,15 @@ def _evidence(prior: tuple[float, float], agreed: int, draws: int, share: float)
 
 
 def _end(
-    prior: tuple[float, float], agreed: int, draws: int, outside: float, inside: float
+    prior: tuple[float, float], agreed: int, samples: int, outside: float, inside: float
 ) -> float:
     """Where the evidence against a share falls below the bound, by halving; it is unimodal."""
     bound = -math.log(ERROR)
-    if _evidence(prior, agreed, draws, outside) < bound:
+    if _evidence(prior, agreed, samples, outside) < bound:
         return outside
     for _ in range(60):
         middle = (outside + inside) / 2
-        if _evidence(prior, agreed, draws, middle) >= bound:
+        if _evidence(prior, agreed, samples, middle) >= bound:
             outside = middle
         else:
             inside = middle

@@ -7,33 +7,33 @@ from typing import Any
 
 from reobserve.core.errors import InputError
 from reobserve.core.files import COUNT, GAP, NAME, Kind
-from reobserve.replication.claims.bounds import rooms, tell_rooms
 from reobserve.replication.claims.checks import Numbers
-from reobserve.replication.claims.flips import Flip, is_number
+from reobserve.replication.claims.margins import format_margins, margins
 from reobserve.replication.claims.outcomes import outcome
 from reobserve.replication.claims.registry import Claim
+from reobserve.replication.claims.reversals import Reversal, is_number
 from reobserve.replication.claims.robustness import Robustness
 from reobserve.replication.claims.verdicts import BROKEN, VERDICTS, verdict
-from reobserve.replication.parameters.ledger import Ledger, leaves
+from reobserve.replication.parameters.parameters import Parameters, leaves
 
 HEADER = (
-    "paper", "claim", "promised", "quantifier", "place", "says", "verdict", "holds", "measured",
-    "why", "threshold", "room", "figures", "depends_on", "draws", "held", "share", "low", "high",
-    "flip", "problem",
+    "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds", "measured",
+    "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "share", "low", "high",
+    "reversal", "problem",
 )  # fmt: skip
 
-NOT_LOOKED_FOR = "not looked for"  # in place of a flip
+NOT_LOOKED_FOR = "not looked for"  # in place of a reversal
 
 
 # A broken claim has a problem and nothing else; what depends on nothing was not drawn.
 KINDS = {
     "paper": NAME, "claim": NAME, "verdict": Kind((*VERDICTS, BROKEN).__contains__, "a verdict"),
-    "draws": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
+    "samples": COUNT, "held": COUNT, "share": GAP, "low": GAP, "high": GAP,
 }  # fmt: skip
 
 
 def row(
-    claim: Claim, ledger: Ledger, numbers: Numbers, robustness: Robustness | None
+    claim: Claim, parameters: Parameters, numbers: Numbers, robustness: Robustness | None
 ) -> dict[str, Any]:
     """What is known of a claim; a number that it names and nobody has makes it broken."""
     told: dict[str, Any] = {
@@ -42,7 +42,7 @@ def row(
         "promised": " ".join(claim.promised),
         "quantifier": claim.quantifier,
         "place": claim.place,
-        "says": claim.says,
+        "statement": claim.statement,
         "why": claim.why,
         "threshold": claim.threshold,
         "figures": " ".join(claim.figures),
@@ -56,28 +56,30 @@ def row(
         return told | {"verdict": BROKEN, "problem": problem}
     if robustness is not None and robustness.alike:
         problem = (
-            f"claims.{claim.paper}.{claim.name}: all {robustness.draws} draws give the same "
+            f"claims.{claim.paper}.{claim.name}: all {robustness.samples} samples give the same "
             "numbers, must name a choice that reaches them or depend on nothing"
         )
         return told | {"verdict": BROKEN, "problem": problem}
-    told["verdict"] = verdict(claim, ledger, stated.held, robustness)
+    told["verdict"] = verdict(claim, parameters, stated.held, robustness)
     if not claim.testable:
         return told
     drawn = [trial.outcome for trial in robustness.trials] if robustness else []
     told |= {
         "holds": "yes" if stated.held else "no",
         "measured": measured,
-        "room": tell_rooms(rooms(claim, stated, drawn)),
+        "margin": format_margins(margins(claim, stated, drawn)),
     }
-    if robustness is not None and robustness.draws:
+    if robustness is not None and robustness.samples:
         low, high = robustness.interval()
         told |= {
-            "draws": robustness.draws,
+            "samples": robustness.samples,
             "held": robustness.held,
             "share": f"{robustness.share:.4g}",
             "low": f"{low:.4g}",
             "high": f"{high:.4g}",
-            "flip": tell_flip(robustness.flip) if robustness.looked else NOT_LOOKED_FOR,
+            "reversal": format_reversal(robustness.reversal)
+            if robustness.looked
+            else NOT_LOOKED_FOR,
         }
     return told
 
@@ -87,32 +89,32 @@ def broken_row(paper: str, problem: str) -> dict[str, Any]:
     return {"paper": paper, "claim": "all", "verdict": BROKEN, "problem": problem}
 
 
-def tell_flip(flip: Flip | None) -> str:
-    """A change of the ledger in words; nothing if none flips the claim."""
-    if flip is None:
+def format_reversal(reversal: Reversal | None) -> str:
+    """A change of the parameter file in words; nothing if none reverses the claim."""
+    if reversal is None:
         return ""
-    if is_number(flip.start):
-        unit = _unit(flip)
+    if is_number(reversal.start):
+        unit = _unit(reversal)
         return (
-            f"{flip.key} from {flip.start:.4g} to {flip.end:.4g}{unit and ' '}{unit} "
-            f"({100 * flip.size:.2g} % of its range)"
+            f"{reversal.key} from {reversal.start:.4g} to {reversal.end:.4g}{unit and ' '}{unit} "
+            f"({100 * reversal.size:.2g} % of its range)"
         )
-    before, after = dict(leaves(flip.start)), dict(leaves(flip.end))
+    before, after = dict(leaves(reversal.start)), dict(leaves(reversal.end))
     if before.keys() != after.keys():
-        return f"{flip.key} from {_spelled(before)} to {_spelled(after)}"
+        return f"{reversal.key} from {_spelled(before)} to {_spelled(after)}"
     # Of a signal only what is different.
     moved = [path for path in before if before[path] != after[path]]
     place = f" {', '.join(str(path[-1]) for path in moved)}" if moved[0] else ""
     start, end = (", ".join(str(side[path]) for path in moved) for side in (before, after))
-    return f"{flip.key}{place} from {start} to {end}"
+    return f"{reversal.key}{place} from {start} to {end}"
 
 
-def _unit(flip: Flip) -> str:
+def _unit(reversal: Reversal) -> str:
     """The unit of one number; of an entry with several that of its place, if it has a place."""
-    units = flip.unit.split(", ")
+    units = reversal.unit.split(", ")
     if len(units) == 1:
-        return "" if flip.unit == "1" else flip.unit
-    place = flip.key.rpartition(".")[2]
+        return "" if reversal.unit == "1" else reversal.unit
+    place = reversal.key.rpartition(".")[2]
     return units[int(place)] if place.isdigit() and int(place) < len(units) else ""
 
 

@@ -14,7 +14,7 @@ from reobserve.replication.claims.verdicts import (
     REPRODUCED,
     VERDICTS,
     count,
-    headlines,
+    main_claims,
     replicated,
 )
 
@@ -42,12 +42,12 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def titles(rows: Sequence[Mapping[str, str]]) -> str:
-    """The titles under the rule for headlines and under others, in Markdown."""
+    """The titles under the rule for main_claims and under others, in Markdown."""
     lines = [f"| paper | {' | '.join(HEADLINES)} |", f"|---|{'---|' * len(HEADLINES)}"]
     for paper in count(rows):
         cells = []
         for rule in HEADLINES:
-            found = headlines(_of(rows, paper), rule)
+            found = main_claims(_of(rows, paper), rule)
             good, bad = (found.count(word) for word in (REPRODUCED, CONTRADICTED))
             title = _title(replicated(_of(rows, paper), rule))
             cells.append(f"{title} {good} of {len(found)}, {bad} contradicted" if found else "none")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.claims.robustness import Robustness, finding
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 REPRODUCED = "reproduced"
 CALIBRATED = "reproduced only by calibration"
@@ -21,26 +21,26 @@ VERDICTS = (REPRODUCED, CALIBRATED, DEPENDS, CONTRADICTED, UNDECIDED, NOT_TESTAB
 Row = Mapping[str, str]  # of the table of claims
 
 
-def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | None) -> str:
+def verdict(claim: Claim, parameters: Parameters, held: bool, robustness: Robustness | None) -> str:
     """The verdict on a claim.
 
     Parameters
     ----------
     claim
-        Of the paper of the ledger.
-    ledger
+        Of the paper of the parameter file.
+    parameters
         Says which of the values that the claim depends on were chosen for a claim.
     held
-        Whether its checks hold with the ledger.
+        Whether its checks hold with the parameter file.
     robustness
-        Over draws of what it depends on; None if that is nothing. What they decide is told by
+        Over samples of what it depends on; None if that is nothing. What they decide is told by
         `reobserve.replication.claims.robustness.finding`.
     """
     if not claim.testable:
         return NOT_TESTABLE
-    if claim.quantifier == "is" and held and chosen_keys(claim, ledger):
+    if claim.quantifier == "is" and held and chosen_keys(claim, parameters):
         return CALIBRATED
-    number, true = (robustness.draws, robustness.held) if robustness is not None else (0, 0)
+    number, true = (robustness.samples, robustness.held) if robustness is not None else (0, 0)
     found, firm = finding(claim.quantifier, held, true, number)
     if firm is None:
         return UNDECIDED
@@ -49,9 +49,9 @@ def verdict(claim: Claim, ledger: Ledger, held: bool, robustness: Robustness | N
     return REPRODUCED if found else CONTRADICTED
 
 
-def chosen_keys(claim: Claim, ledger: Ledger) -> list[str]:
+def chosen_keys(claim: Claim, parameters: Parameters) -> list[str]:
     """Those of the keys that a claim depends on whose values were chosen for a claim."""
-    entries = dict(ledger.entries())
+    entries = dict(parameters.entries())
     return [key for key in claim.keys if "chosen_for" in entries.get(key, {})]
 
 
@@ -64,7 +64,7 @@ def count(rows: Iterable[Row]) -> dict[str, dict[str, int]]:
     return counts
 
 
-# Which claims are headlines: the rule, and what else one might have chosen.
+# Which claims are main_claims: the rule, and what else one might have chosen.
 HEADLINES: Mapping[str, Callable[[Row], bool]] = {
     "abstract and conclusions": lambda row: bool(row["promised"]),
     "abstract": lambda row: "abstract" in row["promised"],
@@ -75,8 +75,8 @@ HEADLINES: Mapping[str, Callable[[Row], bool]] = {
 RULE = "abstract and conclusions"
 
 
-def headlines(rows: Iterable[Row], rule: str = RULE) -> list[str]:
-    """The verdicts on the headline claims of a paper; claims that nothing can test are none."""
+def main_claims(rows: Iterable[Row], rule: str = RULE) -> list[str]:
+    """The verdicts on the main claims of a paper; claims that nothing can test are none."""
     found = [row["verdict"] for row in rows if HEADLINES[rule](row)]
     return [word for word in found if word != NOT_TESTABLE]
 
@@ -84,23 +84,23 @@ def headlines(rows: Iterable[Row], rule: str = RULE) -> list[str]:
 def replicated(rows: Iterable[Row], rule: str = RULE) -> bool:
     """Whether a paper's replication is titled [Re], from the rows of its claims.
 
-    That is so if no headline claim is contradicted or broken, and more than half are reproduced.
+    That is so if no main claim is contradicted or broken, and more than half are reproduced.
     """
-    found = headlines(rows, rule)
+    found = main_claims(rows, rule)
     failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
     return not failed and 2 * found.count(REPRODUCED) > len(found)
 
 
 def title_margin(rows: Iterable[Row]) -> str:
-    """How near the title of a replication is to the other one; nothing without headline claims."""
+    """How near the title of a replication is to the other one; nothing without main claims."""
     rows = list(rows)
-    found = headlines(rows)
+    found = main_claims(rows)
     if not found:
         return ""
     good = found.count(REPRODUCED)
     failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
     needed = len(found) // 2 + 1
-    told = f"{good} of {len(found)} headline claims are reproduced and {failed} contradicted"
+    told = f"{good} of {len(found)} main claims are reproduced and {failed} contradicted"
     if replicated(rows):
         lost = good - needed + 1
         return f"{told}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"

@@ -53,7 +53,7 @@ def _summary(paper: str, table: EquationTable) -> str:
 def _print_equation(project: Path, table: EquationTable, one: Equation) -> None:
     sources = [find_source(name) for name in one.implemented]
     print(f"{table.cited_as}, {one.place}")
-    _print_labelled("says", _filled(one.says))
+    _print_labelled("statement", _filled(one.statement))
     for name, source in zip(one.implemented, sources, strict=True):
         file, folder = source.file.resolve(), project.resolve()
         shown = file.relative_to(folder) if file.is_relative_to(folder) else file

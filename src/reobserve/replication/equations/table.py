@@ -51,7 +51,7 @@ class Equation:
     """
 
     number: Text
-    says: Text
+    statement: Text
     implemented: tuple[Annotated[str, checked(_name)], ...]
     tests: tuple[Annotated[str, checked(_test)], ...]
     note: str = ""

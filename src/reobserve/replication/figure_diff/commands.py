@@ -10,8 +10,8 @@ from pathlib import Path
 
 from reobserve.core.errors import InputError, ReobserveError
 from reobserve.core.files import write_text
-from reobserve.replication.claims.draws_command import keep
 from reobserve.replication.claims.robustness_file import read_robustness
+from reobserve.replication.claims.sample_command import keep
 from reobserve.replication.claims.verdict_table import put_into
 from reobserve.replication.figure_diff import pixels
 from reobserve.replication.figure_diff.comparison import compare_all, figures
@@ -21,7 +21,7 @@ from reobserve.replication.golden.acceptance import renew
 from reobserve.replication.golden.guard import check_may_accept, keep_reason
 from reobserve.replication.meanings import write_lists
 from reobserve.replication.parameters.config import known_papers, named_papers
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 
 def figdiff_command(project: Path, reference: Path, results: Path, output: Path) -> None:
@@ -49,7 +49,7 @@ def accept_command(project: Path, paper: Sequence[str], reason: str, cores: int)
     chosen = named_papers(known, paper)
     _build(project, paper, cores)
     for one in chosen:
-        moved += renew(project, results / one, Ledger.load(project, one).tree, one, cores)
+        moved += renew(project, results / one, Parameters.load(project, one).tree, one, cores)
         _keep_samples(project, results, one)
     moved += golden_claims.renew(project, results, paper)
     put_into(project / "README.md", results / "verdicts.md", known if paper else ())

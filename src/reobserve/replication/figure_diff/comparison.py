@@ -16,8 +16,8 @@ from reobserve.replication.golden.comparison import Moved, compare_built
 from reobserve.replication.golden.files import golden_files
 from reobserve.replication.golden.values import part_names
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import stored_parameters
+from reobserve.replication.parameters.parameters import Parameters
 
 # Plots of Monte Carlo samples, whose verdicts are compared.
 _OF_SAMPLES = ("specification", "sensitivity")
@@ -78,7 +78,7 @@ def _compare_paper(project: Path, reference: Path, built: Path, paper: str) -> I
     tree: Mapping[str, Any] = {"figures": {}}
     no_parameters = ""
     try:
-        tree = Ledger.read(built / Path(stored_parameters(paper)).name).tree
+        tree = Parameters.read(built / Path(stored_parameters(paper)).name).tree
     except InputError as error:
         no_parameters = str(error)
     accepted, drawn, golden = figures(reference), figures(built), golden_files(project, paper)

@@ -25,7 +25,7 @@ from reobserve.core.errors import ReobserveError
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.golden.files import Numbers, read_numbers, write_numbers
 from reobserve.replication.golden.values import evaluated_numbers, part_names
-from reobserve.replication.parameters.ledger import default_ledger
+from reobserve.replication.parameters.parameters import default_parameters
 from reobserve.signals.series import Channel
 
 # Another order of sets, and every library as it likes best on this processor.
@@ -84,10 +84,10 @@ class Rounded(Evaluator):
 
 def main(project: str, paper: str, folder: str, change: str) -> None:
     """Evaluate a paper and write a file for each part to a folder."""
-    ledger = default_ledger(Path(project), paper)
+    parameters = default_parameters(Path(project), paper)
     kind = Rounded if change == _ROUNDED else Evaluator
-    evaluator = kind(ledger.refined() if change == _HALVED else ledger)
-    for part in part_names(ledger.tree):
+    evaluator = kind(parameters.refined() if change == _HALVED else parameters)
+    for part in part_names(parameters.tree):
         write_numbers(Path(folder) / f"{part}.csv", evaluated_numbers(evaluator, part))
 
 

@@ -1,7 +1,7 @@
-"""A ledger checked whole, before anything runs: its types, and what takes building to see.
+"""A parameter file checked whole, before anything runs: its types, and what takes building to see.
 
-What a paper's ledger states is built once, section by section, by what the paper declares in
-``CHECKS`` of ``reobserve.papers.<paper>.ledger``.
+What a paper's parameter file states is built once, section by section, by what the paper declares
+in ``CHECKS`` of ``reobserve.papers.<paper>.parameters``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from typing import Any
 from reobserve.core.arguments import as_word
 from reobserve.core.errors import InputError, ReobserveError, located
 from reobserve.estimation.quantities import check_unit
-from reobserve.replication.parameters.job import Job, StudyFigure, named, read_ledger
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.job import Job, StudyFigure, named, read_parameters
 from reobserve.replication.parameters.names import SECTIONS, paper_part
+from reobserve.replication.parameters.parameters import Parameters
 
 Observers = Mapping[str, Any]  # forms that observers must have, by name
 
@@ -29,7 +29,7 @@ _SECTIONS = ("scenario", "design", "observer", "study", "search", "table", "figu
 
 @dataclass(frozen=True)
 class Checks:
-    """What of a paper's ledger takes building to see.
+    """What of a paper's parameter file takes building to see.
 
     Attributes
     ----------
@@ -48,17 +48,17 @@ class Checks:
         return self.build[one](*arguments) if one in self.build else None
 
 
-def check_ledger(ledger: Ledger) -> None:
-    """Read the ledger as what its paper declares, build what it states, and run nothing.
+def check_parameters(parameters: Parameters) -> None:
+    """Read the parameter file as what its paper declares, build what it states, and run nothing.
 
     Raises
     ------
     InputError
         With the dotted key of what no stage could use.
     """
-    stated = read_ledger(ledger)
-    module = importlib.import_module(paper_part(ledger.paper, "ledger"))
-    with building(ledger.paper):
+    stated = read_parameters(parameters)
+    module = importlib.import_module(paper_part(parameters.paper, "checks"))
+    with building(parameters.paper):
         check_stated(stated, module.CHECKS)
         if hasattr(module, "LAYOUTS"):  # a paper in one module has its drawings at hand
             for name, figure in stated.figures.items():
@@ -69,7 +69,7 @@ def check_ledger(ledger: Ledger) -> None:
 _NO_UNITS = ("word", "file", "name")
 
 
-def check_units(ledger: Ledger) -> None:
+def check_units(parameters: Parameters) -> None:
     """Check the units of all entries, several with commas or ``to`` between, as pint reads them.
 
     The letters y and u stand for units of an output and an input that a paper does not state.
@@ -79,18 +79,18 @@ def check_units(ledger: Ledger) -> None:
     InputError
         With the key of the first entry whose unit is none.
     """
-    for key, entry in ledger.entries():
+    for key, entry in parameters.entries():
         for unit in re.split(r", | to ", entry["unit"]):
             if unit not in _NO_UNITS:
                 stated = re.sub(r"\b[yu]\b", "rad", unit)  # which has no dimension, either
                 try:
                     check_unit("", stated)
                 except InputError:
-                    check_unit(f"{ledger.paper}.{key}.unit", unit)
+                    check_unit(f"{parameters.paper}.{key}.unit", unit)
 
 
 def check_stated(stated: Any, checks: Checks) -> None:
-    """Build what a paper's typed ledger states; raises as `check_ledger`."""
+    """Build what a paper's typed parameters states; raises as `check_parameters`."""
     parts = ("plant", "observers", "designs", "metrics", "theory")
     whole = Job(**{part: getattr(stated, part) for part in parts if hasattr(stated, part)})
     built: dict[str, object] = {}  # the designs
@@ -124,7 +124,7 @@ def _job(stated: Any, whole: Job, one: str, branch: Any) -> Job:
 
 
 def _check_method(study: Any, figure: StudyFigure) -> None:
-    """A figure of a study draws one of the method that its layout draws."""
+    """A figure of a study samples one of the method that its layout samples."""
     method = getattr(study, "method", figure.layout)
     if method != figure.layout:
         problem = f"{figure.study!r} has the method {method}, must have {figure.layout}"

@@ -14,12 +14,12 @@ from reobserve.replication.parameters.parameter_file import Configuration, Name
 
 
 def known_papers(project: Path) -> list[str]:
-    """The papers that have a ledger.
+    """The papers that have a parameter file.
 
     Raises
     ------
     InputError
-        If the folder cannot be read, or a ledger's file has a name that is none of a paper.
+        If the folder cannot be read, or a parameter file's file has a name that is none of a paper.
     """
     folder = project / "config" / "papers"
     try:

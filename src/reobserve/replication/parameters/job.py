@@ -1,7 +1,7 @@
-"""A paper's ledger by the types that the paper declares: whole, and as one job sees it.
+"""A paper's parameter file by the types that the paper declares: whole, and as one job sees it.
 
-The declaration is the dataclass ``Ledger`` among the paper's ``keys``: a field for each section of
-the ledger, a mapping where the branches of a section have names.
+The declaration is the dataclass ``Parameters`` among the paper's ``keys``: a field for each section
+of the parameter file, a mapping where the branches of a section have names.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from pydantic import Tag
 
 from reobserve.core.errors import InputError, nearest
 from reobserve.core.validation import Names, checked, having, parse
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import SECTIONS, paper_part
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.signals.inputs import Signal
 
 # The branch that a job is about: its keys are named in errors without the job's name for it.
@@ -26,7 +26,7 @@ _SUBJECTS = ("theory", "observer", "table", "design")
 
 @dataclass(frozen=True)
 class Job:
-    """The branches of a ledger that one job sees, each of the type that its paper declares."""
+    """The branches of a parameter file that one job sees, each of the type that its paper declares."""
 
     plant: Any
     seed: int = 0
@@ -62,7 +62,7 @@ class Study:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """What every figure states; a paper's own narrow the layouts to those that it draws."""
+    """What every figure states; a paper's own narrow the layouts to those that it samples."""
 
     layout: str
     scenario: str
@@ -91,7 +91,7 @@ def record_axis(job: Job) -> tuple[float, float]:
 
 
 def read_job(keys: type, settings: Settings) -> Job:
-    """The settings of a job, checked and as types; see `Ledger.settings`.
+    """The settings of a job, checked and as types; see `Parameters.settings`.
 
     Raises
     ------
@@ -121,24 +121,26 @@ def _sections(keys: type) -> dict[str, Any]:
     return get_type_hints(keys, include_extras=True)
 
 
-def read_ledger(ledger: Ledger) -> Any:
-    """The whole ledger as the ``Ledger`` of its paper.
+def read_parameters(parameters: Parameters) -> Any:
+    """The whole parameter file as the ``Parameters`` of its paper.
 
     Raises
     ------
     InputError
         With the dotted key of what is missing, unknown or wrong, or if no package is the paper's.
     """
-    sections = {name: ledger.section(name) for name in ledger.tree if name != "about"}
-    return parse(declared_keys(ledger.paper), sections, ledger.paper)
+    sections = {name: parameters.section(name) for name in parameters.tree if name != "about"}
+    return parse(declared_keys(parameters.paper), sections, parameters.paper)
 
 
 def declared_keys(paper: str) -> type:
-    """The declaration of a paper's ledger."""
+    """The declaration of a paper's parameter file."""
     try:
-        keys: type = importlib.import_module(paper_part(paper, "keys")).Ledger
+        keys: type = importlib.import_module(paper_part(paper, "keys")).Parameters
     except ModuleNotFoundError as error:
-        raise InputError(paper, f"has a ledger, but there is no module {error.name}") from None
+        raise InputError(
+            paper, f"has a parameter file, but there is no module {error.name}"
+        ) from None
     return keys
 
 

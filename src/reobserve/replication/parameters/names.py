@@ -38,7 +38,7 @@ def claims_path(paper: str) -> str:
 
 def samples_path(paper: str) -> str:
     """The path of the cached Monte Carlo samples of a paper's claims, in a project."""
-    return f"config/draws/{paper}.json"
+    return f"config/samples/{paper}.json"
 
 
 def style_sheet(name: str) -> str:

@@ -10,15 +10,15 @@ from typing import Any
 
 from reobserve.core.documents import read_yaml
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import stored_parameters
+from reobserve.replication.parameters.parameters import Parameters
 
 
 def show_list(project: Path, paper: Sequence[str]) -> None:
     """Print papers with their figures, tables, scenarios, observers and what is built."""
     formats = read_yaml(project / "config" / "config.yaml")["formats"]
     for name in paper or known_papers(project):
-        tree = Ledger.load(project, name).tree
+        tree = Parameters.load(project, name).tree
         about = tree["about"]
         names = [author.split()[-1] for author in about["authors"]]
         year = f" ({about['year']})" if "year" in about else ""
@@ -64,15 +64,15 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
 
 
 def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -> None:
-    """Print the ledger of a paper: key, value, unit, source, and the range of an assumption."""
+    """Print the parameter file of a paper: key, value, unit, source, and the range of an assumption."""
     if built:
-        ledger = Ledger.read(project / stored_parameters(paper))
+        parameters = Parameters.read(project / stored_parameters(paper))
     else:
-        ledger = Ledger.load(project, paper)
+        parameters = Parameters.load(project, paper)
     width = shutil.get_terminal_size((120, 40)).columns
     rows = [
         (path, _value(entry["value"]), entry["unit"], entry["source"], _range(entry), entry)
-        for path, entry in ledger.entries()
+        for path, entry in parameters.entries()
         if match in path
     ]
     header = ("key", "value", "unit", "source", "range")

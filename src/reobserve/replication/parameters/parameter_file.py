@@ -107,7 +107,7 @@ class Entry(Model):
     why: Text | None = Field(None, description="Why it is assumed to be this.")
     range: Range | None = Field(None, description="What else it could be.")
     named: Annotated[list[Any], Field(min_length=1)] | None = Field(
-        None, description="Values in the range that the paper names; half of the draws take one."
+        None, description="Values in the range that the paper names; half of the samples take one."
     )
     multiple_of: Multiples | None = Field(
         None, description="The grid on which sampled values lie; by pattern as in `range`."
@@ -118,8 +118,8 @@ class Entry(Model):
     )
     numerical: bool = Field(False, description="Whether it is a resolution of the computation.")
     levels: bool = Field(False, description="Whether a study goes through its values.")
-    loose: Places = Field(False, description="Numbers in it on which no result depends.")
-    drawn: bool = Field(False, description="Whether only a picture depends on it.")
+    no_effect: Places = Field(False, description="Numbers in it on which no result depends.")
+    plot_only: bool = Field(False, description="Whether only a picture depends on it.")
     expensive: bool = Field(False, description="Whether a change of it makes a study of a minute.")
 
     @model_validator(mode="after")
@@ -221,7 +221,7 @@ class StoredFile(Model):
 
     paper: Name
     seed: int
-    ledger: dict[str, Any]
+    parameters: dict[str, Any]
 
 
 class Configuration(BaseModel):
@@ -234,10 +234,10 @@ class Configuration(BaseModel):
         list[Literal["pdf", "svg", "png", "eps", "pgf"]], Field(min_length=1), distinct
     ]
     seed: Annotated[int, Field(ge=0, le=2**53 - 1)]
-    draws: Annotated[int, Field(ge=1, le=1_000_000)]
+    samples: Annotated[int, Field(ge=1, le=1_000_000)]
     chunks: Annotated[int, Field(ge=1, le=2000)]
-    flips: bool
-    kept: bool
+    reversals: bool
+    cached: bool
     papers: Annotated[Names | None, Field(description="All of them if left out.")] = None
     style: str = "default"
     notes: bool = True

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.overrides import OVERRIDDEN
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.report.claims import Claim
 from reobserve.replication.report.reading import line
 
@@ -36,7 +36,7 @@ class Entry:
         return self.keys[0].partition(".")[0]
 
 
-def entries(ledger: Ledger, claims: Iterable[Claim]) -> tuple[Entry, ...]:
+def entries(parameters: Parameters, claims: Iterable[Claim]) -> tuple[Entry, ...]:
     """Return the parameters of a paper in file order, with the claims that depend on them.
 
     Entries that have the same last key in the same section and say the same stand together: what
@@ -47,7 +47,7 @@ def entries(ledger: Ledger, claims: Iterable[Claim]) -> tuple[Entry, ...]:
         for key in claim.depends_on:
             dependent.setdefault(key, []).append(claim.name)
     grouped: dict[tuple[Any, ...], Entry] = {}
-    for key, body in ledger.entries():
+    for key, body in parameters.entries():
         entry = _entry(key, body)
         identity = (entry.section, key.rpartition(".")[2], replace(entry, keys=("",)))
         if identity in grouped:

@@ -10,27 +10,27 @@ from reobserve.replication.claims.robustness import Robustness as Drawn
 from reobserve.replication.claims.table import NOT_LOOKED_FOR
 from reobserve.replication.report.reading import Gap
 
-_DRAWN = ("draws", "held", "share", "low", "high")
+_DRAWN = ("samples", "held", "share", "low", "high")
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """How firmly a verdict stands: over draws of the unstated choices, and by single moves.
+    """How firmly a verdict stands: over samples of the unstated choices, and by single moves.
 
-    ``share`` of the draws held the claim, with its 95 % interval ``low`` to ``high``.
+    ``share`` of the samples held the claim, with its 95 % interval ``low`` to ``high``.
     """
 
-    draws: int
+    samples: int
     held: int
     share: float
     low: float
     high: float
-    flip_key: str
-    flip: str
+    reversal_key: str
+    reversal: str
     looked: bool
     diverged: int
     refused: int
-    kept: int
+    cached: int
 
 
 @dataclass(frozen=True)
@@ -41,36 +41,36 @@ class Claim:
     promised: str
     quantifier: str
     place: str
-    says: str
+    statement: str
     verdict: str
     measured: tuple[str, ...]
     why: str
     threshold: str
-    room: str
+    margin: str
     figures: tuple[str, ...]
     depends_on: tuple[str, ...]
     robustness: Robustness | None
     problem: Gap | None
 
     @property
-    def headline(self) -> bool:
+    def is_main(self) -> bool:
         """Whether the title of the replication depends on it."""
         return bool(self.promised)
 
 
-def claim_of_row(row: Mapping[str, str], draws: Drawn, problem: Gap | None = None) -> Claim:
-    """Return a claim, from its row of the table with all cells as text, and from its draws."""
+def claim_of_row(row: Mapping[str, str], samples: Drawn, problem: Gap | None = None) -> Claim:
+    """Return a claim, from its row of the table with all cells as text, and from its samples."""
     texts = {
         key: row[key]
         for key in (
             "promised",
             "quantifier",
             "place",
-            "says",
+            "statement",
             "verdict",
             "why",
             "threshold",
-            "room",
+            "margin",
         )
     }
     return Claim(
@@ -79,27 +79,27 @@ def claim_of_row(row: Mapping[str, str], draws: Drawn, problem: Gap | None = Non
         measured=tuple(filter(None, re.split(r"; (?=(?:fig\w+|theory) )", row["measured"]))),
         figures=tuple(row["figures"].split()),
         depends_on=tuple(row["depends_on"].split()),
-        robustness=_robustness(row, draws),
+        robustness=_robustness(row, samples),
         problem=problem,
         **texts,
     )
 
 
-def _robustness(row: Mapping[str, str], draws: Drawn) -> Robustness | None:
-    if not all(row[key] for key in _DRAWN) or int(row["draws"]) == 0:
+def _robustness(row: Mapping[str, str], samples: Drawn) -> Robustness | None:
+    if not all(row[key] for key in _DRAWN) or int(row["samples"]) == 0:
         return None
-    looked = row["flip"] != NOT_LOOKED_FOR
-    key, _, moved = row["flip"].partition(" ") if looked else ("", "", "")
+    looked = row["reversal"] != NOT_LOOKED_FOR
+    key, _, moved = row["reversal"].partition(" ") if looked else ("", "", "")
     return Robustness(
-        draws=int(row["draws"]),
+        samples=int(row["samples"]),
         held=int(row["held"]),
         share=float(row["share"]),
         low=float(row["low"]),
         high=float(row["high"]),
-        flip_key=key,
-        flip=moved,
+        reversal_key=key,
+        reversal=moved,
         looked=looked,
-        diverged=draws.diverged,
-        refused=len(draws.refused),
-        kept=draws.kept,
+        diverged=samples.diverged,
+        refused=len(samples.refused),
+        cached=samples.cached,
     )

@@ -24,9 +24,9 @@ from reobserve.replication.claims.verdicts import BROKEN, count, replicated, tit
 from reobserve.replication.errata import read_errata
 from reobserve.replication.meanings import meanings
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger
 from reobserve.replication.parameters.names import caption_template, stored_parameters
 from reobserve.replication.parameters.parameter_file import Configuration
+from reobserve.replication.parameters.parameters import Parameters
 from reobserve.replication.report.assumptions import entries
 from reobserve.replication.report.claims import Claim, claim_of_row
 from reobserve.replication.report.environment import environment, package_versions
@@ -38,7 +38,7 @@ CLAIMS_FILE = "results/claims.csv"
 
 # What is drawn of the claims of a paper, and what each shows.
 _PICTURES = {
-    "specification": "Headline claims over all draws in order, their bounds, and the choices drawn",
+    "specification": "Main claim claims over all samples in order, their bounds, and the choices drawn",
     "sensitivity": "Which choices decide the claims that turn over",
 }
 
@@ -107,19 +107,19 @@ class _Build:
 
     def paper(self, name: str, rows: list[dict[str, str]] | Gap) -> Data:
         """Everything about one paper."""
-        stored = self.gaps.attempt(name, Ledger.read, self.folder / stored_parameters(name))
-        ledger = stored
-        if isinstance(ledger, Gap):
-            ledger = Ledger.load(self.folder, name, seed=self.seed)
-        tree = ledger.tree
+        stored = self.gaps.attempt(name, Parameters.read, self.folder / stored_parameters(name))
+        parameters = stored
+        if isinstance(parameters, Gap):
+            parameters = Parameters.load(self.folder, name, seed=self.seed)
+        tree = parameters.tree
         own = rows if isinstance(rows, Gap) else [row for row in rows if row["paper"] == name]
         if not own:
             own = self.gaps.add(f"{name}-claims", f"{CLAIMS_FILE}: has no claim of {name}")
         judged = self._judged(name, own)
         claims = [] if isinstance(own, Gap) else judged["claims"]
-        parts = _Paper(self, ledger, claims)
+        parts = _Paper(self, parameters, claims)
         theory = f"results/{name}/theory.metrics.csv"
-        found = entries(ledger, claims)
+        found = entries(parameters, claims)
         statuses = [entry.status for entry in found for _ in entry.keys]
         return {
             "name": name,
@@ -127,7 +127,7 @@ class _Build:
             **{key: tree["about"].get(key, "") for key in ("year", "doi")},
             "short": cited(tree["about"]),
             "gaps": [stored] if isinstance(stored, Gap) else [],
-            "obstacles": self.gaps.attempt(name, _limitations, self.folder, name),
+            "limitations": self.gaps.attempt(name, _limitations, self.folder, name),
             "figures": [parts.figure(*one) for one in tree["figures"].items()],
             "tables": [parts.table(*one) for one in tree.get("tables", {}).items()],
             "theory": parts.numbers(theory, "theory") if "theory" in tree else None,
@@ -187,18 +187,18 @@ class _Paper:
     """The parts of one paper."""
 
     build: _Build
-    ledger: Ledger
+    parameters: Parameters
     claims: Sequence[Claim]
 
     def _place(self, name: str) -> str:
-        return f"{self.ledger.paper}-{name}"
+        return f"{self.parameters.paper}-{name}"
 
     def _log(self, *step: str) -> str:
-        return log(self.ledger.paper, *step)
+        return log(self.parameters.paper, *step)
 
     def figure(self, name: str, body: Mapping[str, Any]) -> Data:
         """A figure, what it shows and what it decides."""
-        base, logged = f"results/{self.ledger.paper}/{name}", self._log("plot", name)
+        base, logged = f"results/{self.parameters.paper}/{name}", self._log("plot", name)
         caption, source = self._caption(f"{base}.caption.rst", body["title"], name, logged)
         summary = "" if isinstance(caption, Gap) else first_sentence(caption)
         return {
@@ -216,14 +216,14 @@ class _Paper:
 
     def picture(self, name: str, title: str) -> Data:
         """A drawing of the samples that decided the claims."""
-        base, logged = f"results/{self.ledger.paper}/{name}", self._log("sensitivity")
+        base, logged = f"results/{self.parameters.paper}/{name}", self._log("sensitivity")
         drawing = self._drawing(base, self._place("claims"), logged)
         return {"name": name, "title": title, **drawing}
 
     def table(self, name: str, body: Mapping[str, Any]) -> Data:
         """A table of the paper, computed here."""
-        path, logged = f"results/{self.ledger.paper}/{name}.csv", self._log("table", name)
-        template = caption_template(self.build.folder, self.ledger.paper, name, "table")
+        path, logged = f"results/{self.parameters.paper}/{name}.csv", self._log("table", name)
+        template = caption_template(self.build.folder, self.parameters.paper, name, "table")
         return {
             "name": name,
             "title": body["title"],
@@ -236,7 +236,7 @@ class _Paper:
     def numbers(self, path: str, *step: str) -> Data | Gap:
         """The metrics of a figure, or all of the theory, and a link to their file."""
         most = MOST_ROWS if step[1:] else None
-        known = meanings(self.ledger.paper)
+        known = meanings(self.parameters.paper)
         place, logged = self._place(step[-1]), self._log(*step)
         found: Data | Gap = self.build.read(place, path, logged, metrics_table, known, most)
         return found if isinstance(found, Gap) else found | {"link": self.build.link(path)}
@@ -273,4 +273,4 @@ class _Paper:
 
 
 def _limitations(folder: Path, paper: str) -> str:
-    return read_claims(folder, paper).obstacles
+    return read_claims(folder, paper).limitations

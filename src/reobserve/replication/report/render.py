@@ -57,7 +57,7 @@ def render(report: dict[str, Any], templates: Path) -> str:
         lstrip_blocks=True,
     )
     environment.tests["gap"] = lambda value: isinstance(value, Gap)
-    environment.filters.update(ledger_key=ledger_key, parts=parts, ticks=_ticks, alike=alike)
+    environment.filters.update(parameter_key=parameter_key, parts=parts, ticks=_ticks, alike=alike)
     try:
         style, script = inline(templates / "report.css"), inline(templates / "report.js")
         return environment.get_template("page.html.jinja").render(
@@ -82,7 +82,7 @@ def _ticks(text: str) -> Any:
     return Markup(re.sub(r"`+([^`]+)`+", r"<code>\1</code>", str(escape(text))))
 
 
-def ledger_key(key: str, known: Sequence[str]) -> str:
+def parameter_key(key: str, known: Sequence[str]) -> str:
     """Return the first of the ``known`` keys that ``key`` is or is a number of; or nothing."""
     key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d is told of both
     while key and key not in known:

@@ -1,6 +1,6 @@
 """The matrix inequality (19) of the PD/PI observer, and that of the PI observer.
 
-The paper's page with (25) to (37) is derived anew. The error (10) with output e has the transfer
+The paper's page with (25) to (37) is derived again. The error (10) with output e has the transfer
 matrix G(s) = (s Eo - Ao)^-1 Bo. Its dual Eo^T z' = Ao^T z + v, yz = Bo^T z has G^T, thus the same
 norm; its input v has N entries, not those of dD as (22) and (24) print. With za = z' as a second
 half of the state, and S = Eo^T = I + C~^T Ld^T and M = Ao^T = A~^T - C~^T L^T, it is

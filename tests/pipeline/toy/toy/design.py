@@ -5,6 +5,6 @@ from reobserve.replication.parameters.job import read_job
 
 
 def compute(settings):
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     rate, pole = job.plant.rate, job.design.pole
     return {"gains": (2 * pole - rate, pole * pole), "names": ["l1", "l2"]}

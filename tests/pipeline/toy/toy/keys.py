@@ -1,4 +1,4 @@
-"""The keys of the ledger, as types."""
+"""The keys of the parameter file, as types."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Figure(job.StudyFigure):
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     plant: Plant
     designs: Mapping[str, Design]
     scenarios: Mapping[str, Scenario]

@@ -8,7 +8,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def estimate(settings, plant, design=None):
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     return run(job, plant, design["gains"] if design else job.observer.gains)
 
 

@@ -8,7 +8,7 @@ from reobserve.signals.series import Channel, Series
 
 
 def simulate(settings):
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     plant, push = job.plant, job.scenario.disturbance
     time = np.arange(round(plant.horizon / plant.step) + 1) * plant.step
     state = push / plant.rate * -np.expm1(-plant.rate * time)

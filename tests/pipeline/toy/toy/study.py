@@ -7,7 +7,7 @@ from reobserve.replication.parameters.job import read_job
 
 
 def run(settings, plant, design):
-    job, rows = read_job(keys.Ledger, settings), []
+    job, rows = read_job(keys.Parameters, settings), []
     for factor in job.study.factors:
         estimate = observed(job, plant, [factor * gain for gain in design["gains"]])
         rows.append({"factor": factor, "late_rms_error": late_error(job, plant, estimate)})

@@ -9,7 +9,7 @@ KINDS = {"gain": NAME, "printed": NUMBER, "computed": NUMBER}
 
 
 def rows(settings, design):
-    printed = read_job(keys.Ledger, settings).table.printed
+    printed = read_job(keys.Parameters, settings).table.printed
     return [
         dict(zip(HEADER, cells, strict=True))
         for cells in zip(design["names"], printed, design["gains"], strict=True)

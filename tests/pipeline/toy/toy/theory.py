@@ -6,7 +6,7 @@ from reobserve.replication.parameters.job import read_job
 
 
 def measure(settings, designs):
-    job = read_job(keys.Ledger, settings)
+    job = read_job(keys.Parameters, settings)
     first, second = designs["gains"]["gains"]
     defect = (job.plant.rate + first) ** 2 - 4 * second
     return [Metric("gains", "discriminant", defect, "1/s^2")]

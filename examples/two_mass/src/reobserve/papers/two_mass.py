@@ -85,7 +85,7 @@ class Metrics:
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Parameters:
     """All sections."""
 
     plant: Plant

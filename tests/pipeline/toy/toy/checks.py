@@ -1,4 +1,4 @@
-"""What the types of the ledger's keys cannot see: where gains come from, and that there are."""
+"""What the types of the parameter file's keys cannot see: where gains come from, and that there are."""
 
 from math import isfinite
 

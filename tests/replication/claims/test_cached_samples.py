@@ -1,4 +1,4 @@
-"""Draws that are kept: taken where nothing has moved, made again where anything has."""
+"""Samples that are cached: taken where nothing has moved, made again where anything has."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from pathlib import Path
 import pytest
 
 from reobserve.core.errors import DivergenceError, InputError, ReobserveError
-from reobserve.replication.claims import draws_command as commands
 from reobserve.replication.claims import outcomes
+from reobserve.replication.claims import sample_command as commands
+from reobserve.replication.claims.cached_samples import CachedSamples, alike, read_cached
 from reobserve.replication.claims.checks import Check
 from reobserve.replication.claims.choices import find_choice
-from reobserve.replication.claims.draws_command import draws_command, keep
-from reobserve.replication.claims.kept_draws import KeptDraws, alike, read_kept
 from reobserve.replication.claims.registry import Claim, Registry, read_registry
 from reobserve.replication.claims.robustness import Robustness, assess
+from reobserve.replication.claims.sample_command import keep, sample_command
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Metric
-from reobserve.replication.parameters.ledger import Ledger, default_ledger
 from reobserve.replication.parameters.names import samples_path
+from reobserve.replication.parameters.parameters import Parameters, default_parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN = "observers.continuous.K2"  # 2000, from 500 to 5000
 
 
@@ -37,7 +37,7 @@ class Code:
     def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
         """The numbers behind any figure."""
         self.calls += 1
-        gain = evaluator.ledger.section("observers")["continuous"]["K2"]
+        gain = evaluator.parameters.section("observers")["continuous"]["K2"]
         if 600 < gain < 700:
             raise InputError("K2", "must not be between 600 and 700")
         if 900 < gain < 1000:
@@ -59,21 +59,24 @@ def claim(above: float = 1000) -> Claim:
 
 
 def found(
-    one: Claim, kept: dict[str, KeptDraws] | None = None, draws: int = 40, ledger: Ledger = ILO
+    one: Claim,
+    cached: dict[str, CachedSamples] | None = None,
+    samples: int = 40,
+    parameters: Parameters = ILO,
 ) -> Robustness:
-    return assess(Evaluator(ledger), [one], draws, kept=kept)["it"]
+    return assess(Evaluator(parameters), [one], samples, cached=cached)["it"]
 
 
 def as_made(one: Robustness) -> Robustness:
     """The same, all of it made in one go."""
-    return replace(one, kept=0)
+    return replace(one, cached=0)
 
 
 @pytest.fixture
 def first(code: Code) -> Robustness:
-    """Drawn from nothing; the claim is near the line, so that no draws decide."""
-    one = found(claim(620), draws=60)
-    assert one.draws == 60
+    """Drawn from nothing; the claim is near the line, so that no samples decide."""
+    one = found(claim(620), samples=60)
+    assert one.samples == 60
     assert one.refused
     assert one.diverged
     code.calls = 0
@@ -81,63 +84,65 @@ def first(code: Code) -> Robustness:
 
 
 def test_what_is_kept_is_what_would_be_drawn(code: Code, first: Robustness) -> None:
-    again = found(claim(620), {"it": first.to_keep}, draws=60)
+    again = found(claim(620), {"it": first.to_keep}, samples=60)
     assert as_made(again) == first
-    assert code.calls == 1 + 2  # as stated, and the first two draws
-    assert again.kept == 58 or first.refused[0] < 2
+    assert code.calls == 1 + 2  # as stated, and the first two samples
+    assert again.cached == 58 or first.refused[0] < 2
 
 
 def test_more_are_drawn_than_are_kept(code: Code, first: Robustness) -> None:
-    longer = found(claim(620), {"it": first.to_keep}, draws=80)
-    assert longer.draws == 80
+    longer = found(claim(620), {"it": first.to_keep}, samples=80)
+    assert longer.samples == 80
     assert longer.trials[:60] == first.trials
-    assert as_made(longer) == found(claim(620), draws=80)
+    assert as_made(longer) == found(claim(620), samples=80)
 
 
 def test_fewer_draws_than_are_kept_lose_none(first: Robustness) -> None:
-    assert as_made(found(claim(620), {"it": first.to_keep}, draws=20)) == first
+    assert as_made(found(claim(620), {"it": first.to_keep}, samples=20)) == first
 
 
 def test_a_change_of_the_code_is_noticed(code: Code, first: Robustness) -> None:
     code.factor = 1.001
-    moved = found(claim(620), {"it": first.to_keep}, draws=60)
-    assert moved.kept == 0
-    assert moved == found(claim(620), draws=60)
+    moved = found(claim(620), {"it": first.to_keep}, samples=60)
+    assert moved.cached == 0
+    assert moved == found(claim(620), samples=60)
     code.factor = 1 + 1e-9  # rounding on another machine
-    assert found(claim(620), {"it": first.to_keep}, draws=60).kept > 50
+    assert found(claim(620), {"it": first.to_keep}, samples=60).cached > 50
 
 
 @pytest.mark.parametrize("what", ["bound", "seed", "value"])
-def test_other_claims_and_ledgers_take_nothing(code: Code, first: Robustness, what: str) -> None:
-    ledger = ILO
+def test_other_claims_and_parameter_files_take_nothing(
+    code: Code, first: Robustness, what: str
+) -> None:
+    parameters = ILO
     if what == "seed":
-        ledger = Ledger("ilo", ILO.tree, 2)
+        parameters = Parameters("ilo", ILO.tree, 2)
     if what == "value":
-        ledger = Ledger.load(ROOT, "ilo", {"observers": {"sampled": {"K2": 4000}}}, seed=1)
+        parameters = Parameters.load(ROOT, "ilo", {"observers": {"sampled": {"K2": 4000}}}, seed=1)
     one = claim(621 if what == "bound" else 620)
-    assert found(one, {"it": first.to_keep}, 60, ledger).kept == 0
+    assert found(one, {"it": first.to_keep}, 60, parameters).cached == 0
 
 
 def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -> None:
     path = tmp_path / samples_path("ilo")
     keep(tmp_path, "ilo", {"it": first})
-    assert read_kept(path, "ilo") == {"it": first.to_keep}
+    assert read_cached(path, "ilo") == {"it": first.to_keep}
     with pytest.raises(InputError, match="is of ilo, must be of lie"):
-        read_kept(path, "lie")
+        read_cached(path, "lie")
     stored = json.loads(path.read_text())
-    stored["claims"]["it"]["draws"][3] = "12 a"
+    stored["claims"]["it"]["samples"][3] = "12 a"
     path.write_text(json.dumps(stored))
-    with pytest.raises(InputError, match=r"draws\.3: '12 a' must be numbers"):
-        read_kept(path, "ilo")
+    with pytest.raises(InputError, match=r"samples\.3: '12 a' must be numbers"):
+        read_cached(path, "ilo")
 
 
 def test_no_flip_is_kept_where_nobody_looked(code: Code, tmp_path: Path) -> None:
-    silent = assess(Evaluator(ILO), [claim()], 20, flips=False)
+    silent = assess(Evaluator(ILO), [claim()], 20, reversals=False)
     keep(tmp_path, "ilo", silent)
-    assert read_kept(tmp_path / samples_path("ilo"), "ilo") == {}
+    assert read_cached(tmp_path / samples_path("ilo"), "ilo") == {}
     looked = found(claim(), {"it": silent["it"].to_keep}, 20)
-    assert looked.kept > 10
-    assert looked.flip is not None
+    assert looked.cached > 10
+    assert looked.reversal is not None
 
 
 def test_draws_are_alike_but_for_rounding() -> None:
@@ -151,11 +156,11 @@ def test_draws_are_alike_but_for_rounding() -> None:
 
 @pytest.mark.parametrize("paper", ["delay", "eso", "ilo", "imm", "lie"])
 def test_draws_are_kept_of_every_claim_as_it_is(paper: str) -> None:
-    """Where this fails, `make draws` makes those that are missing."""
-    ledger = default_ledger(ROOT, paper)
-    claims = [one for one in read_registry(ROOT, ledger).claims if one.checks and one.choices]
-    kept, here = read_kept(ROOT / samples_path(paper), paper), Evaluator(ledger)
-    assert {name: one.basis for name, one in kept.items()} == {
+    """Where this fails, `make samples` makes those that are missing."""
+    parameters = default_parameters(ROOT, paper)
+    claims = [one for one in read_registry(ROOT, parameters).claims if one.checks and one.choices]
+    cached, here = read_cached(ROOT / samples_path(paper), paper), Evaluator(parameters)
+    assert {name: one.basis for name, one in cached.items()} == {
         claim.name: outcomes.basis_of(here, claim) for claim in claims
     }
 
@@ -169,21 +174,21 @@ def test_the_command_goes_on_and_checks(
     (project / samples_path("ilo")).unlink(missing_ok=True)
     near = Registry(claims=[claim(620), replace(claim(5000), name="never")])
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
-    draws_command(project, ["ilo"], 100, check=False)
+    sample_command(project, ["ilo"], 100, check=False)
     told = capsys.readouterr().out.splitlines()
     assert [line.split(", ")[1] for line in told] == ["1 of 2 claims undecided"] * 3
-    kept = read_kept(project / samples_path("ilo"), "ilo")
-    assert [len(one.draws) for one in kept.values()] == [100, 36]
-    draws_command(project, ["ilo"], 100, check=True)
+    cached = read_cached(project / samples_path("ilo"), "ilo")
+    assert [len(one.samples) for one in cached.values()] == [100, 36]
+    sample_command(project, ["ilo"], 100, check=True)
     other = [claim(621), near.claims[1], replace(claim(5000), name="new")]
     monkeypatch.setattr(commands, "read_registry", lambda *_: Registry(claims=other))
-    with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
-        draws_command(project, ["ilo"], 30, check=True)
+    with pytest.raises(ReobserveError, match="2 claims have samples that come out otherwise"):
+        sample_command(project, ["ilo"], 30, check=True)
     assert capsys.readouterr().out.splitlines() == [
-        f"claims.ilo.{name}: no draws are kept of it as it is" for name in ("it", "new")
+        f"claims.ilo.{name}: no samples are cached of it as it is" for name in ("it", "new")
     ]
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     code.factor = 1.01
-    with pytest.raises(ReobserveError, match="2 claims have draws that come out otherwise"):
-        draws_command(project, ["ilo"], 30, check=True)
+    with pytest.raises(ReobserveError, match="2 claims have samples that come out otherwise"):
+        sample_command(project, ["ilo"], 30, check=True)
     assert "the first is 0: " in capsys.readouterr().out

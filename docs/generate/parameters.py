@@ -1,4 +1,4 @@
-"""Ledgers: every number of a paper with its unit, its source or its range, and the reason."""
+"""Parameter files: every number of a paper with its unit, its source or its range, and the reason."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NO_UNIT = ("1", "word", "file")
 
 
 def counts(papers: Sequence[Paper]) -> str:
-    """How many values each paper's ledger has, and how many of them are assumed."""
+    """How many values each paper's parameter file has, and how many of them are assumed."""
     rows = []
     for paper in papers:
         keys = [entry for entry in paper.entries for _ in entry.keys]
@@ -24,13 +24,13 @@ def counts(papers: Sequence[Paper]) -> str:
 
 
 def pages(papers: Sequence[Paper]) -> Iterator[Page]:
-    """The ledger of each paper."""
+    """The parameter file of each paper."""
     return map(_page, papers)
 
 
 def _page(paper: Paper) -> Page:
     parts = [
-        f"# Ledger of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
+        f"# Parameters of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
         f"[What was found](../../findings/{paper.name}.md)\n",
         "What the paper gives is listed with its place there. What it does not give is assumed, "
         "with the reason and the range in which another reader could have chosen. Keys with the "
@@ -41,7 +41,9 @@ def _page(paper: Paper) -> Page:
         rows = [_row(paper, entry) for entry in found]
         head = ("key", "value", "range", "source or reason")
         parts.append(f"## {code(section)} {{ #section-{section} }}\n\n{table(head, rows)}")
-    return Page(f"reference/ledgers/{paper.name}.md", f"Ledger of {paper.name}", "\n".join(parts))
+    return Page(
+        f"reference/parameters/{paper.name}.md", f"Parameters of {paper.name}", "\n".join(parts)
+    )
 
 
 def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:

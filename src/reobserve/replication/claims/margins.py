@@ -18,13 +18,13 @@ from reobserve.replication.claims.robustness import finding
 _MOVABLE = ("below", "above")
 
 
-def rooms(
+def margins(
     claim: Claim, stated: Outcome, drawn: Sequence[Outcome] = ()
 ) -> dict[Check, tuple[float, float]]:
     """By check with one bound: between which values it may be without another verdict.
 
-    The outcomes are those with the ledger as it is and of the draws. The ends are numbers at which
-    an outcome turns over, or infinite.
+    The outcomes are those with the parameter file as it is and of the samples. The ends are numbers
+    at which an outcome turns over, or infinite.
     """
     return {
         check: (_end(claim, k, stated, drawn, -1), _end(claim, k, stated, drawn, 1))
@@ -33,7 +33,7 @@ def rooms(
     }
 
 
-def tell_rooms(found: dict[Check, tuple[float, float]]) -> str:
+def format_margins(found: dict[Check, tuple[float, float]]) -> str:
     """The same for a reader."""
     return "; ".join(
         f"{check.relation} {check.bound:g} could be {_told(low, high)}"
@@ -68,8 +68,8 @@ def _end(claim: Claim, k: int, stated: Outcome, drawn: Sequence[Outcome], way: i
 class _Verdict:
     """Whether a claim holds, and whether that is firm, by the bound of one of its checks.
 
-    ``numbers`` are those that decide the check, as stated and in the draws, and ``others`` tells
-    where all other checks hold, both of shape (1 + draws,).
+    ``numbers`` are those that decide the check, as stated and in the samples, and ``others`` tells
+    where all other checks hold, both of shape (1 + samples,).
     """
 
     quantifier: Quantifier

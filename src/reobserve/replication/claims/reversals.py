@@ -11,22 +11,22 @@ from reobserve.core.errors import InputError, shown
 from reobserve.replication.claims.choices import Knob, change
 from reobserve.replication.claims.outcomes import Outcomes
 from reobserve.replication.claims.registry import Claim
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
-# Shares of the way from a value to an end of its range at which a flip is looked for, and how often
-# the first interval that holds one is halved. Expensive claims are looked at the ends only, and
-# only the smallest of the changes is narrowed.
+# Shares of the way from a value to an end of its range at which a reversal is looked for, and how
+# often the first interval that holds one is halved. Expensive claims are looked at the ends only,
+# and only the smallest of the changes is narrowed.
 _STEPS = (1 / 16, 1 / 4, 1.0)
 _HALVINGS = 4
 
 
 @dataclass(frozen=True)
-class Flip:
-    """The smallest change of one number of the ledger that was found to flip a claim.
+class Reversal:
+    """The smallest change of one number of the parameter file that was found to reverse a claim.
 
-    ``key`` is a ledger key (of several that move together in one, as ``a.{b,c}.d``) with the place
-    in its value, ``unit`` that of the entry; ``size`` is the part of the number's range (of
-    magnitudes where it spans a decade) that it moves, one for a word.
+    ``key`` is a parameter file key (of several that move together in one, as ``a.{b,c}.d``) with
+    the place in its value, ``unit`` that of the entry; ``size`` is the part of the number's range
+    (of magnitudes where it spans a decade) that it moves, one for a word.
     """
 
     key: str
@@ -49,7 +49,7 @@ def is_number(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class _Bracket:
-    """A change of one knob that flips a claim, and a smaller one that does not."""
+    """A change of one knob that reverses a claim, and a smaller one that does not."""
 
     knob: Knob
     toward: float
@@ -58,9 +58,9 @@ class _Bracket:
     value: Any
 
 
-def smallest_flips(
-    ledger: Ledger, outcomes: Outcomes, claims: Sequence[Claim]
-) -> dict[str, Flip | None]:
+def smallest_reversals(
+    parameters: Parameters, outcomes: Outcomes, claims: Sequence[Claim]
+) -> dict[str, Reversal | None]:
     """By claim: the smallest change of one of its choices that was found to turn it over."""
     stated = {claim.name: _holds_as_stated(outcomes, claim) for claim in claims}
     brackets: dict[str, list[_Bracket]] = {claim.name: [] for claim in claims}
@@ -68,27 +68,27 @@ def smallest_flips(
     for knob in knobs.values():
         concerned = [c for c in claims if any(knob in choice.knobs for choice in c.choices)]
         for toward in (0.0, 1.0):
-            _scan(ledger, outcomes, knob, toward, concerned, stated, brackets)
-    units = {key: entry["unit"] for key, entry in ledger.entries()}
-    flips: dict[str, Flip | None] = {}
+            _scan(parameters, outcomes, knob, toward, concerned, stated, brackets)
+    units = {key: entry["unit"] for key, entry in parameters.entries()}
+    reversals: dict[str, Reversal | None] = {}
     for claim in claims:
         best: _Bracket | None = None
         ordered = sorted(brackets[claim.name], key=lambda one: (one.size, one.below))
         for bracket in ordered[: 1 if claim.expensive else None]:
             if best is None or bracket.below < best.size:
-                narrowed = _narrow(ledger, outcomes, claim, stated[claim.name], bracket)
+                narrowed = _narrow(parameters, outcomes, claim, stated[claim.name], bracket)
                 best = narrowed if best is None else min(best, narrowed, key=lambda one: one.size)
-        flips[claim.name] = None if best is None else _flip(best, units)
-    return flips
+        reversals[claim.name] = None if best is None else _reversal(best, units)
+    return reversals
 
 
-def _flip(bracket: _Bracket, units: Mapping[str, str]) -> Flip:
+def _reversal(bracket: _Bracket, units: Mapping[str, str]) -> Reversal:
     knob = bracket.knob
-    return Flip(knob.name, units[knob.keys[0]], knob.value, bracket.value, bracket.size)
+    return Reversal(knob.name, units[knob.keys[0]], knob.value, bracket.value, bracket.size)
 
 
 def _scan(
-    ledger: Ledger,
+    parameters: Parameters,
     outcomes: Outcomes,
     knob: Knob,
     toward: float,
@@ -96,7 +96,7 @@ def _scan(
     stated: dict[str, bool],
     brackets: dict[str, list[_Bracket]],
 ) -> None:
-    """Move a knob towards an end of its range until claims flip; keep where each flips first."""
+    """Move a knob towards an end of its range until claims reversal; keep where each flips first."""
     if knob.words:
         # Words have no order: each other one is a change by itself, looked at once.
         moves = [(1.0, word) for word in knob.words if word != knob.value] if toward else []
@@ -109,7 +109,7 @@ def _scan(
         last = step == len(moves) - 1
         here = [claim for claim in waiting if last or not claim.expensive]
         if value != knob.value and here:
-            held = _held(ledger, outcomes, knob, value, here)
+            held = _held(parameters, outcomes, knob, value, here)
             for claim in here:
                 if held[claim.name] != stated[claim.name]:
                     lower = 0.0 if claim.expensive or knob.words else below
@@ -120,7 +120,7 @@ def _scan(
 
 
 def _narrow(
-    ledger: Ledger, outcomes: Outcomes, claim: Claim, stated: bool, bracket: _Bracket
+    parameters: Parameters, outcomes: Outcomes, claim: Claim, stated: bool, bracket: _Bracket
 ) -> _Bracket:
     """Halve the interval between the change that flips and the one that does not."""
     knob = bracket.knob
@@ -133,7 +133,7 @@ def _narrow(
         value = knob.at(start + sign * size)
         if value in (knob.value, bracket.value):
             break
-        held = _held(ledger, outcomes, knob, value, [claim])
+        held = _held(parameters, outcomes, knob, value, [claim])
         if held[claim.name] != stated:
             bracket = dataclasses.replace(bracket, size=size, value=value)
         else:
@@ -142,11 +142,11 @@ def _narrow(
 
 
 def _held(
-    ledger: Ledger, outcomes: Outcomes, knob: Knob, value: Any, claims: list[Claim]
+    parameters: Parameters, outcomes: Outcomes, knob: Knob, value: Any, claims: list[Claim]
 ) -> dict[str, bool]:
     """Which claims hold; none where the code refuses the value."""
     try:
-        found = outcomes.apart().at(change(ledger, knob, value), claims)
+        found = outcomes.apart().at(change(parameters, knob, value), claims)
     except InputError:
         return dict.fromkeys((claim.name for claim in claims), False)
     return {name: one.held for name, one in found.items()}

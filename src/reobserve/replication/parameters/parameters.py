@@ -1,8 +1,8 @@
-"""The assumption ledger: a paper's config, checked, merged with overrides, and what runs.
+"""The Parameters: a paper's config, checked, merged with overrides, and what runs.
 
-A ledger is a tree whose leaves are entries: a value with its unit and its source. Stages get
-the plain values of the branches they depend on and nothing else (`Ledger.settings`), so that
-what is hashed to decide whether an output is stale is what the stage can see.
+A parameter file is a tree whose leaves are entries: a value with its unit and its source. Stages
+get the plain values of the branches they depend on and nothing else (`Parameters.settings`), so
+that what is hashed to decide whether an output is stale is what the stage can see.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ _NAMING = {
 
 
 @dataclass(frozen=True)
-class Ledger:
-    """The resolved ledger of one paper.
+class Parameters:
+    """The resolved parameter file of one paper.
 
     ``tree`` is the whole file as nested dicts, ``seed`` the root of the random streams.
     """
@@ -53,8 +53,8 @@ class Ledger:
     @classmethod
     def load(
         cls, project: Path, paper: str, overrides: Tree | None = None, seed: int = 0
-    ) -> Ledger:
-        """The ledger of ``config/papers/<paper>.yaml`` with ``overrides`` merged in, checked.
+    ) -> Parameters:
+        """The parameter file of ``config/papers/<paper>.yaml`` with ``overrides`` merged in, checked.
 
         Raises
         ------
@@ -68,29 +68,29 @@ class Ledger:
         check_plain(overrides or {}, paper)
         tree = resolve(tree, overrides or {}, paper)
         parse(ParameterFile, tree, paper)
-        ledger = cls(paper, tree, seed)
-        ledger._check_ranges()
-        ledger._check_references()
-        return ledger
+        parameters = cls(paper, tree, seed)
+        parameters._check_ranges()
+        parameters._check_references()
+        return parameters
 
     @classmethod
-    def read(cls, path: str | Path) -> Ledger:
+    def read(cls, path: str | Path) -> Parameters:
         """Read what `text` was written to.
 
         Raises
         ------
         InputError
-            If the file is missing or no ledger.
+            If the file is missing or no parameters.
         """
         stored = parse(StoredFile, read_json(path), str(path))
-        parse(ParameterFile, stored.ledger, str(path))
-        ledger = cls(stored.paper, stored.ledger, stored.seed)
-        ledger._check_references()
-        return ledger
+        parse(ParameterFile, stored.parameters, str(path))
+        parameters = cls(stored.paper, stored.parameters, stored.seed)
+        parameters._check_references()
+        return parameters
 
     def text(self) -> str:
-        """The ledger as JSON, the same for the same content."""
-        stored = {"paper": self.paper, "seed": self.seed, "ledger": self.tree}
+        """The parameter file as JSON, the same for the same content."""
+        stored = {"paper": self.paper, "seed": self.seed, "parameters": self.tree}
         return json.dumps(stored, indent=1, ensure_ascii=False) + "\n"
 
     def section(self, *path: str) -> Tree:
@@ -129,13 +129,13 @@ class Ledger:
         found: Tree = _without(self.tree, wording)
         return found
 
-    def refined(self) -> Ledger:
-        """The same ledger with every numerical step [s] halved."""
+    def refined(self) -> Parameters:
+        """The same parameter file with every numerical step [s] halved."""
         tree = copy.deepcopy(self.tree)
         for _, entry in _entries(tree, ""):
             if entry.get("numerical") and entry["unit"] == "s":
                 entry["value"] /= 2
-        return Ledger(self.paper, tree, self.seed)
+        return Parameters(self.paper, tree, self.seed)
 
     def _check_ranges(self) -> None:
         for path, entry in self.entries():
@@ -160,9 +160,9 @@ class Ledger:
                             )
 
 
-def default_ledger(project: Path, paper: str) -> Ledger:
-    """The ledger of a paper without overrides, with the seed of the config."""
-    return Ledger.load(project, paper, seed=default_seed(project))
+def default_parameters(project: Path, paper: str) -> Parameters:
+    """The parameter file of a paper without overrides, with the seed of the config."""
+    return Parameters.load(project, paper, seed=default_seed(project))
 
 
 def default_seed(project: Path) -> int:

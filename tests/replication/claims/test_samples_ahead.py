@@ -1,4 +1,4 @@
-"""Draws made ahead in chunks: what is gathered has the same bytes, whatever the chunks."""
+"""Samples made ahead in chunks: what is gathered has the same bytes, whatever the chunks."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from random import Random
 
 import pytest
 
-from reobserve.cli.stages.draw import numbers_of
+from reobserve.cli.stages.sample import numbers_of
 from reobserve.core.errors import DivergenceError, InputError
 from reobserve.replication.claims import outcomes
+from reobserve.replication.claims.cached_samples import CachedSamples
 from reobserve.replication.claims.checks import Check
 from reobserve.replication.claims.choices import find_choice
-from reobserve.replication.claims.draws_ahead import make_ahead
-from reobserve.replication.claims.kept_draws import KeptDraws
-from reobserve.replication.claims.known_draws import MadeDraws, read_chunks, write_chunk
+from reobserve.replication.claims.known_samples import MadeSamples, read_chunks, write_chunk
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.claims.robustness import Inquiry, Robustness, assess
 from reobserve.replication.claims.robustness_file import to_data
+from reobserve.replication.claims.samples_ahead import make_ahead
 from reobserve.replication.evaluation import Evaluator
 from reobserve.replication.metrics.metrics import Metric
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 ROOT = Path(__file__).parents[3]
-ILO = Ledger.load(ROOT, "ilo", seed=1)
+ILO = Parameters.load(ROOT, "ilo", seed=1)
 GAIN, SHARE = "observers.continuous.K2", "observers.forgetting.K1"
 DRAWS = 90
 
 
 class Code:
-    """Stands for what computes: a gain times a factor, some refused, some lost; all calls kept."""
+    """Stands for what computes: a gain times a factor, some refused, some lost; all calls cached."""
 
     def __init__(self) -> None:
         self.factor = 1.0
@@ -40,7 +40,7 @@ class Code:
 
     def __call__(self, evaluator: Evaluator, figure: str, asked: object = None) -> list[Metric]:
         """The numbers behind any figure."""
-        observers = evaluator.ledger.section("observers")
+        observers = evaluator.parameters.section("observers")
         gain = observers["continuous"]["K2"]
         self.asked.append(gain)
         if 600 < gain < 700:
@@ -72,30 +72,34 @@ CLAIMS = [
 
 
 def gathered(
-    chunks: Sequence[Path] = (), kept: dict[str, KeptDraws] | None = None, draws: int = DRAWS
+    chunks: Sequence[Path] = (),
+    cached: dict[str, CachedSamples] | None = None,
+    samples: int = DRAWS,
 ) -> str:
     """What the robustness writes."""
-    found = assess(Evaluator(ILO), CLAIMS, draws, kept=kept, made=read_chunks(chunks, "ilo"))
+    found = assess(Evaluator(ILO), CLAIMS, samples, cached=cached, made=read_chunks(chunks, "ilo"))
     return json.dumps({name: to_data(one) for name, one in found.items()})
 
 
-def chunks_of(draws: int, chunks: int) -> list[str]:
+def chunks_of(samples: int, chunks: int) -> list[str]:
     """The names of the chunks, as the rules have them."""
-    size = -(-draws // chunks)
-    return [f"{start}-{start + size - 1}" for start in range(0, draws, size)]
+    size = -(-samples // chunks)
+    return [f"{start}-{start + size - 1}" for start in range(0, samples, size)]
 
 
-def make(folder: Path, chunk: str, kept: dict[str, KeptDraws] | None = None) -> Path:
+def make(folder: Path, chunk: str, cached: dict[str, CachedSamples] | None = None) -> Path:
     """The file of a chunk."""
-    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, kept)
+    inquiry = Inquiry.begin(Evaluator(ILO), CLAIMS, cached)
     bases = {name: one.basis for name, one in inquiry.found.items()}
     path = folder / f"{chunk}.json"
     write_chunk(path, "ilo", bases, make_ahead(inquiry, numbers_of(chunk)))
     return path
 
 
-def make_all(folder: Path, chunks: int, kept: dict[str, KeptDraws] | None = None) -> list[Path]:
-    return [make(folder, chunk, kept) for chunk in chunks_of(DRAWS, chunks)]
+def make_all(
+    folder: Path, chunks: int, cached: dict[str, CachedSamples] | None = None
+) -> list[Path]:
+    return [make(folder, chunk, cached) for chunk in chunks_of(DRAWS, chunks)]
 
 
 @pytest.mark.parametrize("chunks", [1, 2, 5, 18])
@@ -117,13 +121,13 @@ def test_who_gathers_draws_nothing_again(code: Code, tmp_path: Path) -> None:
     assert len(code.asked) == 1  # as stated
 
 
-def assess_made(made: MadeDraws) -> dict[str, Robustness]:
-    return assess(Evaluator(ILO), CLAIMS, DRAWS, flips=False, made=made)
+def assess_made(made: MadeSamples) -> dict[str, Robustness]:
+    return assess(Evaluator(ILO), CLAIMS, DRAWS, reversals=False, made=made)
 
 
 def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path: Path) -> None:
-    """The first one knows that; later ones, which do not wait for it, draw all their numbers."""
-    ends = {name: one.draws for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
+    """The first one knows that; later ones, which do not wait for it, sample all their numbers."""
+    ends = {name: one.samples for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
     assert ends["soon decided"] < 45 < ends["later decided"] < DRAWS == ends["near the line"]
     first, second = (json.loads(path.read_text())["claims"] for path in make_all(tmp_path, 2))
     for name, end in ends.items():
@@ -134,8 +138,8 @@ def test_a_chunk_does_not_draw_on_where_it_decides_a_claim(code: Code, tmp_path:
 def test_a_chunk_draws_nothing_of_a_claim_that_kept_draws_decide(
     code: Code, tmp_path: Path
 ) -> None:
-    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
-    chunk = json.loads(make(tmp_path, "50-59", kept).read_text())["claims"]
+    cached = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, DRAWS).items()}
+    chunk = json.loads(make(tmp_path, "50-59", cached).read_text())["claims"]
     assert chunk["soon decided"]["numbers"] == []
 
 
@@ -155,26 +159,28 @@ def test_a_chunk_that_is_made_again_is_the_same(code: Code, tmp_path: Path) -> N
 
 def test_chunks_serve_more_draws(code: Code, tmp_path: Path) -> None:
     paths = make_all(tmp_path, 5)
-    assert gathered(paths, draws=2 * DRAWS) == gathered(draws=2 * DRAWS)
+    assert gathered(paths, samples=2 * DRAWS) == gathered(samples=2 * DRAWS)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.001])
 def test_chunks_leave_out_what_is_kept_unless_the_code_has_changed(
     code: Code, tmp_path: Path, factor: float
 ) -> None:
-    kept = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, 40).items()}
+    cached = {name: one.to_keep for name, one in assess(Evaluator(ILO), CLAIMS, 40).items()}
     code.factor = factor
-    paths = make_all(tmp_path, 5, kept)
-    assert gathered(paths, kept) == gathered(kept=kept)
+    paths = make_all(tmp_path, 5, cached)
+    assert gathered(paths, cached) == gathered(cached=cached)
     drawn = json.loads(paths[1].read_text())["claims"]["near the line"]["numbers"]
     assert bool(drawn) == (factor != 1)
 
 
-def test_chunks_of_other_ledgers_and_claims_are_not_taken(code: Code, tmp_path: Path) -> None:
+def test_chunks_of_other_parameter_files_and_claims_are_not_taken(
+    code: Code, tmp_path: Path
+) -> None:
     paths = make_all(tmp_path, 2)
     other = replace(CLAIMS[0], checks=(Check.parse({"value": "fig1 a gain", "above": 621}),))
     alone = assess(Evaluator(ILO), [other], 20)
-    code.factor = 2.0  # so that draws of before would show
+    code.factor = 2.0  # so that samples of before would show
     fresh = assess(Evaluator(ILO), [other], 20, made=read_chunks(paths, "ilo"))
     assert fresh == assess(Evaluator(ILO), [other], 20) != alone
 
@@ -183,9 +189,9 @@ def test_chunks_of_other_ledgers_and_claims_are_not_taken(code: Code, tmp_path: 
     ("path", "value", "said"),
     [
         (("paper",), "lie", "is of lie, must be of ilo"),
-        (("claims", "soon decided", "numbers", 0), 7, "must be numbers of draws, rising"),
+        (("claims", "soon decided", "numbers", 0), 7, "must be numbers of samples, rising"),
         (("claims", "soon decided", "numbers"), [1], "must be 1"),
-        (("claims", "soon decided", "draws", 0), "1 a", "must be numbers"),
+        (("claims", "soon decided", "samples", 0), "1 a", "must be numbers"),
         (("claims", "soon decided", "basis"), None, "basis"),
     ],
 )

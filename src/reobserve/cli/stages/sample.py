@@ -1,4 +1,4 @@
-"""Stage draw: a chunk of the draws that decide the claims of a paper, in this one process."""
+"""Stage sample: a chunk of the samples that decide the claims of a paper, in this one process."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reobserve.core.errors import InputError, shown
-from reobserve.replication.claims.draws_ahead import make_ahead
-from reobserve.replication.claims.kept_draws import read_kept
-from reobserve.replication.claims.known_draws import write_chunk
+from reobserve.replication.claims.cached_samples import read_cached
+from reobserve.replication.claims.known_samples import write_chunk
 from reobserve.replication.claims.registry import read_registry
 from reobserve.replication.claims.robustness import Inquiry
+from reobserve.replication.claims.samples_ahead import make_ahead
 from reobserve.replication.evaluation import Evaluator
-from reobserve.replication.parameters.ledger import Ledger
+from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(
-    ledger_file: Path, chunk: str, kept: Path | None, study_files: Sequence[Path], output: Path,
+    parameter_file: Path, chunk: str, cached: Path | None, study_files: Sequence[Path], output: Path,
     project: Path,
 ) -> None:  # fmt: skip
     """Draw and write; `reobserve.cli.stages.robustness` gathers."""
     numbers = numbers_of(chunk)
-    ledger = Ledger.read(ledger_file)
-    evaluator = Evaluator(ledger)
+    parameters = Parameters.read(parameter_file)
+    evaluator = Evaluator(parameters)
     if study_files:
         evaluator.take_studies(study_files)
-    past = {} if kept is None else read_kept(kept, ledger.paper)
-    inquiry = Inquiry.begin(evaluator, read_registry(project, ledger).claims, past)
+    past = {} if cached is None else read_cached(cached, parameters.paper)
+    inquiry = Inquiry.begin(evaluator, read_registry(project, parameters).claims, past)
     bases = {name: one.basis for name, one in inquiry.found.items()}
-    write_chunk(output, ledger.paper, bases, make_ahead(inquiry, numbers))
+    write_chunk(output, parameters.paper, bases, make_ahead(inquiry, numbers))
 
 
 def numbers_of(chunk: str) -> range:

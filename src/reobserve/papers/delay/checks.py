@@ -1,4 +1,4 @@
-"""What of the ledger takes building to see: errors show before a long build."""
+"""What of the parameter file takes building to see: errors show before a long build."""
 
 from __future__ import annotations
 

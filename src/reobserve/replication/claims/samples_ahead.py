@@ -1,22 +1,22 @@
-"""A chunk of draws, made ahead of those who decide claims by them."""
+"""A chunk of samples, made ahead of those who decide claims by them."""
 
 from __future__ import annotations
 
-from reobserve.replication.claims.known_draws import AGAIN, Numbers
+from reobserve.replication.claims.known_samples import AGAIN, Numbers
 from reobserve.replication.claims.registry import Claim
 from reobserve.replication.claims.robustness import Inquiry
 
 
 def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]]:
-    """The draws of a chunk by claim, without those that are kept.
+    """The samples of a chunk by claim, without those that are cached.
 
-    Nothing is drawn of a claim that the kept draws before the chunk decide. Chunks do not wait for
-    each other, so a chunk may draw what nobody will need; it cannot draw what would decide
+    Nothing is drawn of a claim that the cached samples before the chunk decide. Chunks do not wait
+    for each other, so a chunk may sample what nobody will need; it cannot sample what would decide
     otherwise.
     """
     known = inquiry.known
-    again = [claim for claim in inquiry.claims if known[claim.name].kept]
-    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is kept
+    again = [claim for claim in inquiry.claims if known[claim.name].cached]
+    for number in range(min(AGAIN, numbers.start)):  # to see whether the code gives what is cached
         inquiry.ask(number, again)
     joined = {claim.name for claim in inquiry.claims if _joins(inquiry, claim, numbers.start)}
     for number in numbers:
@@ -32,7 +32,7 @@ def make_ahead(inquiry: Inquiry, numbers: range) -> dict[str, dict[int, Numbers]
 
 
 def _joins(inquiry: Inquiry, claim: Claim, start: int) -> bool:
-    """Take all draws of a claim before ``start`` that are known; whether those are all."""
+    """Take all samples of a claim before ``start`` that are known; whether those are all."""
     for number in range(start):
         if inquiry.found[claim.name].decided:
             break

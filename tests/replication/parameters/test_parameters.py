@@ -1,4 +1,4 @@
-"""The ledger: what it demands of an entry, how overrides merge, what a job gets to see."""
+"""The parameter file: what it demands of an entry, how overrides merge, what a job gets to see."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from reobserve.core.documents import read_yaml
 from reobserve.core.errors import InputError
 from reobserve.core.matrices import as_floats
 from reobserve.replication.parameters.config import known_papers
-from reobserve.replication.parameters.ledger import Ledger, digest, leaves
 from reobserve.replication.parameters.overrides import OVERRIDDEN
+from reobserve.replication.parameters.parameters import Parameters, digest, leaves
 
 ROOT = Path(__file__).parents[3]
 
 
-def load(overrides: dict[str, Any] | None = None) -> Ledger:
-    return Ledger.load(ROOT, "ilo", overrides)
+def load(overrides: dict[str, Any] | None = None) -> Parameters:
+    return Parameters.load(ROOT, "ilo", overrides)
 
 
-def entry(ledger: Ledger, key: str) -> dict[str, Any]:
-    return dict(ledger.entries())[key]
+def entry(parameters: Parameters, key: str) -> dict[str, Any]:
+    return dict(parameters.entries())[key]
 
 
 def test_a_folder_of_papers_that_cannot_be_read_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,7 +39,7 @@ def test_a_folder_of_papers_that_cannot_be_read_is_named(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_every_entry_has_a_source_and_assumptions_their_reason(paper: str) -> None:
-    entries = dict(Ledger.load(ROOT, paper).entries())
+    entries = dict(Parameters.load(ROOT, paper).entries())
     assert len(entries) > (50 if paper == "ilo" else 0)
     for key, body in entries.items():
         assert body["source"], key
@@ -58,14 +58,14 @@ def test_no_number_of_the_paper_stands_in_the_source() -> None:
 
 
 def test_a_bare_value_replaces_the_value_and_says_so() -> None:
-    ledger = load({"observers": {"sampled": {"K2": 1500}}})
-    body = entry(ledger, "observers.sampled.K2")
+    parameters = load({"observers": {"sampled": {"K2": 1500}}})
+    body = entry(parameters, "observers.sampled.K2")
     assert (body["value"], body["unit"], body["source"]) == (1500, "N m s/rad", OVERRIDDEN)
     assert "why" not in body, "the reason was that of the other value"
     # YAML shares the entry between observers; an override must not leak to the others.
     other = "observers.continuous.K2"
-    assert entry(ledger, other)["value"] == entry(load(), other)["value"]
-    assert entry(ledger, other)["source"] == "assumed"
+    assert entry(parameters, other)["value"] == entry(load(), other)["value"]
+    assert entry(parameters, other)["source"] == "assumed"
 
 
 def test_an_override_may_bring_its_own_source() -> None:
@@ -77,47 +77,50 @@ def test_an_override_may_bring_its_own_source() -> None:
 
 def test_words_that_spell_numbers_are_numbers() -> None:
     """Snakemake hands nested --config values over as words."""
-    ledger = load({"observers": {"sampled": {"K2": "1e3", "label": "7"}}})
-    assert ledger.section("observers", "sampled")["K2"] == 1000.0
-    assert ledger.section("observers", "sampled")["label"] == "7"
+    parameters = load({"observers": {"sampled": {"K2": "1e3", "label": "7"}}})
+    assert parameters.section("observers", "sampled")["K2"] == 1000.0
+    assert parameters.section("observers", "sampled")["label"] == "7"
 
 
 def test_like_starts_from_a_sibling_and_changes_only_what_is_said() -> None:
-    ledger = load({"observers": {"mine": {"like": "forgetting", "K1": 0.8}}})
-    mine, model = ledger.section("observers", "mine"), ledger.section("observers", "forgetting")
+    parameters = load({"observers": {"mine": {"like": "forgetting", "K1": 0.8}}})
+    mine, model = (
+        parameters.section("observers", "mine"),
+        parameters.section("observers", "forgetting"),
+    )
     assert mine == {**model, "K1": 0.8}
     with pytest.raises(InputError, match="there is no 'forgeting'; did you mean 'forgetting'"):
         load({"observers": {"mine": {"like": "forgeting"}}})
 
 
-def test_the_ledger_survives_its_file(tmp_path: Path) -> None:
-    ledger = Ledger.load(ROOT, "ilo", seed=7)
+def test_the_parameter_survives_its_file(tmp_path: Path) -> None:
+    parameters = Parameters.load(ROOT, "ilo", seed=7)
     path = tmp_path / "parameters.json"
-    path.write_text(ledger.text())
-    assert Ledger.read(path) == ledger
-    path.write_text(ledger.text()[:100])
+    path.write_text(parameters.text())
+    assert Parameters.read(path) == parameters
+    path.write_text(parameters.text()[:100])
     with pytest.raises(InputError, match=r"parameters.json: is not JSON: Unterminated string"):
-        Ledger.read(path)
+        Parameters.read(path)
 
 
 def test_a_job_sees_what_it_may_depend_on_and_nothing_else() -> None:
     """Change every entry in turn: the digest of a job moves if and only if it should."""
-    ledger = load()
+    parameters = load()
     jobs = {
         "plant constant": ("plant", "constant"),
         "observe forgetting": ("observe", "forgetting"),
         "metrics fig1": ("metrics", "fig1"),
     }
     seen: dict[str, set[str]] = {job: set() for job in jobs}
-    for key, _ in ledger.entries():
-        tree = copy.deepcopy(ledger.tree)
+    for key, _ in parameters.entries():
+        tree = copy.deepcopy(parameters.tree)
         branch: Any = tree
         for word in key.split("."):
             branch = branch[word]
         branch["value"] = "changed"
-        changed = Ledger("ilo", tree, 0)
+        changed = Parameters("ilo", tree, 0)
         for job, request in jobs.items():
-            if digest(changed.settings(*request)) != digest(ledger.settings(*request)):
+            if digest(changed.settings(*request)) != digest(parameters.settings(*request)):
                 seen[job].add(key.rpartition(".")[0])
     assert seen["plant constant"] == {"plant", "scenarios.constant"}
     assert seen["observe forgetting"] == {"plant", "observers.forgetting"}
@@ -161,7 +164,7 @@ def test_the_schema_bites(project: Path, case: str) -> None:
     change(tree["observers"]["sampled"]["K2"])
     path.write_text(yaml.safe_dump(tree))
     with pytest.raises(InputError) as caught:
-        Ledger.load(project, "ilo")
+        Parameters.load(project, "ilo")
     assert "ilo.observers.sampled" in str(caught.value)
     assert said in str(caught.value)
 
@@ -172,7 +175,7 @@ def test_a_range_must_fit_the_value(project: Path) -> None:
     tree["plant"]["control"]["range"]["*.amplitud"] = [0, 1]
     path.write_text(yaml.safe_dump(tree))
     with pytest.raises(InputError, match=r"control\.range: '\*\.amplitud' matches nothing"):
-        Ledger.load(project, "ilo")
+        Parameters.load(project, "ilo")
 
 
 def test_a_value_must_be_one_of_its_choices(project: Path) -> None:
@@ -181,7 +184,7 @@ def test_a_value_must_be_one_of_its_choices(project: Path) -> None:
     tree["plant"]["step"]["value"] = 2e-4
     path.write_text(yaml.safe_dump(tree))
     with pytest.raises(InputError) as error:
-        Ledger.load(project, "ilo")
+        Parameters.load(project, "ilo")
     assert str(error.value) == (
         "ilo.plant.step: 0.0002 must be one of [6.25e-05, 0.000125, 0.00025], its range"
     )
@@ -191,10 +194,10 @@ def test_a_file_that_is_no_yaml_is_named(project: Path) -> None:
     path = project / "config/papers/ilo.yaml"
     path.write_text("plant: [1, 2")
     with pytest.raises(InputError, match=r"ilo\.yaml: is not YAML"):
-        Ledger.load(project, "ilo")
+        Parameters.load(project, "ilo")
     path.write_text("- 1\n")
     with pytest.raises(InputError, match="must be a mapping"):
-        Ledger.load(project, "ilo")
+        Parameters.load(project, "ilo")
 
 
 def test_leaves_walk_lists_and_mappings() -> None:
@@ -220,13 +223,13 @@ def test_what_is_no_number_is_refused(value: Any) -> None:
 def test_a_section_is_open_at_the_top_only(overrides: dict[str, Any]) -> None:
     """A study of `eso` is called like the section that takes designs of one's own."""
     with pytest.raises(InputError, match="unknown key"):
-        Ledger.load(ROOT, "eso", overrides)
+        Parameters.load(ROOT, "eso", overrides)
 
 
 def test_a_value_that_the_paper_names_lies_in_its_range() -> None:
-    tree = copy.deepcopy(Ledger.load(ROOT, "ilo").tree)
+    tree = copy.deepcopy(Parameters.load(ROOT, "ilo").tree)
     tree["observers"]["sampled"]["K2"]["named"] = [1e6]
     with pytest.raises(
         InputError, match=r"ilo\.observers\.sampled\.K2\.named: 1000000.0 is outside"
     ):
-        Ledger("ilo", tree, 1)._check_ranges()
+        Parameters("ilo", tree, 1)._check_ranges()

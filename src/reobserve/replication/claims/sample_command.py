@@ -1,0 +1,94 @@
+"""The command that keeps samples of claims beside the parameter files, or makes the cached ones again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from reobserve.core.errors import ReobserveError
+from reobserve.replication.claims.cached_samples import (
+    CachedSamples,
+    alike,
+    read_cached,
+    write_cached,
+)
+from reobserve.replication.claims.registry import Claim, claims_file, read_registry
+from reobserve.replication.claims.robustness import Robustness, assess
+from reobserve.replication.evaluation import Evaluator
+from reobserve.replication.parameters.config import known_papers, named_papers
+from reobserve.replication.parameters.names import samples_path
+from reobserve.replication.parameters.parameters import Parameters, default_parameters
+
+_FIRST = 40  # samples; from here on the most is doubled, and what is there is cached each time
+
+
+def sample_command(project: Path, paper: Sequence[str], most: int, check: bool) -> None:
+    """Draw until claims are decided or ``most`` samples are made, going on from those that are cached.
+
+    With ``check`` nothing is cached, and all are made again that are, up to ``most`` of a claim.
+
+    Raises
+    ------
+    ReobserveError
+        If a sample that is made again comes out otherwise.
+    """
+    known = [one for one in known_papers(project) if claims_file(project, one).is_file()]
+    differing = []
+    for one in named_papers(known, paper):
+        parameters = default_parameters(project, one)
+        claims = read_registry(project, parameters).claims
+        if check:
+            differing += _differences(parameters, claims, _kept(project, one), most)
+        else:
+            _sample_on(project, parameters, claims, most)
+    if differing:
+        print("\n".join(differing))
+        raise ReobserveError(f"{len(differing)} claims have samples that come out otherwise")
+
+
+def keep(project: Path, paper: str, found: Mapping[str, Robustness]) -> None:
+    """Keep what was found of a paper's claims."""
+    write_cached(project, paper, {name: one.to_keep for name, one in found.items() if one.looked})
+
+
+def _sample_on(project: Path, parameters: Parameters, claims: list[Claim], most: int) -> None:
+    """In steps, so that little is lost where it is ended before."""
+    step = min(_FIRST, most)
+    while True:
+        found = assess(Evaluator(parameters), claims, step, cached=_kept(project, parameters.paper))
+        keep(project, parameters.paper, found)
+        left = [one for one in found.values() if one.firm is None]
+        drawn = f"{sum(one.samples for one in found.values())} samples"
+        print(
+            f"{parameters.paper}: {drawn}, {len(left)} of {len(found)} claims undecided", flush=True
+        )
+        if step == most or not left:
+            return
+        step = min(2 * step, most)
+
+
+def _differences(
+    parameters: Parameters, claims: list[Claim], cached: Mapping[str, CachedSamples], most: int
+) -> list[str]:
+    """The claims whose samples come out otherwise, a sentence each."""
+    said = []
+    for name, one in assess(Evaluator(parameters), claims, most, reversals=False).items():
+        place, past = f"claims.{parameters.paper}.{name}", cached.get(name)
+        if past is None or past.basis != one.basis:
+            said.append(f"{place}: no samples are cached of it as it is")
+            continue
+        made = one.to_keep
+        both = range(min(len(made.samples), len(past.samples)))
+        moved = [k for k in both if not alike(made.numbers(k), past.numbers(k))]
+        if moved:
+            k = moved[0]
+            said.append(
+                f"{place}: {len(moved)} of {len(both)} samples differ, the first is {k}: "
+                f"{past.samples[k]} was cached, now {made.samples[k]}"
+            )
+    return said
+
+
+def _kept(project: Path, paper: str) -> dict[str, CachedSamples]:
+    path = project / samples_path(paper)
+    return read_cached(path, paper) if path.exists() else {}
