@@ -30,8 +30,8 @@ def find_browser() -> str | None:
             start = stream.read(4096)
         if start.startswith(b"#!") and b"/snap/" in start:
             continue
-        told = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-        if told.returncode == 0 and "Chrom" in told.stdout:
+        reported = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+        if reported.returncode == 0 and "Chrom" in reported.stdout:
             return path
     return None
 

@@ -145,7 +145,7 @@ def of_imm() -> Iterator[str]:
         "exact": "one of the models exactly",
         "driven": "with the process noise that Q states",
     }
-    for plant, told in plants.items():
+    for plant, reported in plants.items():
         needed = []
         for name in detectors:
             gap, low, high = (
@@ -153,7 +153,7 @@ def of_imm() -> Iterator[str]:
                 for end in ("", "_low", "_high")
             )
             needed.append(f"{_gap(gap)} ({_gap(low)} to {_gap(high)})")
-        yield f"| {told} | {' | '.join(needed)} |"
+        yield f"| {reported} | {' | '.join(needed)} |"
 
 
 def _parameters(section: str, name: str) -> dict[str, Any]:
@@ -267,10 +267,10 @@ def squeezed(text: str) -> str:
     return re.sub(r"\s+", " ", text)
 
 
-def numbers_left(text: str, told: list[str]) -> list[str]:
-    """Digits, with what stands around them, that are no code, no names and not in ``told``."""
+def numbers_left(text: str, reported: list[str]) -> list[str]:
+    """Digits, with what stands around them, that are no code, no names and not in ``reported``."""
     prose = re.sub(r"```.*?```", " ", text, flags=re.DOTALL)
     left = squeezed("\n".join(line for line in prose.splitlines() if not line.startswith("    ")))
-    for one in told:
+    for one in reported:
         left = left.replace(one, " ")
     return re.findall(r".{0,30}\d.{0,30}", NAMES.sub(" ", left))

@@ -205,12 +205,12 @@ def test_metadata_agrees() -> None:
 @pytest.mark.parametrize("paper", known_papers(ROOT))
 def test_the_metrics_are_those_that_are_explained(paper: str) -> None:
     """All that are kept, and no others."""
-    told = [pattern for pattern, _ in meanings(paper)]
+    reported = [pattern for pattern, _ in meanings(paper)]
     tree = Parameters.load(ROOT, paper).tree
     parts = [part for part in part_names(tree) if part not in tree.get("tables", {})]
     metrics = {metric for part in parts for _, metric in golden_metrics(paper, part)}
-    assert {one for one in metrics if not any(p.fullmatch(one) for p in told)} == set()
-    assert {p.pattern for p in told if not any(map(p.fullmatch, metrics))} == set()
+    assert {one for one in metrics if not any(p.fullmatch(one) for p in reported)} == set()
+    assert {p.pattern for p in reported if not any(map(p.fullmatch, metrics))} == set()
 
 
 def test_the_lists_of_metrics_are_those_of_the_papers(tmp_path: Path) -> None:

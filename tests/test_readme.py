@@ -77,11 +77,11 @@ def python_of(text: str) -> list[str]:
 
 def test_the_python_is_typed(tmp_path: Path) -> None:
     """As strictly as the library itself: a reader's checker knows what a call gives."""
-    (tmp_path / "told.py").write_text("".join(python_of(LIBRARY)), encoding="utf-8")
+    (tmp_path / "reported.py").write_text("".join(python_of(LIBRARY)), encoding="utf-8")
     strict = ("--strict", "--config-file", str(ROOT / "pyproject.toml"))
     cache = ("--cache-dir", str(ROOT / ".mypy_cache"))  # in which `make check` left the library
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", *strict, *cache, "told.py"],
+        [sys.executable, "-m", "mypy", *strict, *cache, "reported.py"],
         cwd=tmp_path, env={**os.environ, "MYPYPATH": str(ROOT / "src")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -112,9 +112,9 @@ def of_the_project() -> Iterator[str]:
 
 
 NUMBERS = [
-    pytest.param(text, id=f"{told.__name__}-{k}")
-    for told in (of_verdicts, of_the_project)
-    for k, text in enumerate(told())
+    pytest.param(text, id=f"{reported.__name__}-{k}")
+    for reported in (of_verdicts, of_the_project)
+    for k, text in enumerate(reported())
 ]
 
 
@@ -127,8 +127,8 @@ def test_the_readme_has_no_other_numbers() -> None:
     """Without code, names and what is compared above, no digit is left."""
     before, _, rest = README.partition("<!-- verdicts -->")
     verdicts, _, after = rest.partition("<!-- end -->")
-    told = [str(parameter.values[0]) for parameter in NUMBERS]
-    assert numbers_left(before + verdicts + after, told) == []
+    reported = [str(parameter.values[0]) for parameter in NUMBERS]
+    assert numbers_left(before + verdicts + after, reported) == []
 
 
 def test_the_options_of_a_build_are_in_the_table_of_config() -> None:

@@ -1,4 +1,4 @@
-"""The evidence that git holds of a paper: its parameter file, claims, errata, golden numbers and figures.
+"""The evidence on a paper in the repository: parameters, claims, errata, golden numbers, figures.
 
 A claim's numbers are the golden ones, its samples those of `config/samples`, its verdict is the
 accepted one; that the first two give the third is checked here, so that no page says otherwise.

@@ -158,7 +158,8 @@ def _claim(paper: Paper, claim: Claim) -> str:
         held += f" {found.refused} refused." if found.refused else ""
         if found.reversal_key:
             key = _key(paper, found.reversal_key)
-            held += f" The smallest change of one number that reverses it: {key} {plain(found.reversal)}."
+            moved = plain(found.reversal)
+            held += f" The smallest change of one number that reverses it: {key} {moved}."
         else:
             held += " No change of one number was found that reverses it." if found.looked else ""
         parts.append(held)
@@ -191,7 +192,7 @@ def _measured(paper: Paper, told: str) -> str:
 
 
 def _key(paper: Paper, key: str) -> str:
-    """A key of the parameter file with a link to its entry, or to the entry that it is a number of."""
+    """A parameter key with a link to its entry, or to the entry that it is a number of."""
     known = {name for entry in paper.entries for name in entry.keys}
     found = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)
     while found and found not in known:

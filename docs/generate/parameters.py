@@ -1,4 +1,4 @@
-"""Parameter files: every number of a paper with its unit, its source or its range, and the reason."""
+"""Parameter files: every number of a paper with its unit, its source or range, and the reason."""
 
 from __future__ import annotations
 

@@ -27,7 +27,8 @@ PATHS = [
     "-5", "0", "1e9", "9" * 30,
 ]  # fmt: skip
 OPTIONS = [
-    "--output", "--project", "--help", "--samples", "--seed", "--why", "--nope", "-x", "--", "--out",
+    "--output", "--project", "--help", "--samples", "--seed", "--why",
+    "--nope", "-x", "--", "--out",
     "--design-file", "--overrides", "--formats", "--papers", "--study-file", "--built", "--reason",
 ]  # fmt: skip
 # What builds for minutes or changes the project is parsed and not run.

@@ -52,9 +52,9 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def refused(line: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     assert main(line) == 1
-    told = capsys.readouterr().err
-    assert told.endswith("is read here, and would be overwritten; name another file\n")
-    assert told.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert reported.endswith("is read here, and would be overwritten; name another file\n")
+    assert reported.count("\n") == 1
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 

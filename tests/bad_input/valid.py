@@ -115,7 +115,7 @@ def saved_design(kind: str) -> bytes:
 
 @cache
 def specification(name: str) -> Any:
-    """What `reobserve estimate` is told about the record of an example."""
+    """What `reobserve estimate` is reported about the record of an example."""
     return parse_yaml(specification_text(name), name)
 
 

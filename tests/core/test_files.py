@@ -380,7 +380,7 @@ def test_standard_output_on_a_full_device_is_one_sentence() -> None:
 def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
     """The list has names with accents, and a path has some that the locale does not know."""
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
-    told = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}
+    reported = {**os.environ, **ascii_only, "PYTHONCOERCECLOCALE": "0"}
     folder = tmp_path / "née"
     for arguments, code in (
         (["list", "delay"], 0),
@@ -399,7 +399,7 @@ def test_names_that_a_terminal_cannot_spell(tmp_path: Path) -> None:
     ):
         project = ["--project", str(ROOT)] if "plant" not in arguments else []
         command = [sys.executable, "-m", "reobserve", *arguments, *project]
-        done = subprocess.run(command, env=told, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, env=reported, capture_output=True, text=True, check=False)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
     assert os.listdir(folder) == ["parameters.json"]

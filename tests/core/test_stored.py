@@ -1,4 +1,4 @@
-"""What stages hand each other: records, designs, robustness, parameter files, checked whole when read."""
+"""Files between stages: records, designs, robustness, parameters, checked whole when read."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def cut(series: Series) -> Series:
     return replace(series, time=series.time[:-3], channels=channels)
 
 
-def of(series: Series, **told: Any) -> Series:
-    return replace(series, provenance={**series.provenance, **told})
+def of(series: Series, **reported: Any) -> Series:
+    return replace(series, provenance={**series.provenance, **reported})
 
 
 RECORDS: dict[str, tuple[Change, str]] = {
@@ -190,16 +190,16 @@ def test_estimates_are_on_the_time_of_their_record(
 
 def test_coordinates_of_lie_may_be_in_a_file_and_need_not(tmp_path: Path) -> None:
     parameters, path = Parameters.load(ROOT, "lie"), tmp_path / "e.parquet"
-    time, told = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
+    time, reported = np.arange(21) * 0.1, {"paper": "lie", "stage": "observe", **MADE}
     plant = Series(time, {})
     observers = {name: parameters.section("observers", name) for name in ("order4", "transformed4")}
     rows = Channel(np.outer(time, [1.0, 2.0]), "1")
     for name in observers:
         for channels in ({"state": rows}, {"state": rows, "coordinates": rows}):
-            Series(time, channels, provenance={**told, "job": name}).write(path)
+            Series(time, channels, provenance={**reported, "job": name}).write(path)
             found = read_estimates([name], [path], parameters, plant)
             assert set(found[name].channels) == set(channels)
-        Series(time, {"coordinates": rows}, provenance={**told, "job": name}).write(path)
+        Series(time, {"coordinates": rows}, provenance={**reported, "job": name}).write(path)
         with pytest.raises(InputError, match=r"has no channel 'state'$"):
             read_estimates([name], [path], parameters, plant)
 
@@ -279,13 +279,13 @@ def test_a_file_that_others_made_is_refused(
 ) -> None:
     path = tmp_path / "run.parquet"
     text = about if isinstance(about, str) else json.dumps(about)
-    told = {b"reobserve": text.encode(), b"reobserve.sha256": b"0" * 64}
-    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
+    reported = {b"reobserve": text.encode(), b"reobserve.sha256": b"0" * 64}
+    parquet.write_table(pa.table(columns).replace_schema_metadata(reported), path)
     with pytest.raises(InputError, match=said) as caught:
         Series.read(path)
     assert str(caught.value).startswith(str(path))
-    told.pop(b"reobserve.sha256")
-    parquet.write_table(pa.table(columns).replace_schema_metadata(told), path)
+    reported.pop(b"reobserve.sha256")
+    parquet.write_table(pa.table(columns).replace_schema_metadata(reported), path)
     with pytest.raises(InputError, match="has no digest of its values"):
         Series.read(path)
 
@@ -387,12 +387,12 @@ def test_a_design_of_lie_that_is_none_is_refused() -> None:
 
 def test_a_design_is_the_one_that_is_wanted(tmp_path: Path) -> None:
     path = tmp_path / "gains.design.json"
-    told = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
-    path.write_text(json.dumps({"design": ESO, "provenance": told}))
+    reported = {"paper": "eso", "stage": "design", "job": "pi", **MADE}
+    path.write_text(json.dumps({"design": ESO, "provenance": reported}))
     assert read_design(path, ("eso", "pi")) == ESO
     with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'pd' of eso$"):
         read_design(path, ("eso", "pd"))
-    path.write_text(json.dumps({"design": ESO, "provenance": {**told, "stage": "search"}}))
+    path.write_text(json.dumps({"design": ESO, "provenance": {**reported, "stage": "search"}}))
     with pytest.raises(InputError, match=r"is 'pi' of eso, must be 'a design' of eso$"):
         read_design(path)
     path.write_text('{"design": {"a": NaN}, "provenance": {}}')
@@ -408,7 +408,7 @@ HELD = {"values": ["x"], "held": True, "numbers": ["0.5"]}
 LOST = {"values": [1.0], "held": False, "numbers": []}
 DRAWN = {
     "stated": {"held": True, "numbers": ["inf"]}, "names": ["a.b"], "trials": [HELD] * 4 + [LOST],
-    "refused": [], "looked": True, "reversal": FLIP, "basis": "0a", "kept": 0, "quantifier": "is",
+    "refused": [], "looked": True, "reversal": FLIP, "basis": "0a", "cached": 0, "quantifier": "is",
 }  # fmt: skip
 
 
@@ -418,12 +418,12 @@ DRAWN = {
         ({"refused": 8}, "claims.one.refused: 8 must be a list of whole numbers$"),
         ({"refused": [-1]}, r"claims.one.refused: \(-1,\) must be numbers of samples, rising$"),
         ({"refused": [2, 2]}, r"claims.one.refused: \(2, 2\) must be numbers of samples, rising$"),
-        ({"kept": 6}, "claims.one.kept: 6 must be a number of samples$"),
+        ({"cached": 6}, "claims.one.cached: 6 must be a number of samples$"),
         ({"trials": [{**HELD, "held": 1}]}, "trials.0.held: 1 must be one of true and false"),
         ({"trials": [{**HELD, "numbers": ["x"]}]}, "trials.0.numbers: must be numbers"),
         ({"trials": [{**HELD, "numbers": []}]}, "trials.0: has 0 numbers, must have 1$"),
         ({"trials": [LOST, {**HELD, "values": []}]}, "trials.1: has 0 values, must have 1$"),
-        ({"reversal": {}}, "claims.one.reversal.key: is missing; the flip needs it$"),
+        ({"reversal": {}}, "claims.one.reversal.key: is missing; the reversal needs it$"),
         ({"reversal": {**FLIP, "size": None}}, "claims.one.reversal.size: None is not a number"),
         (
             {"reversal": {**FLIP, "end": "x"}},

@@ -59,7 +59,7 @@ class Plain:
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "reported"),
     [
         (np.arange(12.0), "[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]"),
         (np.zeros((4, 4)), "array of shape (4, 4)"),
@@ -74,5 +74,5 @@ class Plain:
         (object(), "an object of type object"),
     ],
 )  # fmt: skip
-def test_represented(value: Any, told: str) -> None:
-    assert represented(value) == told
+def test_represented(value: Any, reported: str) -> None:
+    assert represented(value) == reported

@@ -77,9 +77,9 @@ def test_the_page_adds_an_observer_to_all_commands(
             stated = observer.partition('"""')[0]
             (tmp_path / "record.yaml").write_text(f"{stated}columns:{columns}")
             continue
-        told = run(typed)
+        reported = run(typed)
         if "--out cart.json" in typed:
-            assert "poles: 0." in told
+            assert "poles: 0." in reported
     assert "0.2, 2.0" in (tmp_path / "code/cart.c").read_text()
     with (tmp_path / "estimates.csv").open(newline="") as stream:
         titles, *rows = csv.reader(stream)

@@ -23,20 +23,20 @@ PAGES = ROOT / "docs/pages"
 @pytest.mark.parametrize("paper", FIVE)
 def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
     text = (PAGES / f"findings/{paper}.md").read_text(encoding="utf-8")
-    told = list(getattr(found, f"of_{paper}")())
-    assert [one for one in told if one not in found.squeezed(text)] == []
-    assert found.numbers_left(text, told) == []
+    reported = list(getattr(found, f"of_{paper}")())
+    assert [one for one in reported if one not in found.squeezed(text)] == []
+    assert found.numbers_left(text, reported) == []
 
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_the_verdicts_of_findings_are_those_that_were_accepted(paper: str) -> None:
     """Each link to a claim has its verdict as text, and each claim that is promised has a link."""
     text = found.squeezed((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
-    told = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(#claim-(\w+)\)", text)}
+    reported = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(#claim-(\w+)\)", text)}
     accepted = {claim: one["verdict"] for claim, one in read_golden(ROOT)[paper].items()}
-    assert told == {claim: accepted.get(claim) for claim in told}
+    assert reported == {claim: accepted.get(claim) for claim in reported}
     promised = {name for name, one in read_claims(ROOT, paper).claims.items() if one.promised}
-    assert promised <= set(told)
+    assert promised <= set(reported)
 
 
 def test_the_list_of_packages_is_complete_and_in_order_of_dependency() -> None:

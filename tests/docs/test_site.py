@@ -99,8 +99,8 @@ def test_a_method_that_is_inherited_is_shown_where_it_is_used(site: Site) -> Non
 def test_every_command_has_its_help(site: Site) -> None:
     text = html.unescape(re.sub(r"<[^>]+>", "", site.page("reference/commands")))
     squeezed = " ".join(text.split())
-    told = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
-    assert told[1] in squeezed
+    reported = [" ".join(line.split()) for line in command_parser().format_help().split("\n\n")]
+    assert reported[1] in squeezed
     for command in ("reobserve estimate", "reobserve design", "reobserve stage observe"):
         assert f"usage: {command}" in squeezed
         assert command.replace(" ", "-") in anchors(site.folder / "reference/commands/index.html")
@@ -120,7 +120,7 @@ def test_every_equation_has_a_row_that_leads_to_code(site: Site, paper: str) -> 
 
 
 @pytest.mark.parametrize("paper", FIVE)
-def test_what_git_holds_of_a_paper_is_told(site: Site, paper: str) -> None:
+def test_what_git_holds_of_a_paper_is_reported(site: Site, paper: str) -> None:
     """Each claim and erratum, each figure as it was accepted, each key of the parameter file."""
     found = anchors(site.folder / f"findings/{paper}/index.html")
     claims = yaml.safe_load((ROOT / f"config/claims/{paper}.yaml").read_text())["claims"]
@@ -147,15 +147,15 @@ def test_a_claim_is_told_with_its_numbers(site: Site) -> None:
     """By hand, from the golden number, the registry and the cached samples."""
     text = site.page("findings/lie")
     part = text.partition('id="claim-eigenvalues"')[2].partition("<h3")[0]
-    told = " ".join(html.unescape(re.sub(r"<[^>]+>", "", part)).split())
+    reported = " ".join(html.unescape(re.sub(r"<[^>]+>", "", part)).split())
     kept = json.loads((ROOT / "config/samples/lie.json").read_text())["claims"]["eigenvalues"]
     drawn = [float(draw) for draw in kept["samples"] if draw is not None]
     held = sum(error < 5e-6 for error in drawn)
-    assert "reproduced only by calibration" in told
-    assert "must be below 5e-06" in told
+    assert "reproduced only by calibration" in reported
+    assert "must be below 5e-06" in reported
     samples = len(kept["samples"])  # those that were refused did not hold
-    assert f"Held in {held} of {samples} samples: {100 * held / samples:.0f} %" in told
-    assert "Depends on plant.output" in told
+    assert f"Held in {held} of {samples} samples: {100 * held / samples:.0f} %" in reported
+    assert "Depends on plant.output" in reported
 
 
 def test_evidence_that_does_not_fit_together_is_refused() -> None:

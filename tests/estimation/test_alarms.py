@@ -116,9 +116,9 @@ def test_a_start_far_off_raises_no_alarm_and_a_step_does(
     record = write_record(tmp_path / "r.csv", {name: one[gap] for name, one in columns.items()})
     estimate_file(chosen, record, tmp_path / "e.csv", report=tmp_path / "r.json")
     found, _ = read_results(tmp_path / "e.csv")
-    told = json.loads((tmp_path / "r.json").read_text())["alarms"]["off"]
+    reported = json.loads((tmp_path / "r.json").read_text())["alarms"]["off"]
     expected = 4.5 if stated is None else stated  # 0.9^44 is below a hundredth
-    assert told["start_up"] == pytest.approx(expected)
+    assert reported["start_up"] == pytest.approx(expected)
     starts = [0.0, 33.0]
     early = np.any(
         [(found["time"] > at - 1e-6) & (found["time"] < at + expected - 1e-6) for at in starts],
@@ -126,12 +126,12 @@ def test_a_start_far_off_raises_no_alarm_and_a_step_does(
     )
     assert np.isnan(found["alarm off"]).tolist() == early.tolist()
     if stated is None:
-        assert told["first"] == pytest.approx(20.0)
-        (one,) = told["intervals"]
+        assert reported["first"] == pytest.approx(20.0)
+        (one,) = reported["intervals"]
         last = 200 + np.flatnonzero(0.9 ** np.arange(50) > 0.2)[-1]
         assert one["end"] == pytest.approx(PERIOD * last)
     else:
-        assert told["first"] == pytest.approx(stated)
+        assert reported["first"] == pytest.approx(stated)
 
 
 def test_only_alarms_without_a_start_up_need_it_derived() -> None:

@@ -1,4 +1,4 @@
-"""What a terminal is told of a record: a line for what there is to tell, and no other."""
+"""What a terminal is reported of a record: a line for what there is to tell, and no other."""
 
 from __future__ import annotations
 
@@ -63,6 +63,6 @@ def test_what_an_alarm_found() -> None:
 def test_stamps_since_1970_are_told_to_the_millisecond() -> None:
     report = DataReport(rows=2, first=1774749598.25, last=1774749599.75)
     report.open_gap(1774749598.5)
-    told = as_table(report, 0.1)
-    assert "1774749598.250 to 1774749599.750 s" in told
-    assert "1774749598.500 s to the end" in told
+    reported = as_table(report, 0.1)
+    assert "1774749598.250 to 1774749599.750 s" in reported
+    assert "1774749598.500 s to the end" in reported

@@ -109,10 +109,10 @@ def test_a_stream_tells_at_once_what_its_times_count_from(
     lines = rows(SPELLINGS["summer time comes"])
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(lines[:5]))
     put = "reobserve.estimation.commands._put"
-    told: list[tuple[str, str]] = []
-    monkeypatch.setattr(put, lambda text: told.append((text, capsys.readouterr().err)))
+    reported: list[tuple[str, str]] = []
+    monkeypatch.setattr(put, lambda text: reported.append((text, capsys.readouterr().err)))
     estimate_stream(chosen("iso8601"), tmp_path / "r.csv")
-    said = [err for _, err in told]
+    said = [err for _, err in reported]
     assert said[:3] == ["", "", "reobserve: time counts from 2026-03-29T00:59:58Z\n"]
     assert not any(said[3:])
 
@@ -156,7 +156,7 @@ def test_nanoseconds_since_1970() -> None:
     assert spelled(946_684_800) == "2000-01-01T00:00:00Z"
 
 
-def test_whoever_forgets_the_unit_is_told(tmp_path: Path) -> None:
+def test_whoever_forgets_the_unit_is_reported(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("t,v\n0.5,1.0\n" + "".join(rows(SPELLINGS["UTC"])))
     with pytest.raises(InputError, match=r"row 2 is '2026-.*Z', must be a number; of dates the un"):
         estimate_file(chosen("s"), tmp_path / "r.csv", tmp_path / "e.csv")
@@ -169,7 +169,7 @@ def test_whoever_forgets_the_unit_is_told(tmp_path: Path) -> None:
         estimate_file(chosen("ms"), tmp_path / "r.parquet", tmp_path / "e.csv")
 
 
-def test_a_clock_that_goes_back_is_told(tmp_path: Path) -> None:
+def test_a_clock_that_goes_back_is_reported(tmp_path: Path) -> None:
     timestamps = [moment.astimezone(CHANGE[moment.hour >= 1]) for moment in moments()]
     texts = [timestamp.replace(tzinfo=None).isoformat() for timestamp in timestamps]
     (tmp_path / "r.csv").write_text("t,v\n" + "".join(rows(texts)))

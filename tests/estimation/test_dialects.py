@@ -87,8 +87,8 @@ def test_a_dialect_that_is_not_stated_is_refused_by_its_key(
     monkeypatch.setattr(sys, "stdin", type("Bytes", (), {"buffer": io.BytesIO(record())}))
     with pytest.raises(InputError) as error:
         estimate_stream(chosen(**columns), None)
-    told = str(error.value)
-    assert re.search(said, told) or "is not UTF-8, see columns.encoding" in told, told
+    reported = str(error.value)
+    assert re.search(said, reported) or "is not UTF-8, see columns.encoding" in reported, reported
 
 
 def test_another_delimiter_without_its_line_is_named(tmp_path: Path) -> None:

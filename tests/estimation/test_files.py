@@ -131,13 +131,13 @@ def test_the_report_tells_what_became_of_the_record(tmp_path: Path) -> None:
         specification("kalman"), record, tmp_path / "e.csv", plot=tmp_path / "e.png",
         report=tmp_path / "e.json",
     )  # fmt: skip
-    told = json.loads((tmp_path / "e.json").read_text())
-    assert told["record"] == "r.csv"
-    assert told["statuses"] == {"measured": 299, "partial": 1}
-    assert told["missing"] == {"speed": 1}
-    assert told["mean_interval"] == pytest.approx(0.01)
-    assert told["warnings"] == made.report.warnings
-    assert told["alarms"]["odd"]["threshold"] is None  # the record ends before its stretch does
+    reported = json.loads((tmp_path / "e.json").read_text())
+    assert reported["record"] == "r.csv"
+    assert reported["statuses"] == {"measured": 299, "partial": 1}
+    assert reported["missing"] == {"speed": 1}
+    assert reported["mean_interval"] == pytest.approx(0.01)
+    assert reported["warnings"] == made.report.warnings
+    assert reported["alarms"]["odd"]["threshold"] is None  # the record ends before its stretch does
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -156,36 +156,38 @@ def test_an_alarm_has_the_threshold_that_was_said_or_learned(tmp_path: Path) -> 
     later = time > 4.0
     assert np.isnan(found["alarm odd"][~later]).all()
     assert np.array_equal(found["alarm odd"][later], np.abs(residual - mean)[later] > limit)
-    told = made.report.alarms["odd"]
-    assert told.threshold == pytest.approx(limit, rel=1e-9)
-    assert told.mean == pytest.approx(mean, rel=1e-6)
-    assert told.first == time[found["alarm odd"] == 1.0][0]
+    reported = made.report.alarms["odd"]
+    assert reported.threshold == pytest.approx(limit, rel=1e-9)
+    assert reported.mean == pytest.approx(mean, rel=1e-6)
+    assert reported.first == time[found["alarm odd"] == 1.0][0]
     for name in ("leak", "odd"):
         assert made.report.alarms[name].rows == (found[f"alarm {name}"] == 1.0).sum() > 0
 
 
-def test_what_would_mislead_is_told(tmp_path: Path) -> None:
+def test_what_would_mislead_is_reported(tmp_path: Path) -> None:
     tree = {"kind": "levant", "gains": {"L": 1e3, "order": 2}}
     columns = simulated("levant").record()
     columns["voltage"] += np.random.default_rng(1).normal(size=len(columns["t"]))
     record = write_record(tmp_path / "r.csv", columns)
     made = estimate_file(specification("levant", observer=tree), record, tmp_path / "e.csv")
-    noisy = [told for told in made.report.warnings if "noise moves it by" in told]
-    assert [told.partition(":")[0] for told in noisy] == ["derivatives_3"]
+    noisy = [reported for reported in made.report.warnings if "noise moves it by" in reported]
+    assert [reported.partition(":")[0] for reported in noisy] == ["derivatives_3"]
     slow = {"gains": {"gain": [[0.0, 0.0], [0.0, 0.0]]}}
     short = {name: values[:60] for name, values in simulated("kalman").record().items()}
     record = write_record(tmp_path / "r.csv", short)
     chosen = specification("luenberger-gain", observer=slow)
     made = estimate_file(chosen, record, tmp_path / "e.csv")
-    assert any(told.startswith("speed: started again at half") for told in made.report.warnings)
+    assert any(
+        reported.startswith("speed: started again at half") for reported in made.report.warnings
+    )
     body = {"inertia": 1.0, "fault_matrix": [1.0, 1.0, 0.0]}
     record = write_record(tmp_path / "r.csv", simulated("adaptive").record())
     chosen = specification("adaptive", observer=body)
     made = estimate_file(chosen, record, tmp_path / "e.csv")
-    assert any("fault_matrix has rank 2 of 3" in told for told in made.report.warnings)
+    assert any("fault_matrix has rank 2 of 3" in reported for reported in made.report.warnings)
 
 
-def test_a_mode_that_the_measurements_never_show_is_told() -> None:
+def test_a_mode_that_the_measurements_never_show_is_reported() -> None:
     """Two states on their own: the first is seen, the second stays as it starts."""
     tree: dict[str, Any] = {
         "time": "discrete", "A": [[0.5, 0.0], [0.0, 1.0]], "B": [[0.0], [0.0]],
@@ -193,8 +195,10 @@ def test_a_mode_that_the_measurements_never_show_is_told() -> None:
     }  # fmt: skip
     header = ["t", "speed", "current", "voltage"]
     found = Estimation(specification("kalman", observer=tree), header, "the record")
-    (told,) = found.report.warnings
-    assert told.startswith("state: a mode of model with the eigenvalue 1+0j does not decay and is")
+    (reported,) = found.report.warnings
+    assert reported.startswith(
+        "state: a mode of model with the eigenvalue 1+0j does not decay and is"
+    )
     seen = {**tree, "C": [[1.0, 0.0], [0.0, 1.0]]}
     seen_too = Estimation(specification("kalman", observer=seen), header, "the record")
     assert not seen_too.report.warnings
@@ -221,19 +225,21 @@ UNFORESEEN = "is wrong, or there is a fault from early on"
         ("eso", "speed", 0.0, "far more than 100 % of what is measured in the second half"),
     ],
 )
-def test_a_record_that_contradicts_the_model_is_told(
+def test_a_record_that_contradicts_the_model_is_reported(
     name: str, column: str, factor: float, said: str, tmp_path: Path
 ) -> None:
     """Another unit (degrees a second for turns a minute), a sensor that is dead or turned round."""
     columns = simulated(name).record()
     good = estimate_file(specification(name), write_record(tmp_path / "r.csv", columns),
                          tmp_path / "e.csv")  # fmt: skip
-    assert not any(UNFORESEEN in told for told in good.report.warnings)
+    assert not any(UNFORESEEN in reported for reported in good.report.warnings)
     columns[column] = factor * columns[column]
     bad = estimate_file(specification(name), write_record(tmp_path / "r.csv", columns),
                         tmp_path / "e.csv")  # fmt: skip
-    found = [told for told in bad.report.warnings if UNFORESEEN in told]
-    assert any(told.startswith("residual speed: it is ") and said in told for told in found)
+    found = [reported for reported in bad.report.warnings if UNFORESEEN in reported]
+    assert any(
+        reported.startswith("residual speed: it is ") and said in reported for reported in found
+    )
 
 
 def test_a_residual_that_dies_away_over_a_sensor_at_rest_is_no_contradiction(
@@ -247,10 +253,10 @@ def test_a_residual_that_dies_away_over_a_sensor_at_rest_is_no_contradiction(
     residual = read_results(tmp_path / "e.csv")[0]["residual speed"]
     assert abs(residual[0]) > 1.0
     assert 0.0 < np.abs(residual[200:]).max() < 1e-3
-    assert not any(UNFORESEEN in told for told in made.report.warnings)
+    assert not any(UNFORESEEN in reported for reported in made.report.warnings)
 
 
-def test_a_threshold_that_was_learned_from_few_values_is_told(tmp_path: Path) -> None:
+def test_a_threshold_that_was_learned_from_few_values_is_reported(tmp_path: Path) -> None:
     columns = simulated("kalman").record()
     columns["speed"][101:390] = np.nan
     alarm = [{"name": "odd", "of": "residual speed", "sigma": 5, "since": 1.0, "until": 4.0}]

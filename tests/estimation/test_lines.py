@@ -20,7 +20,7 @@ from reobserve.estimation.streaming import Lines, Stop, open_file
 LONGEST = 2**20  # bytes of a line
 
 
-def told(content: bytes) -> list[str]:
+def reported(content: bytes) -> list[str]:
     return list(Lines(io.BytesIO(content), Stop(), "the pipe"))
 
 
@@ -43,22 +43,22 @@ def ask_to_stop() -> None:
 
 
 def test_the_last_line_of_a_pipe_may_lack_its_end() -> None:
-    assert told(b"a,b\n1,2\n3,4") == ["a,b\n", "1,2\n", "3,4"]
-    assert told(b"") == []
+    assert reported(b"a,b\n1,2\n3,4") == ["a,b\n", "1,2\n", "3,4"]
+    assert reported(b"") == []
 
 
 def test_a_mark_of_utf_8_counts_at_the_very_beginning_only() -> None:
     mark = "\ufeff"
-    assert told(f"{mark}a\n{mark}b\n".encode()) == ["a\n", f"{mark}b\n"]
+    assert reported(f"{mark}a\n{mark}b\n".encode()) == ["a\n", f"{mark}b\n"]
     with pytest.raises(InputError, match=r"^the pipe: .*xe9.* is not UTF-8, see columns.encoding$"):
-        told(b"a\n\xe9\n")
+        reported(b"a\n\xe9\n")
 
 
 def test_a_line_without_end_is_refused() -> None:
     longest = b"1" * (LONGEST - 1) + b"\n"
-    assert told(2 * longest) == [longest.decode()] * 2
+    assert reported(2 * longest) == [longest.decode()] * 2
     with pytest.raises(InputError, match=f"^the pipe: has a line of more than {LONGEST} bytes$"):
-        told(b"a\n" + b"1" * (LONGEST + 1))
+        reported(b"a\n" + b"1" * (LONGEST + 1))
 
 
 def test_a_stream_that_cannot_be_read_is_named() -> None:

@@ -43,5 +43,5 @@ def test_a_compass_tells_when_the_sensor_turns(tmp_path: Path) -> None:
 
 def instants(time: Any, raised: Any) -> tuple[float, float, int]:
     """When it is raised first and last, and how often it switches."""
-    told = time[raised]
-    return told[0], told[-1], int(np.count_nonzero(np.diff(raised)))
+    reported = time[raised]
+    return reported[0], reported[-1], int(np.count_nonzero(np.diff(raised)))

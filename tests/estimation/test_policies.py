@@ -269,12 +269,14 @@ def test_a_divergence_has_the_time_of_the_record(block: int, tmp_path: Path) -> 
         )  # fmt: skip
 
 
-def test_a_delay_that_is_never_seen_is_told(tmp_path: Path) -> None:
+def test_a_delay_that_is_never_seen_is_reported(tmp_path: Path) -> None:
     columns = simulated("extended-high-gain").record()
     columns["valve"] = np.full(len(columns["t"]), 30.0)
     record = write_record(tmp_path / "r.csv", columns)
     made = estimate_file(specification("extended-high-gain"), record, tmp_path / "e.csv")
-    assert any(told.startswith("delay: ") and "100 %" in told for told in made.report.warnings)
+    assert any(
+        reported.startswith("delay: ") and "100 %" in reported for reported in made.report.warnings
+    )
 
 
 def test_saturated_values_are_counted_and_may_be_missing(tmp_path: Path) -> None:

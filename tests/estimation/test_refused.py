@@ -124,6 +124,6 @@ def test_options_that_do_not_go_together_are_refused_and_nothing_is_written(
     before = {path: path.read_bytes() for path in Path().iterdir() if path.is_file()}
     capsys.readouterr()
     assert main(["estimate", *options]) != 0
-    told = capsys.readouterr().err
-    assert re.search(rf"(^|[ :]){re.escape(said)}", told), told
+    reported = capsys.readouterr().err
+    assert re.search(rf"(^|[ :]){re.escape(said)}", reported), reported
     assert {path: path.read_bytes() for path in Path().iterdir() if path.is_file()} == before

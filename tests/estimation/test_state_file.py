@@ -195,7 +195,7 @@ DAMAGED: list[tuple[str, Any, str]] = [
 
 @pytest.mark.parametrize(("key", "value", "said"), DAMAGED)
 def test_the_sentence_names_file_and_key(key: str, value: Any, said: str, tmp_path: Path) -> None:
-    """With a digest that goes with the content, or else that alone would be told."""
+    """With a digest that goes with the content, or else that alone would be reported."""
     tree = json.loads(saved("kalman"))
     *path, last = key.split(".")
     parent = tree

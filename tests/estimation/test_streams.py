@@ -127,21 +127,23 @@ def test_the_commands_stream_stop_and_go_on(
     assert run(["estimate", spec, text, "--out", tmp_path / "e.csv"], capsys, monkeypatch)[0] == 0
     whole = (tmp_path / "e.csv").read_text()
     content = text.read_bytes()
-    code, out, told = run(["estimate", spec, "--stream", "--warm"], capsys, monkeypatch, content)
+    code, out, reported = run(
+        ["estimate", spec, "--stream", "--warm"], capsys, monkeypatch, content
+    )
     assert (code, out) == (0, whole)
-    assert told.startswith("reobserve: ready\n")
-    assert "gap" in told
+    assert reported.startswith("reobserve: ready\n")
+    assert "gap" in reported
     lines = content.splitlines(keepends=True)
     state = ["--stream", "--state", tmp_path / "state.json"]
     first = run(["estimate", spec, *state], capsys, monkeypatch, b"".join(lines[:110]))
     rest = run(["estimate", spec, *state], capsys, monkeypatch, b"".join([lines[0], *lines[110:]]))
     assert first[1] + rest[1] == whole
     spec.write_text(specification_text("kalman").replace("gap: 0.1", "gap: 0.2"))
-    code, _, told = run(["estimate", spec, *state], capsys, monkeypatch, content)
+    code, _, reported = run(["estimate", spec, *state], capsys, monkeypatch, content)
     assert code == 1
     assert (
         "state.json: specification: is another one than that of this stream; remove the file to"
-        in told
+        in reported
     )
 
 
@@ -165,9 +167,9 @@ def test_lines_that_waited_are_told_when_a_stream_ends(
     assert run(["estimate", spec, text, "--out", tmp_path / "e.csv"], capsys, monkeypatch)[0] == 0
     whole = (tmp_path / "e.csv").read_text()
     assert len(whole.splitlines()) == 61
-    _, out, told = run(["estimate", spec, "--stream"], capsys, monkeypatch, text.read_bytes())
+    _, out, reported = run(["estimate", spec, "--stream"], capsys, monkeypatch, text.read_bytes())
     assert out == whole
-    assert "60: 57 measured, 3 partial" in told
+    assert "60: 57 measured, 3 partial" in reported
 
 
 def test_what_a_pipe_left_goes_on_with_a_file_and_the_other_way_round(

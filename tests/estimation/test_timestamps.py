@@ -43,7 +43,7 @@ def jittered(seed: int, most: float, rows: int = 2000) -> Array:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_timestamps_are_accepted_as_far_off_as_jitter_says(seed: int) -> None:
-    """Whatever the offset of the first one, from which no grid can be told."""
+    """Whatever the offset of the first one, from which no grid can be reported."""
     time = jittered(seed, 0.38)
     slots, report = read(time, jitter=0.4)
     assert np.array_equal(slots, time)

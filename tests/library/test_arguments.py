@@ -93,9 +93,11 @@ OTHERS = {
 
 @pytest.mark.parametrize("kind", OTHERS)
 def test_what_is_no_array_of_numbers_is_refused(kind: str) -> None:
-    with pytest.raises(InputError, match=r"^x: .+ is not a number or an array of numbers$") as told:
+    with pytest.raises(
+        InputError, match=r"^x: .+ is not a number or an array of numbers$"
+    ) as reported:
         as_floats("x", OTHERS[kind])
-    assert len(str(told.value)) < 200
+    assert len(str(reported.value)) < 200
     with pytest.raises(InputError, match=r"^x: is no array of numbers"):
         as_samples("x", OTHERS[kind], 2)
 
@@ -121,10 +123,10 @@ REFUSED: list[tuple[Any, str]] = [
 
 @pytest.mark.parametrize(("call", "said"), REFUSED)
 def test_arrays_of_another_shape_are_refused(call: Any, said: str) -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         call()
-    assert told.value.parameter == "x"
-    assert told.value.problem.startswith(said)
+    assert reported.value.parameter == "x"
+    assert reported.value.problem.startswith(said)
 
 
 def test_what_holds_and_times_cannot_be() -> None:
@@ -186,9 +188,9 @@ def test_objects_in_the_wrong_place_are_refused() -> None:
         (lambda: vector_field(lambda x, p, f: open("y", encoding="utf-8")), "function"),  # noqa: SIM115
     ]
     for call, name in calls:
-        with pytest.raises(InputError, match=rf"^{name}: ") as told:
+        with pytest.raises(InputError, match=rf"^{name}: ") as reported:
             call()
-        assert len(str(told.value)) < 300
+        assert len(str(reported.value)) < 300
 
 
 def test_what_cannot_be_compiled_is_told_with_the_first_words_of_the_compiler() -> None:

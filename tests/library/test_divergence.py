@@ -191,7 +191,7 @@ GROWING: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("name", STIFF)
-def test_a_method_that_is_unstable_with_its_step_is_told(name: str) -> None:
+def test_a_method_that_is_unstable_with_its_step_is_reported(name: str) -> None:
     """Rates of 300 1/s and more with steps of 0.01 s: beyond 2.78, where Runge-Kutta ends."""
     with pytest.raises(DivergenceError, match=TOO_LONG) as caught:
         STIFF[name]()
@@ -200,7 +200,7 @@ def test_a_method_that_is_unstable_with_its_step_is_told(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", GROWING)
-def test_a_law_that_grows_is_told(name: str) -> None:
+def test_a_law_that_grows_is_reported(name: str) -> None:
     """K1 = 3 makes v three times as large an interval, whatever the step."""
     with pytest.raises(DivergenceError, match=ITSELF):
         GROWING[name]()

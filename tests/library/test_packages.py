@@ -73,8 +73,10 @@ def test_a_missing_package_is_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, name, None)
     extra = "design" if name in ("cvxpy", "flint") else "symbolic"
-    told = rf'^{name}: is not installed, and is needed to .*: `pip install "reobserve\[{extra}\]"`'
-    with pytest.raises(InputError, match=told):
+    reported = (
+        rf'^{name}: is not installed, and is needed to .*: `pip install "reobserve\[{extra}\]"`'
+    )
+    with pytest.raises(InputError, match=reported):
         call()
 
 

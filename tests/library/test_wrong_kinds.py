@@ -36,7 +36,7 @@ SAID = {
 
 
 def parameters(call: Call) -> Iterator[str]:
-    """The names of the arguments; empty for those that are told by their place alone."""
+    """The names of the arguments; empty for those that are reported by their place alone."""
     for parameter in inspect.signature(call.function).parameters.values():
         if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
             break

@@ -208,8 +208,10 @@ def test_times_that_are_no_period_apart_are_refused_by_row(case: Case, off: floa
     period = case.observer.sampling_period
     stamps = period * np.arange(len(case.y))
     stamps[7:] += off * period
-    told = rf"^time: goes from .* s at row 7, must go on by the sampling period of {period:g} s$"
-    with pytest.raises(InputError, match=told):
+    reported = (
+        rf"^time: goes from .* s at row 7, must go on by the sampling period of {period:g} s$"
+    )
+    with pytest.raises(InputError, match=reported):
         observe(case, time=stamps)
 
 
@@ -268,8 +270,10 @@ MODULES = sorted({type(make().observer).__module__ for make in CASES.values()})
 @pytest.mark.parametrize("module", MODULES)
 def test_an_observer_needs_neither_plots_nor_frames(module: str) -> None:
     code = f"import {module}, sys; print(*{{'matplotlib', 'pandas'}} & set(sys.modules))"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == ""
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert reported.stdout.strip() == ""
 
 
 def test_what_is_printed_is_one_line(case: Case) -> None:
@@ -491,9 +495,11 @@ def test_divergence_is_told_in_the_time_of_the_record(case: Case) -> None:
     assert all(np.array_equal(run[name][:20], clean[name][: len(run)]) for name in clean.estimates)
     assert all(np.isfinite(run[name]).all() for name in run.estimates)
     assert run.state is case.state
-    with pytest.raises(DivergenceError, match=f"^{type(case.observer).__name__} diverged") as told:
+    with pytest.raises(
+        DivergenceError, match=f"^{type(case.observer).__name__} diverged"
+    ) as reported:
         observe(case, **arguments)
-    assert told.value.time == run.diverged_at
+    assert reported.value.time == run.diverged_at
     # Going on with the row that diverges, the time up to which it is finite lies before the record.
     before, rest = observe(case, y=y[: len(run)], u=None if u is None else u[: len(run)]), len(run)
     again = case.observer.run(

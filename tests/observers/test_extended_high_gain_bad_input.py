@@ -102,9 +102,9 @@ def test_a_threshold_that_is_never_passed_warns_with_the_share(switched: str) ->
         built = observer(Case("sine", 2.5, 2, 5.0, switched), 0.01)
         state, found = stepped(built, built.init([0.0, 0.0], FIRST_DELAY), y, u)
     assert np.array_equal(rows_of(found, "switched_off"), [0.0, *np.ones(100)])
-    with pytest.warns(SwitchedOffWarning, match=sentence) as told:
+    with pytest.warns(SwitchedOffWarning, match=sentence) as reported:
         built.run(y[1:], u[1:], state=state)
-    assert told[-1].filename == __file__
+    assert reported[-1].filename == __file__
 
 
 # ---- One sentence

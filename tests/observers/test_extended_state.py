@@ -305,8 +305,8 @@ def test_middles_of_straight_lines_and_held_inputs_change_nothing() -> None:
     y, u = samples["y"], samples["u"]
     observer = ExtendedStateObserver(SYSTEM, PD_PI, sampling_period=0.02)
     last = np.vstack([y[:1], y[:-1]]), np.vstack([u[:1], u[:-1]])
-    told = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
-    assert stacked(told) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
+    reported = observer.run(y, u, before=(y, last[1]), middle=(0.5 * (y + last[0]), last[1]))
+    assert stacked(reported) == pytest.approx(stacked(observer.run(y, u)), rel=1e-11, abs=1e-12)
 
 
 # --- Bad input ----------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ def same_bits(one: dict[str, Array], other: dict[str, Array]) -> bool:
     )
 
 
-def told(*runs: Run[State]) -> dict[str, Array]:
+def reported(*runs: Run[State]) -> dict[str, Array]:
     """All that runs tell, one after the other, and the state that the last one leaves."""
     state = runs[-1].state
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
@@ -124,8 +124,8 @@ def test_the_covariance_reaches_the_solution_of_the_riccati_equation(build: Any,
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / scale).max() < 1e-9
-    foretold = np.sqrt(np.diag(H @ expected @ H.T + R))
-    assert np.allclose(kalman.innovation_deviation(run.state), foretold, rtol=1e-9)
+    predicted = np.sqrt(np.diag(H @ expected @ H.T + R))
+    assert np.allclose(kalman.innovation_deviation(run.state), predicted, rtol=1e-9)
 
 
 def test_an_exact_model_without_noise_is_followed_from_any_start() -> None:
@@ -256,11 +256,11 @@ def contraction(model: LinearModel, gamma: float, rows: int = 25) -> None:
     posterior = Gaussian(posterior.mean, posterior.covariance, np.arange(1.0, m + 1))
     z = 5.0 * ripple(rows, m)
     for row in z:
-        told = both(smooth, posterior, row, [0.3])
-        expected = -np.sign(told.innovation) * gamma * np.abs(posterior.error)
-        scale = 1e-14 * (5.0 + np.abs(told.innovation).max())
-        assert np.abs(told.posterior.error - expected).max() < scale
-        posterior = told.posterior
+        reported = both(smooth, posterior, row, [0.3])
+        expected = -np.sign(reported.innovation) * gamma * np.abs(posterior.error)
+        scale = 1e-14 * (5.0 + np.abs(reported.innovation).max())
+        assert np.abs(reported.posterior.error - expected).max() < scale
+        posterior = reported.posterior
     assert np.abs(posterior.error) == pytest.approx(gamma**rows * np.arange(1.0, m + 1), abs=1e-12)
 
 
@@ -295,16 +295,18 @@ def test_within_a_wide_layer_the_filter_is_the_open_loop_model() -> None:
 def test_an_innovation_of_zero_corrects_nothing_and_divides_by_nothing() -> None:
     smooth = svsf(MOTION)
     start = smooth.init(np.zeros(5), 1.0).posterior
-    told = both(smooth, Gaussian(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0])
-    assert not told.innovation.any()
-    assert not told.posterior.mean.any()
-    assert np.isfinite(told.posterior.covariance).all()
+    reported = both(
+        smooth, Gaussian(start.mean, start.covariance, np.ones(3)), [0.0, 0.0, 0.0], [0.0]
+    )
+    assert not reported.innovation.any()
+    assert not reported.posterior.mean.any()
+    assert np.isfinite(reported.posterior.covariance).all()
     # gamma |e(k|k)| / psi is left of the gain: it counts in the covariance.
     P = MOTION.arrays.A @ start.covariance @ MOTION.arrays.A.T + MOTION.arrays.Q
     K = np.linalg.pinv(MOTION.arrays.C) @ np.diag(GAMMA / np.array(PSI))
     M = np.eye(5) - K @ MOTION.arrays.C
     expected = M @ P @ M.T + K @ MOTION.arrays.R @ K.T
-    assert told.posterior.covariance == pytest.approx(expected, rel=1e-12)
+    assert reported.posterior.covariance == pytest.approx(expected, rel=1e-12)
 
 
 def test_fewer_outputs_than_states_correct_in_the_row_space_of_h_alone() -> None:
@@ -340,11 +342,13 @@ def test_an_inverse_weighted_by_the_covariance_is_the_same_in_all_coordinates() 
     # Of a thin layer without memory, the output error that is left is none.
     thin = SmoothVariableStructureFilter(plain, 1e-9, 0.0, "weighted")
     posterior = thin.predict(thin.init(np.zeros(5), 1.0).posterior, [1.0])
-    told = thin.correct(posterior, [3.0, 4.0], [1.0])
-    np.testing.assert_allclose(told.posterior.error, 0.0, atol=1e-10)
+    reported = thin.correct(posterior, [3.0, 4.0], [1.0])
+    np.testing.assert_allclose(reported.posterior.error, 0.0, atol=1e-10)
     P = posterior.covariance
     K = P @ H[1:].T @ np.linalg.inv(H[1:] @ P @ H[1:].T)
-    np.testing.assert_allclose(told.posterior.mean - posterior.mean, K @ told.innovation, rtol=1e-9)
+    np.testing.assert_allclose(
+        reported.posterior.mean - posterior.mean, K @ reported.innovation, rtol=1e-9
+    )
 
 
 def test_no_other_inverse() -> None:
@@ -384,11 +388,11 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
     z[40, 1] = z[41] = np.nan
     start = made.init(np.zeros(5), 1.0, u=u[0] if before else None)
     run = made.run(z, u, state=start)
-    assert same_bits(by_steps(made, z, start, u), told(run))
+    assert same_bits(by_steps(made, z, start, u), reported(run))
     for cut in (1, 42, 57):  # after 42 the last measurement is a missing one
         first = made.run(z[:cut], u[:cut], state=start)
         second = made.run(z[cut:], u[cut:], state=first.state)
-        assert same_bits(told(first, second), told(run))
+        assert same_bits(reported(first, second), reported(run))
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
     assert run.time[0] == (5e-3 if before else 0.0)
@@ -476,7 +480,7 @@ def test_what_was_measured_corrects_as_if_it_alone_were(kind: str, lost: list[in
     assert np.isnan(found.innovation_covariance[lost]).all()
 
 
-def test_a_correction_tells_what_was_foretold() -> None:
+def test_a_correction_tells_how_well_it_was_predicted() -> None:
     kalman = KalmanFilter(MOTION)
     z, u = motion_record(5)
     run = kalman.run(z[:4], u[:4], state=kalman.init(np.zeros(5), 1.0))
@@ -587,9 +591,11 @@ def test_a_step_that_diverges_says_so() -> None:
     smooth = svsf(UNSEEN, 1.0)
     with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged"):
         smooth.step(smooth.init([1e308, 0.0], 1.0, u=()), [0.0])
-    with pytest.raises(DivergenceError, match=r"^SmoothVariableStructureFilter diverged") as told:
+    with pytest.raises(
+        DivergenceError, match=r"^SmoothVariableStructureFilter diverged"
+    ) as reported:
         smooth.predict(smooth.init([1e308, 0.0], 1.0).posterior)
-    assert told.value.time == 0.0
+    assert reported.value.time == 0.0
 
 
 @pytest.mark.parametrize(
@@ -646,7 +652,7 @@ def test_noise_that_changes_is_the_same_by_steps_and_by_runs(made: LinearFilter)
     whole = made.run(z, u, state=start, Q=Q, R=R)
     first = made.run(z[:15], u[:15], state=start, Q=Q[:15], R=R[:15])
     rest = made.run(z[15:], u[15:], state=first.state, Q=Q[15:], R=R[15:])
-    assert same_bits(told(whole), told(first, rest))
+    assert same_bits(reported(whole), reported(first, rest))
     state = start
     for k in range(40):
         state, row = made.step(state, z[k], u[k], Q=Q[k], R=R[k])

@@ -81,7 +81,7 @@ def remembered(state: State) -> dict[str, Array]:
     return {**found, "sample": state.sample}
 
 
-def told(*runs: Run[State]) -> dict[str, Array]:
+def reported(*runs: Run[State]) -> dict[str, Array]:
     """All that runs tell, one after the other, and the state that the last one leaves."""
     joined = {name: np.concatenate([run[name] for run in runs]) for name in runs[0].estimates}
     return {**joined, **remembered(runs[-1].state)}
@@ -313,11 +313,11 @@ def test_stepping_gives_the_bits_of_a_run_also_of_one_in_two_parts(
         state, estimate = bank.step(state, measurement, control)
         rows.append(estimate.estimates)
     stepped = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    assert same_bits({**stepped, **remembered(state)}, told(run))
+    assert same_bits({**stepped, **remembered(state)}, reported(run))
     for cut in (1, 42):  # after 42 the last measurement is a missing one
         first = bank.run(z[:cut], u[:cut], state=start)
         second = bank.run(z[cut:], u[cut:], state=first.state)
-        assert same_bits(told(first, second), told(run))
+        assert same_bits(reported(first, second), reported(run))
         assert first.missing + second.missing == run.missing == 2
         assert np.array_equal(np.append(first.time, second.time), run.time)
     assert np.array_equal(start.posteriors[0].covariance, P0), "a state is a value"
@@ -373,7 +373,7 @@ def test_filters_that_are_called_one_by_one_give_the_bits_of_the_compiled_loop(
     for held in (None, u[0]):
         start = compiled.init(np.zeros(5), P0, u=held)
         runs = [bank.run(z, u, state=start) for bank in (called, compiled)]
-        assert same_bits(told(runs[0]), told(runs[1]))
+        assert same_bits(reported(runs[0]), reported(runs[1]))
 
 
 def test_one_svsf_among_kalman_filters_is_itself_when_it_alone_is_likely() -> None:

@@ -69,7 +69,9 @@ def test_the_errors_are_those_of_the_linear_dynamics_whatever_the_input_does(for
     rows = STEP * np.arange(STEPS + 1)
     expected = np.array([expm(A * t) @ (z(START) - z(ESTIMATE)) for t in rows])
     assert np.abs(found - expected).max() < 2e-8  # of order 4 in the step
-    assert np.abs(errors(form, 0 * known)[-1]).max() > 0.1  # who is not told is 0.1 and more off
+    assert (
+        np.abs(errors(form, 0 * known)[-1]).max() > 0.1
+    )  # who is not reported is 0.1 and more off
 
 
 def test_what_is_injected_is_what_theory_says() -> None:

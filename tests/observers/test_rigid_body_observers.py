@@ -301,7 +301,7 @@ def test_divergence_comes_when_the_linear_law_overflows() -> None:
 
 
 @each_observer
-def test_a_first_sample_from_which_nothing_can_be_estimated_is_told(
+def test_a_first_sample_from_which_nothing_can_be_estimated_is_reported(
     observer: RigidBodyObserver,
 ) -> None:
     state = observer.init(np.full(3, -1e308), np.full(3, 1e308))

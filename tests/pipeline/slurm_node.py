@@ -124,10 +124,10 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def _kill_all_of(conf: Path) -> None:
     """Kill what daemons have left behind: steps of jobs, known by the configuration they got."""
-    told = f"SLURM_CONF={conf}".encode()
+    reported = f"SLURM_CONF={conf}".encode()
     for place in Path("/proc").glob("[0-9]*/environ"):
         with suppress(OSError):
-            if told in place.read_bytes().split(b"\0"):
+            if reported in place.read_bytes().split(b"\0"):
                 os.kill(int(place.parent.name), signal.SIGKILL)
 
 

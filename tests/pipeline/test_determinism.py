@@ -87,9 +87,9 @@ def test_a_killed_build_ends_with_the_same_bytes(as_built: Project, fresh: Proje
     On one core, where the other was built on two.
     """
     everything = of_figures(as_built)
-    parameter files = {name: text for name, text in everything.items() if "/parameters.json" in name}
+    parameters = {name: text for name, text in everything.items() if "/parameters.json" in name}
     mine = {name: text for name, text in everything.items() if name.startswith(f"{KILLED}/")}
-    whole = parameter files | mine
+    whole = parameters | mine
     whole.pop(f"{KILLED}/theory.metrics.csv")
     asked = ("figures", "--config", f"papers=[{KILLED}]")
     for wanted in (1, 9, 17, 29):

@@ -118,10 +118,10 @@ def test_slurm_runs_the_jobs_and_a_killed_one_again(
         finally:
             build.kill()
             log.seek(0)
-            told = log.read()
-            print(told)
-    assert build.returncode == 0, told
-    assert f"'{killed}' failed, SLURM status is: 'CANCELLED'" in told
+            reported = log.read()
+            print(reported)
+    assert build.returncode == 0, reported
+    assert f"'{killed}' failed, SLURM status is: 'CANCELLED'" in reported
     assert chunks(toy) == ["0-19", "20-39"]
     assert (toy.folder / ROBUSTNESS).read_bytes() == in_one
     for name in ("toy/table1.csv", "toy/fig1.svg", "toy/sensitivity.svg", "report.html"):

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 FILES = {"torque.csv": "time,torque\n0,0\n4,0.1\n6,-0.2\n9,0.05\n"}
 SAME = {"more.csv": "log.csv"}  # as another that a command has written
 
-# What is built in earnest, where it is told first.
+# What is built in earnest, where it is reported first.
 BUILT = {
     "README.md": "results/ilo/fig1.pdf",
     "docs/pages/how-to/state-a-fault.md": "results/ilo/fig9.pdf",
@@ -114,11 +114,11 @@ def told_on(page: Path) -> list[Command | File]:
 ADDS = "docs/pages/how-to/add-an-observer.md"
 
 TOLD = {
-    page.relative_to(ROOT).as_posix(): told
+    page.relative_to(ROOT).as_posix(): reported
     for page in (ROOT / "README.md", *sorted((ROOT / "docs/pages").rglob("*.md")))
     if page.parent.name != "reference"  # that is generated
     and page.relative_to(ROOT).as_posix() != ADDS
-    and (told := told_on(page))
+    and (reported := told_on(page))
 }
 
 
@@ -139,20 +139,22 @@ def test_every_command_runs(fresh: Project, page: str) -> None:
                 done = fresh.snakemake(*shlex.split(line)[1:], check=False)
             else:
                 done = fresh.run("bash", "-c", line, check=False)
-            told = done.stdout + done.stderr
+            reported = done.stdout + done.stderr
             if part.refused:
                 assert done.returncode == 1
-                assert part.refused in told
+                assert part.refused in reported
             else:
-                went = done.returncode == 0 or wants_conda(line, told)
-                assert went, f"{part.text}, run as {line}:\n{told[-3000:]}"
+                went = done.returncode == 0 or wants_conda(line, reported)
+                assert went, f"{part.text}, run as {line}:\n{reported[-3000:]}"
             ran.append(line)
     if page in BUILT:
         assert (fresh.folder / BUILT[page]).read_bytes().startswith(b"%PDF")
 
 
 def test_there_are_commands_of_all_kinds() -> None:
-    commands = [part for told in TOLD.values() for part in told if isinstance(part, Command)]
+    commands = [
+        part for reported in TOLD.values() for part in reported if isinstance(part, Command)
+    ]
     lines = [as_run(command) for command in commands]
     assert {line.split()[0] for line in lines if line} == {"cp", "make", "snakemake", "reobserve"}
     assert any(command.refused for command in commands)
@@ -166,6 +168,6 @@ def test_a_build_ends_with_the_sentence_that_is_printed(fresh: Project) -> None:
     assert f"Job 0: {line}" in fresh.snakemake("--dry-run").stdout
 
 
-def wants_conda(line: str, told: str) -> bool:
+def wants_conda(line: str, reported: str) -> bool:
     """Whether all that stopped a command is that this machine has no conda."""
-    return " conda" in line and not shutil.which("conda") and "Is conda installed" in told
+    return " conda" in line and not shutil.which("conda") and "Is conda installed" in reported

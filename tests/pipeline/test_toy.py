@@ -113,8 +113,8 @@ def test_claims_get_their_verdicts(toy: Project) -> None:
     }
     assert found["double_pole"]["measured"].startswith("theory gains discriminant = ")
     assert found["placed_is_better"]["held"] == "36"
-    told = (toy.folder / "results/verdicts.md").read_text()
-    assert told.endswith(
+    reported = (toy.folder / "results/verdicts.md").read_text()
+    assert reported.endswith(
         "| `toy` | [Re] | 4 | 2 | 0 | 0 | 1 | 0 | 1 | 2 stated, 0 before, 1 after |\n"
     )
     page = (toy.folder / "results/report.html").read_text()

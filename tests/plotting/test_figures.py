@@ -1,4 +1,4 @@
-"""Drawing: the same bytes each time, nothing lost in thinning, lines told apart without colour."""
+"""Plots: the same bytes each time, nothing lost in thinning, lines distinguished without colour."""
 
 from __future__ import annotations
 

@@ -42,9 +42,9 @@ def test_every_text_is_read_back(text: str) -> None:
     known = latex(text).replace(r"\textbar{}", "|")  # a command that the parser does not know
     found = LatexNodes2Text(strict_latex_spaces=True).latex_to_text(known)
     alike = str.maketrans({"ˆ": "^", "˜": "~", "”": '"', "’": "'", "‘": "`"})
-    told = unicodedata.normalize("NFKC", found.translate(alike)).replace('"', "''")
+    reported = unicodedata.normalize("NFKC", found.translate(alike)).replace('"', "''")
     wanted = " ".join(text.split()).replace('"', "''")
-    assert told.replace(" ", "") == wanted.replace(" ", "")
+    assert reported.replace(" ", "") == wanted.replace(" ", "")
 
 
 NUMBERS = [

@@ -1,4 +1,4 @@
-"""Style sheets: what the project's state, what users' may, and how one that is wrong is told."""
+"""Style sheets: what the project's state, what users' may, and how a wrong one is refused."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_generic_families_and_matplotlib_s_own_fonts_are_taken(tmp_path: Path) -
     }  # fmt: skip
 
 
-def test_a_sheet_that_is_none_is_told(tmp_path: Path) -> None:
+def test_a_sheet_that_is_none_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mplstyle: cannot be read"):
         look.use_sheet(tmp_path / "none.mplstyle")
     (tmp_path / "bytes.mplstyle").write_bytes(b"font.size: \xff\n")

@@ -72,11 +72,13 @@ CODE = [
 def test_code_is_no_expression(tmp_path: Path, text: str) -> None:
     target = tmp_path / "ran"
     text = text.format(target) if "{}" in text else text
-    with pytest.raises(InputError, match=r"^f\[0\]: .*(is no expression|is not expanded)") as told:
+    with pytest.raises(
+        InputError, match=r"^f\[0\]: .*(is no expression|is not expanded)"
+    ) as reported:
         expanded(text)
     assert not target.exists()
-    assert len(str(told.value)) < 400
-    assert "\n" not in str(told.value)
+    assert len(str(reported.value)) < 400
+    assert "\n" not in str(reported.value)
 
 
 def test_code_in_a_right_hand_side_does_not_run(tmp_path: Path) -> None:
@@ -145,9 +147,9 @@ LARGE |= {
 @pytest.mark.parametrize("name", LARGE)
 def test_what_is_too_large_is_refused_in_one_short_sentence(name: str) -> None:
     given, said = LARGE[name]
-    with pytest.raises(InputError, match=rf"^f\[0\]: .*({said})") as told:
+    with pytest.raises(InputError, match=rf"^f\[0\]: .*({said})") as reported:
         expanded(given)
-    assert len(str(told.value)) < 400
+    assert len(str(reported.value)) < 400
 
 
 def test_coefficients_are_no_integers_of_numpy() -> None:

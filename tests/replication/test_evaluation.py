@@ -71,7 +71,7 @@ def test_rows_that_a_figure_misses_are_told_with_the_file(
             each.figure("fig1_orders")
 
 
-def test_a_paper_that_is_not_there_and_a_part_that_it_lacks_are_told() -> None:
+def test_a_paper_that_is_not_there_and_a_part_that_it_lacks_are_reported() -> None:
     with pytest.raises(InputError, match=r"^nobody: there is no such paper$"):
         paper_module("nobody", "plant")
     with pytest.raises(InputError, match=r"^ilo: has no table$"):

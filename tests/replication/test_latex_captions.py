@@ -38,9 +38,9 @@ def test_a_caption_says_in_latex_what_it_says() -> None:
     assert text.count(r"\par") == 3  # LaTeX takes no blank line in a caption
     assert "\n\n" not in text
     body = text.partition("{%\n")[2].removesuffix("%\n}\n")
-    told = read_back(body.replace(r"\par", " "))
+    reported = read_back(body.replace(r"\par", " "))
     for words in ("A fault of 5 % & more", "a_b", "ρ = 3", "Never *bold*, by #1 {of}", "$4"):
-        assert words in told, words
+        assert words in reported, words
 
 
 def test_braces_and_brackets_close() -> None:

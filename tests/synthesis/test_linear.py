@@ -87,7 +87,7 @@ def test_two_outputs_may_share_a_pole() -> None:
         (np.eye(2), np.eye(3), [0.1, 0.2], r"C: has shape \(3, 3\), must have 2 columns like A"),
     ],
 )
-def test_what_cannot_be_placed_is_told(A: Any, C: Any, poles: Any, said: str) -> None:
+def test_what_cannot_be_placed_is_reported(A: Any, C: Any, poles: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^{said}"):
         place(A, C, poles)
 

@@ -121,7 +121,7 @@ def test_what_cannot_be_reconstructed_is_named(sentence: str) -> None:
 
 
 def test_the_papers_condition_is_not_enough() -> None:
-    """y = [1 0] x makes (A, C) observable, yet two faults cannot be told apart from it."""
+    """y = [1 0] x makes (A, C) observable, yet two faults cannot be distinguished from it."""
     motor, C = dc_motor(), np.array([[1.0, 0.0]])
     assert np.linalg.matrix_rank(np.vstack([C, C @ motor.A])) == 2
     faults = np.hstack([motor.Aa[:3, :3], [[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]])

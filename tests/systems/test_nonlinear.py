@@ -293,7 +293,7 @@ def test_a_value_that_is_not_finite_is_told_with_the_time(
     assert run.diverged_at == run.time[-1] == last
 
 
-def test_a_covariance_that_loses_its_root_is_told() -> None:
+def test_a_covariance_that_loses_its_root_is_reported() -> None:
     """With a large negative weight in the middle the spread of a parabola comes out negative."""
     model = NonlinearModel("x^2", "x", 0.0, 1.0, state_names=["x"])
     one = UnscentedKalmanFilter(model, 1.0, -2.0, -0.5)

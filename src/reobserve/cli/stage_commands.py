@@ -174,8 +174,8 @@ def _add_evidence(commands: Any) -> None:
     )  # fmt: skip
     _parameter_file(sensitivity)
     sensitivity.add_argument("robustness_file", type=Path, help="from `reobserve stage robustness`")
-    told = "specification and sensitivity, in any of the formats"
-    sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=told)
+    text = "specification and sensitivity, in any of the formats"
+    sensitivity.add_argument("--outputs", type=Path, nargs="+", required=True, help=text)
     add_project(sensitivity)
 
     claims = add_command(commands, "claims", "cli.stages.claims:run", "decide all claims")
@@ -224,7 +224,7 @@ def _what_is_known(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument(
         "--study-files", type=Path, nargs="*", default=[], metavar="FILE",
-        help="from `reobserve stage study`, in the order of the parameter file; else they are run here",
+        help="from `reobserve stage study`, in the order of the parameters; else they are run here",
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Types of arguments on the command line; what is none is told in a sentence."""
+"""Types of arguments on the command line; a wrong one is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def tree(text: str) -> dict[str, Any]:
     try:
         found = parse_json(sys.stdin.read() if text == "-" else text, "")
     except InputError as error:
-        said = str(error).lstrip(".: ")  # the place is that of the argument, which is told anyway
+        said = str(error).lstrip(".: ")  # argparse names the argument
         raise argparse.ArgumentTypeError(said) from None
     if not isinstance(found, dict):
         raise argparse.ArgumentTypeError("must be a JSON object")

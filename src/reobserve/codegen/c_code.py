@@ -67,8 +67,8 @@ _MOST_ASSIGNED = 60  # numbers of a memory; more are copied from a table
 
 def header(program: Program, name: str, signals: tuple[str, str], about: str, period: float) -> str:
     """The header; ``signals`` say what the columns of y and u are."""
-    told = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
-    arguments = "\n".join(wrap(told, WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
+    text = f"y: {signals[0]}" + (f"; u: {signals[1]}" if program.inputs else "")
+    arguments = "\n".join(wrap(text, WIDTH, initial_indent="/* ", subsequent_indent=" *   "))
     return _HEADER.format(
         title=program.title, name=name, guard=f"{name.upper()}_H", upper=name.upper(),
         about="\n".join(wrap(about, WIDTH, initial_indent=" * ", subsequent_indent=" *   ")),
@@ -133,8 +133,8 @@ def _function(function: Function) -> str:
     unread = [one.name for one in function.arguments if not re.search(rf"\b{one.name}\b", lines)]
     ignored = "".join(f"    (void){name};\n" for name in unread)
     head = wrap(f"static void {function.name}({given}, {result})", WIDTH, **margins(""))
-    told = "\n".join(head)
-    return f"{told}\n{{\n{_variables(function.block)}{ignored}{lines}}}\n\n"
+    text = "\n".join(head)
+    return f"{text}\n{{\n{_variables(function.block)}{ignored}{lines}}}\n\n"
 
 
 def _start(program: Program) -> str:

@@ -58,7 +58,7 @@ int main(void)
             return 2;
         }}
 {compared}    }}
-{told}    return (int)wrong;
+{reported}    return (int)wrong;
 }}
 """
 
@@ -71,7 +71,7 @@ def test_source(
     data = [_array("y", y)]
     if program.inputs:
         data.append(_array("u", u))
-    compared, told = [], []
+    compared, reported = [], []
     for place, each in enumerate(program.estimates):
         values = np.asarray(expected[each], dtype=np.float64).reshape(rows, -1)
         data.append(_array(f"expected_{each}", values))
@@ -83,14 +83,14 @@ def test_source(
         )
         least = program.estimates[each].size
         size = float(np.nanmax(np.abs(values), initial=least)) or 1.0
-        told.append(
+        reported.append(
             f'    printf("{each}: off by %.3g of at most {size:.3g}\\n", worst[{place}]);\n'
             f"    wrong |= !(worst[{place}] <= {_TOLERANCE} * {size!r});\n"
         )
     return _TEST.format(
         name=name, compile=COMPILE.format(name=name), rows=rows, tolerance=_TOLERANCE,
         data="\n".join(data), count=len(compared), u=" u[k]," if program.inputs else "",
-        compared="".join(compared), told="".join(told),
+        compared="".join(compared), reported="".join(reported),
     )  # fmt: skip
 
 

@@ -75,14 +75,14 @@ def one_line(text: object, most: int = _SENTENCE) -> str:
         spelled = str(text)
     except Exception:  # of an object of the user's own
         spelled = f"a {type(text).__name__} that cannot be shown"
-    told = "".join(
+    text = "".join(
         letter if letter.isprintable() else letter.encode("unicode_escape").decode()
         for letter in " ".join(spelled.split())
     )
-    if len(told) <= most:
-        return told
+    if len(text) <= most:
+        return text
     tail = most // 3
-    return f"{told[: most - tail - 3]} … {told[-tail:]}"
+    return f"{text[: most - tail - 3]} … {text[-tail:]}"
 
 
 def shown(value: Any, most: int = _VALUE) -> str:

@@ -161,7 +161,11 @@ def _sentence(error: ValidationError, kind: Any, tree: Any, place: str) -> Input
         else:
             problem = "dict_type"
     elif problem in _UNKNOWN:
-        parts["nearest"] = nearest(path[-1], _known(schema, location))
+        known = _known(schema, location)
+        for name, declared in known.items():
+            if declared.get("formerly") == path[-1]:
+                return InputError(here, f"is now {name}")
+        parts["nearest"] = nearest(path[-1], known)
     elif problem == "missing":
         needed = tag or _title(schema, location)
         parts["needed"] = needed and f"; {needed} needs it"
@@ -235,12 +239,14 @@ def _at(schema: Any, location: Path) -> tuple[Any, Mapping[str, Any]]:
     return node, defs
 
 
-def _known(schema: Any, location: Path) -> list[str]:
-    """The keys that are allowed beside the last one of a location."""
+def _known(schema: Any, location: Path) -> dict[str, Any]:
+    """The keys that are allowed beside the last one of a location, with their schemas."""
     node, defs = _at(schema, location[:-1])
-    return list(
-        dict.fromkeys(key for one in _branches(node, defs) for key in one.get("properties", {}))
-    )
+    return {
+        key: part
+        for one in _branches(node, defs)
+        for key, part in one.get("properties", {}).items()
+    }
 
 
 def _title(schema: Any, location: Path) -> str:
@@ -254,6 +260,11 @@ def _title(schema: Any, location: Path) -> str:
 def _tags(schema: Any, location: Path) -> list[str]:
     node, _ = _at(schema, location)
     return list(node.get("discriminator", {}).get("mapping", {}))
+
+
+def formerly(name: str) -> Any:
+    """Mark a field that had another name: the old key is refused with the new one."""
+    return Field(json_schema_extra={"formerly": name})
 
 
 def having(key: str, form: str, other: str) -> Discriminator:

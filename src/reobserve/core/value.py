@@ -100,19 +100,19 @@ def represented(value: Any) -> str:
     """A value inside a repr: the numbers of small arrays, the shapes of others, on one line."""
     kind: Any = type(value)
     if isinstance(value, np.ndarray):
-        told = _array(value)
+        text = _array(value)
     elif isinstance(value, float):
-        told = f"{value:g}"
+        text = f"{value:g}"
     elif isinstance(value, tuple | list) and len(value) <= _SMALL:
         inside = ", ".join(map(represented, value))
-        told = f"({inside})" if isinstance(value, tuple) else f"[{inside}]"
+        text = f"({inside})" if isinstance(value, tuple) else f"[{inside}]"
     elif is_dataclass(value) and (isinstance(value, Value) or kind.__dataclass_params__.repr):
-        told = _with_fields(value)  # the repr that dataclasses are given spells arrays out
+        text = _with_fields(value)  # the repr that dataclasses are given spells arrays out
     elif isinstance(value, Mapping) or kind.__repr__ is object.__repr__:
-        told = shown(value)
+        text = shown(value)
     else:
-        told = repr(value)
-    return one_line(told, _NESTED)
+        text = repr(value)
+    return one_line(text, _NESTED)
 
 
 def _array(value: NDArray[Any]) -> str:

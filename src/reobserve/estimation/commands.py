@@ -230,8 +230,8 @@ def estimate_stream(
         else:
             _put(rows.finish())
     if report is not None:
-        told = as_json(estimation.report, {"record": place})
-        write_text(report, json.dumps(told, indent=1) + "\n")
+        content = as_json(estimation.report, {"record": place})
+        write_text(report, json.dumps(content, indent=1) + "\n")
     print(as_table(estimation.report, specification.sampling.period), file=sys.stderr)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from reobserve.estimation.dates import SECOND, spelled
 
-MOST_LISTED = 50  # gaps and other events that are told one by one
+MOST_LISTED = 50  # gaps and other events that are listed one by one
 
 
 @dataclass
@@ -169,10 +169,10 @@ class DataReport:
 
 def as_json(report: DataReport, about: Mapping[str, Any]) -> dict[str, Any]:
     """The whole report, with what else is known ``about`` the run."""
-    told = {name: value for name, value in vars(report).items() if name != "single"}
-    told["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
-    told["origin"] = None if report.origin is None else spelled(report.origin)
-    return {**about, "mean_interval": report.mean_interval, **told}
+    content = {name: value for name, value in vars(report).items() if name != "single"}
+    content["alarms"] = {name: alarm.summary() for name, alarm in report.alarms.items()}
+    content["origin"] = None if report.origin is None else spelled(report.origin)
+    return {**about, "mean_interval": report.mean_interval, **content}
 
 
 def as_table(report: DataReport, period: float) -> str:
@@ -182,8 +182,8 @@ def as_table(report: DataReport, period: float) -> str:
         since = "" if report.origin is None else f" after {spelled(report.origin)}"
         lines.append(("time", f"{_time(report.first)} to {_time(report.last)} s{since}"))
     if report.mean_interval is not None:
-        told = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
-        lines.append(("sampling period", told))
+        text = f"{period:g} s, timestamps say {report.mean_interval:.6g} s on average"
+        lines.append(("sampling period", text))
         if report.jitter > 1e-9:
             lines.append(("largest jitter", f"{100 * report.jitter:.3g} % of a period"))
     for name, value in (
@@ -214,7 +214,7 @@ def as_table(report: DataReport, period: float) -> str:
     listed = ", ".join(f"{count} {word}" for word, count in report.statuses.items())
     lines.append(("estimates", f"{report.estimates}" + (f": {listed}" if listed else "")))
     for name, alarm in report.alarms.items():
-        lines.append((f"alarm {name}", _told(alarm)))
+        lines.append((f"alarm {name}", _alarm_line(alarm)))
         lines += [("", _size(one, alarm.unit)) for one in alarm.summary()["intervals"][:5]]
     width = max(len(name) for name, _ in lines)
     said = [f"  {name:<{width}}  {value}" for name, value in lines]
@@ -226,7 +226,7 @@ def _time(seconds: float) -> str:
     return f"{seconds:.6g}" if abs(seconds) < 1e6 else f"{seconds:.3f}"
 
 
-def _told(alarm: AlarmReport) -> str:
+def _alarm_line(alarm: AlarmReport) -> str:
     if alarm.threshold is None:
         if alarm.ready:
             return f"no threshold: {alarm.learned} values in the stretch that sets it, 2 needed"

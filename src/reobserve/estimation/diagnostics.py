@@ -62,9 +62,9 @@ class FirstRows:
         if self.closed or (stretch.fresh and self.rows):
             self.closed = True
             return
-        room = MOST_ROWS - self.rows
-        self.y.append(stretch.y[:room])
-        self.u.append(stretch.u[:room])
+        left = MOST_ROWS - self.rows
+        self.y.append(stretch.y[:left])
+        self.u.append(stretch.u[:left])
         self.rows += len(self.y[-1])
         self.closed = self.rows >= MOST_ROWS
 
@@ -72,8 +72,8 @@ class FirstRows:
 def diagnostics(estimation: Estimation, first_rows: FirstRows) -> list[str]:
     """Sentences on what would mislead in these results; none if nothing does."""
     if first_rows.rows < _LEAST_ROWS:
-        told = f"too few rows to judge noise or settling by: {first_rows.rows} in the first stretch"
-        return [told] if first_rows.rows else []
+        text = f"too few rows to check noise or settling: {first_rows.rows} in the first stretch"
+        return [text] if first_rows.rows else []
     y, u = np.concatenate(first_rows.y), np.concatenate(first_rows.u)
     try:
         with warnings.catch_warnings():

@@ -132,7 +132,7 @@ class Estimation:
 
     def finish(self) -> Estimated:
         """The estimates that waited for rows which do not come."""
-        self.timestamps.judge()
+        self.timestamps.check_period()
         return self._estimate(self.interpolation.finish(), True)
 
     def _none(self) -> Estimated:
@@ -163,7 +163,7 @@ class Estimation:
             with self.dated(float(stretch.time[0]), rows):
                 run = self.observer.run(stretch.y, stretch.u, state=self.state)
         self.state = run.state
-        return self.told(stretch.time, stretch.y, run.estimates, stretch.status)
+        return self.reported(stretch.time, stretch.y, run.estimates, stretch.status)
 
     @contextmanager
     def dated(self, time: float, rows: int) -> Iterator[None]:
@@ -174,7 +174,9 @@ class Estimation:
             past = error.time - rows * self.specification.sampling.period
             raise DivergenceError(error.what, time + past, error.finding) from None
 
-    def told(self, time: Array, y: Array, estimates: Any, status: NDArray[np.int8]) -> Estimated:
+    def reported(
+        self, time: Array, y: Array, estimates: Any, status: NDArray[np.int8]
+    ) -> Estimated:
         """Rows of results from estimates."""
         numbers = self.outputs.numbers(y, estimates)
         raised = np.empty((len(time), len(self.alarms)))

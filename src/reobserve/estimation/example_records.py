@@ -198,12 +198,12 @@ def motor(
         "speed": ("read", 60.0 / (2.0 * np.pi), 0.3), "current": ("current", 1000.0, 10.0),
         "voltage": ("volts", 1.0, 0.0),
     }  # fmt: skip
-    told = {"speed": "speed", "current": "current"}
-    told |= {"probability_worn": "worn", "probability_healthy": "healthy"} if worn else {}
-    told |= {"voltage_lost": "fault"} if lost else {}
-    told |= {"speed_offset": "offset"} if offset else {}
+    columns = {"speed": "speed", "current": "current"}
+    columns |= {"probability_worn": "worn", "probability_healthy": "healthy"} if worn else {}
+    columns |= {"voltage_lost": "fault"} if lost else {}
+    columns |= {"speed_offset": "offset"} if offset else {}
     return Simulated(
-        period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), told
+        period, time, signals, logged, ("volts", "fault", "offset", "worn", "healthy"), columns
     )
 
 

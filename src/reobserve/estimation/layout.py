@@ -177,9 +177,9 @@ def _title(at: str, column: Column, header: Sequence[str], place: str) -> tuple[
     ]  # fmt: skip
     if len(found) != 1:
         names = [match[1] if (match := split[title]) else title for title in header]
-        told = "has two columns" if found else "has no column"
+        problem = "has two columns" if found else "has no column"
         ending = "" if found else nearest(column.column, names)
-        raise InputError(f"{at}.column", f"{place} {told} {shown(column.column)}{ending}")
+        raise InputError(f"{at}.column", f"{place} {problem} {shown(column.column)}{ending}")
     match = split[found[0]]
     said = match[2].strip() if match is not None and match[1].strip() == column.column else ""
     if said and column.unit and said != column.unit:

@@ -43,8 +43,8 @@ class File:
         if not str(self.path).endswith(_ENDINGS):
             raise InputError(str(self.path), f"must end with {', '.join(_ENDINGS)}")
         if not self.path.is_file():
-            told = "is no regular file" if self.path.exists() else "there is no such file"
-            raise InputError(str(self.path), told)
+            problem = "is no regular file" if self.path.exists() else "there is no such file"
+            raise InputError(str(self.path), problem)
 
     @property
     def _columnar(self) -> bool:
@@ -58,7 +58,7 @@ class File:
         InputError
             If the file cannot be read or has none.
         """
-        with self._told():
+        with self._located():
             if self._columnar:
                 import pyarrow.parquet as parquet
 
@@ -91,7 +91,7 @@ class File:
             If the file is damaged, a cell is no number, or one of ``dated`` is no date.
         """
         rows, report = 0, report or DataReport()
-        with self._told():
+        with self._located():
             for batch in self._batches(list(columns), dated):
                 read = [
                     self._times(batch, name, rows, report)
@@ -175,7 +175,7 @@ class File:
         return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _located(self) -> Iterator[None]:
         package("pyarrow", "read a record")
         import pyarrow as pa
 

@@ -18,7 +18,7 @@ from reobserve.estimation.layout import NOTHING
 from reobserve.estimation.writing import line, text
 from reobserve.observers.unchecked import unchecked_step
 
-_PATIENCE = 20  # rows that all go the long way, on which the sampling period is judged
+_PATIENCE = 20  # rows that all go the long way, on which the sampling period is checked
 
 
 class RowByRow:

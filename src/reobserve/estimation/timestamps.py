@@ -25,7 +25,7 @@ from reobserve.estimation.specification import Sampling
 Array = NDArray[np.float64]
 
 MOST_SLOTS = 1_000_000  # in one gap
-_LOOKED_AT = 20  # intervals, before the period is judged
+_LOOKED_AT = 20  # intervals, before the period is checked
 _WRONG = 0.25  # how far their median may be off, which jitter moves by less
 _DRIFT, _DRIFT_IN_GAP = 1e-3, 1e-2  # of a clock, in periods a period
 
@@ -94,7 +94,7 @@ def _placed(
 def least_jitter(blocks: Iterable[Array], period: float) -> tuple[float | None, float | None]:
     """The least jitter, in hundredths of a period, that accepts timestamps; None if none does.
 
-    Then also their mean interval [s], if it is another than the period, as far as can be told.
+    Then also their mean interval [s], if it differs from the period by more than rounding.
     """
     grids = {share / 100: np.full(2, np.nan) for share in range(1, 50)}
     count, total, squares, last = 0, 0.0, 0.0, np.empty(0)
@@ -185,9 +185,9 @@ class Timestamps:
         if missing > 0 and len(steps):
             self.begun += steps[:missing].tolist()
             if len(self.begun) == _LOOKED_AT:
-                self.judge()
+                self.check_period()
 
-    def judge(self) -> None:
+    def check_period(self) -> None:
         """Refuse a period that is not that of the timestamps.
 
         Raises
@@ -225,7 +225,7 @@ class Timestamps:
         accepted, used = _placed(time, self.grid, period, jitter, True, passed)
         if accepted < len(time):
             if len(self.begun) == _LOOKED_AT:
-                self.judge()
+                self.check_period()
             off = (time[accepted] - 0.5 * float(self.grid.sum())) / period
             least = np.ceil(100.0 * used - 1e-6) / 100.0
             raise UnevenError(

@@ -107,12 +107,12 @@ class AugmentedKalmanFilter(NoiseByRow):
         put("output_fault_matrix", F)
         put("random_walk", as_covariance("random_walk", self.random_walk, E.shape[1]))
         put("sampling_period", model.sampling_period)
-        hidden = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
-        if len(hidden):
+        unobservable = undetectable_modes(self._kalman.model.A, self._kalman.model.C)
+        if len(unobservable):
             raise InputError(
                 "fault_matrix",
                 "leaves a mode of state and unknown inputs unobservable that does not decay, of "
-                f"the eigenvalue {hidden[0]:.4g}",
+                f"the eigenvalue {unobservable[0]:.4g}",
             )
 
     @property

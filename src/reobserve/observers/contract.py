@@ -82,7 +82,7 @@ class Rows(NamedTuple):
 
     ``finite`` rows are good, as the loop has it; ``state`` is the one after the last row, if all
     of them are. ``before`` are limits from the left. An observer that reads missing measurements
-    may write nan for what they would have told, and answers for its count of finite rows.
+    may write nan for the estimates, and answers for its count of finite rows.
     """
 
     estimates: dict[str, Array]
@@ -267,8 +267,8 @@ class Observer(Value, ABC, Generic[StateKind]):
             If a shape is wrong, a number is not finite, the times are not a sampling period apart,
             or the state is of another observer.
         DivergenceError
-            If an estimate leaves the range of floating-point numbers; it says, where that can be
-            told, whether a shorter step would have helped.
+            If an estimate leaves the range of floating-point numbers; it says, where it is known,
+            whether a shorter step would have helped.
         """
         loud = as_word("on_divergence", on_divergence, ("raise", "return")) == "raise"
         record = self._read(y, u, before, middle)

@@ -47,7 +47,7 @@ Mode = tuple[int, int, float]
 # The parameters of drift and input gain, then these two: a tuple that begins with a function makes
 # numba warn.
 Model = tuple[Array, Any, Any]
-Room = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
+Work = tuple[Array, Array, Array, Array]  # for what they read and write: x, f, y and G
 
 
 @kernel
@@ -61,14 +61,14 @@ def _add_gain(
 
 
 @kernel
-def _interpolate(model: Model, at: Array, theta: float, row: int, room: Room) -> None:
+def _interpolate(model: Model, at: Array, theta: float, row: int, work: Work) -> None:
     """Put the inputs at the part ``theta`` of the step into a row: a parabola through its three."""
     first = 2.0 * (theta - 0.5) * (theta - 1.0)
     middle = 4.0 * theta * (1.0 - theta)
     last = 2.0 * theta * (theta - 0.5)
     for c in range(at.shape[1] - 1):
         at[row, c] = first * at[0, c] + middle * at[1, c] + last * at[2, c]
-    _add_gain(model[2], model[0], at, row, room[2], room[3])
+    _add_gain(model[2], model[0], at, row, work[2], work[3])
 
 
 @kernel
@@ -120,14 +120,14 @@ def _margin(delay: float, rate: float, xi: float, bounds: Bounds, mode: Mode) ->
 @kernel
 def _runge_kutta(
     model: Model, size: Size, order: int, at: Array, base: int, h: float, mode: Mode,
-    points: Array, room: Room,
+    points: Array, work: Work,
 ) -> None:  # fmt: skip
     """One step of the method in one mode, with the three rows of inputs from ``base`` on.
 
     It leads from the point in row _FROM to that in row _TO.
     """
     n, gains = len(size), 2 + order
-    (parameters, drift, _), (x, f, _, _), (held, off, _) = model, room, mode
+    (parameters, drift, _), (x, f, _, _), (held, off, _) = model, work, mode
     for i in range(n + 1):
         x[i], points[_SUM, i] = points[_FROM, i], 0.0
     for stage in range(4):
@@ -157,27 +157,27 @@ def _runge_kutta(
 
 
 @kernel
-def _cut(model: Model, at: Array, start: float, end: float, room: Room) -> int:
+def _cut(model: Model, at: Array, start: float, end: float, work: Work) -> int:
     """Fill the rows of a part of the step; return the first of them."""
     if start == 0.0 and end == 1.0:
         return _STEP
-    _interpolate(model, at, start, _PART, room)
-    _interpolate(model, at, 0.5 * (start + end), _PART + 1, room)
-    _interpolate(model, at, end, _PART + 2, room)
+    _interpolate(model, at, start, _PART, work)
+    _interpolate(model, at, 0.5 * (start + end), _PART + 1, work)
+    _interpolate(model, at, end, _PART + 2, work)
     return _PART
 
 
 @inlined_kernel
 def _go(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, end: float,
-    step: float, mode: Mode, points: Array, room: Room,
+    step: float, mode: Mode, points: Array, work: Work,
 ) -> tuple[float, float]:  # fmt: skip
     """Go on from ``start`` to ``end`` of the step in a mode; return its margin there, and the rate.
 
     It leads from the point in row _FROM to that in row _TO.
     """
-    n, base = len(size), _cut(model, at, start, end, room)
-    _runge_kutta(model, size, order, at, base, (end - start) * step, mode, points, room)
+    n, base = len(size), _cut(model, at, start, end, work)
+    _runge_kutta(model, size, order, at, base, (end - start) * step, mode, points, work)
     xi = _seen(order, points[_TO, n], at, base + 2)
     rate = _raw_rate(points[_TO, 0], xi, at, base + 2)
     return _margin(points[_TO, n], rate, xi, bounds, mode), rate
@@ -186,7 +186,7 @@ def _go(
 @kernel
 def _to_mode_end(
     model: Model, size: Size, order: int, bounds: Bounds, at: Array, start: float, above: float,
-    below: float, here: float, step: float, mode: Mode, points: Array, room: Room,
+    below: float, here: float, step: float, mode: Mode, points: Array, work: Work,
 ) -> float:  # fmt: skip
     """Go on from ``start`` to the first point beyond the end of a mode; returns where that is.
 
@@ -197,7 +197,7 @@ def _to_mode_end(
     newest, opposite = (start, above), (1.0, below)
     former = newest
     for _ in range(MOST_TRIALS):
-        margin, _ = _go(model, size, order, bounds, at, start, here, step, mode, points, room)
+        margin, _ = _go(model, size, order, bounds, at, start, here, step, mode, points, work)
         if (margin >= 0.0) == (newest[1] >= 0.0):
             former = newest
         else:
@@ -252,7 +252,7 @@ def _run(
     n, channels = len(size), right.shape[1]
     least, most, _ = bounds
     at, points = np.empty((6, channels + 1)), np.empty((3, n + 1))
-    _, _, y, gain = room = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
+    _, _, y, gain = work = np.empty(n + 1), np.empty(n), np.empty(1), np.empty(1)
     parameters, _, input_gain = model
     for i in range(n + 1):
         points[_FROM, i] = states[0, i]
@@ -271,7 +271,7 @@ def _run(
             held, off = _mode(points[_FROM, n], rate, xi, bounds)
             mode, end = (held, switched if off else 0, xi), 1.0
             margin, after = _go(
-                model, size, order, bounds, at, start, end, step, mode, points, room
+                model, size, order, bounds, at, start, end, step, mode, points, work
             )  # fmt: skip
             holds = margin >= 0.0
             # A free delay whose rate changes its sign turns round inside the step, where it may
@@ -282,7 +282,7 @@ def _run(
                 part = rate / (rate - after) if turns else 0.5
                 end = _to_mode_end(
                     model, size, order, bounds, at, start, above, margin,
-                    start + (1.0 - start) * part, step, mode, points, room,
+                    start + (1.0 - start) * part, step, mode, points, work,
                 )  # fmt: skip
             if off:
                 switched_off[k] += end - start

@@ -12,8 +12,8 @@ from reobserve.core.kernel import inlined_kernel
 from reobserve.observers.linear_filter_loop import (
     Size,
     correct_covariance,
-    foretell,
     kalman_gain,
+    log_likelihood_of,
 )
 from reobserve.observers.nonlinear_filter_work import FilterWork, correct_mean, innovate
 from reobserve.systems.linear import ModelArrays
@@ -69,7 +69,9 @@ def correct_extended(
         return math.nan
     model = ModelArrays(flow.A, work.none[:n], flow.C, work.none[:m], flow.stage, R)
     # S = C P C' + R
-    log_likelihood = foretell(states, outputs, model, covariance, innovation, factor, linear)
+    log_likelihood = log_likelihood_of(
+        states, outputs, model, covariance, innovation, factor, linear
+    )
     # K = P C' S^-1
     kalman_gain(outputs, factor, linear)
     # x = x + K e

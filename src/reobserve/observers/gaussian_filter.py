@@ -59,7 +59,7 @@ class State(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correction(Value):
-    """A posterior after a measurement, and how well that was foretold.
+    """A posterior after a measurement, and how well it was predicted.
 
     ``innovation`` e(k+1|k), shape (m,), its ``innovation_covariance`` S, shape (m, m), and the
     ``log_likelihood`` of the measurement. What of it is missing has nan in the first two; where all

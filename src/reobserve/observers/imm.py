@@ -2,7 +2,7 @@
 
 A bank of filters, one for each mode that the plant may be in, and a Markov chain that says how the
 plant moves between them. A step mixes the filters' posteriors (interaction), lets each take the
-sample (prediction, correction), weighs the modes by how well each foretold it, and combines the
+sample (prediction, correction), weighs the modes by how well each predicted it, and combines the
 posteriors.
 
 What is mixed are the filters' states as they stand. The filters must therefore mean the same by
@@ -83,9 +83,8 @@ class IMM(Observer[State]):
 
     Its estimates are ``state``, shape (k, n), and ``covariance``, (k, n, n), those of (22) and
     (23), with ``variance``, (k, n), on its diagonal; ``probability``, (k, r), which is mu;
-    ``innovation``, (k, r, m), what each filter did not foretell, nan where the measurement is
-    missing; and ``log_likelihood``, (k,), of the measurement over all modes, zero where it is
-    missing.
+    ``innovation``, (k, r, m), of each filter, nan where the measurement is missing; and
+    ``log_likelihood``, (k,), of the measurement over all modes, zero where it is missing.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ class BankRows(NamedTuple):
 
 
 class BankWork(NamedTuple):
-    """Arrays of one step: mu(i|j), (r, r), mixed posteriors, log-likelihoods, (r,), and a filter's."""
+    """Arrays of a step: mu(i|j), (r, r), mixed posteriors, log-likelihoods (r,), one filter's."""
 
     weights: Array
     mixed: Posteriors
@@ -145,7 +145,7 @@ def update_probabilities(log_probabilities: Array, log_likelihoods: Array) -> fl
 def interact(
     states: linear.Size, transition: Array, mixing: bool, posteriors: Posteriors, work: BankWork
 ) -> None:
-    """Mix the posteriors of the filters, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
+    """Mix the filters' posteriors, and predict the modes (Gadsden et al. 2011, (9) and (10))."""
     weights, mixed = work.weights, work.mixed
     mixing_probabilities(transition, posteriors.log_probabilities, weights, mixed.log_probabilities)
     if not mixing:

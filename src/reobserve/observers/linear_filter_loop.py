@@ -119,7 +119,7 @@ def predict(
 def output_error(
     states: Size, model: ModelArrays, measurement: Array, control: Array, mean: Array, error: Array
 ) -> None:
-    """Write the measurement minus what ``mean`` foretells.
+    """Write the measurement minus what ``mean`` predicts.
 
     Gadsden et al. 2011, (2), (3), (6), (14) and (18).
     """
@@ -178,7 +178,7 @@ def factor_innovation(innovation: Array, factor: Array, scaled: Array) -> float:
 
 
 @inlined_kernel
-def foretell(
+def log_likelihood_of(
     states: Size,
     outputs: Size,
     model: ModelArrays,
@@ -292,7 +292,7 @@ def correct(
     that are missing, nan, correct nothing; the others correct as if these alone were measured.
     """
     output_error(states, model, measurement, control, mean, innovation)
-    log_likelihood = foretell(states, outputs, model, covariance, innovation, factor, work)
+    log_likelihood = log_likelihood_of(states, outputs, model, covariance, innovation, factor, work)
     if function is None:
         kalman_gain(outputs, factor, work)
     else:

@@ -85,8 +85,8 @@ class IdentityObserver(NormalFormObserver):
 
     def _run(self, known: Samples, rows: Array) -> int:
         law, n = self._law, rows.shape[1]
-        room = max(len(part.parent) for part in law[:-1])
-        work = Work(np.empty(room), np.empty(len(law.inner.start) - 1), np.empty(n * n))
+        buffer = max(len(part.parent) for part in law[:-1])
+        work = Work(np.empty(buffer), np.empty(len(law.inner.start) - 1), np.empty(n * n))
         return _run(law, work, self.sampling_period, known.right, known.left, rows)
 
     def _estimates(self, rows: Array) -> dict[str, Array]:

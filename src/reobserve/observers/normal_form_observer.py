@@ -124,8 +124,8 @@ class NormalFormObserver(Observer[State]):
     def _checked(self, state: Any) -> State:
         n = self.normal_form.problem.system.states
         p, m = self.measurements, self.inputs
-        told = f", {m} inputs" if m else ""
-        problem = f"must be of an observer of {n} states{told} and {p} outputs"
+        inputs_too = f", {m} inputs" if m else ""
+        problem = f"must be of an observer of {n} states{inputs_too} and {p} outputs"
         return check_state(state, State, problem, values=(n,), sample=(p + m,))
 
     def _integrate(self, state: State, steps: Steps) -> Rows:

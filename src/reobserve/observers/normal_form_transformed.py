@@ -87,11 +87,11 @@ def _run(
 ) -> int:
     """Fill ``rows`` from its first one; return the number of finite rows."""
     n = rows.shape[1]
-    room, fed = np.empty(len(injection.parent)), np.empty((3, n))
+    buffer, fed = np.empty(len(injection.parent)), np.empty((3, n))
     for k in range(len(rows) - 1):
         for j in range(2):
-            evaluate(injection, known[2 * k + j], room, fed[j])
-        evaluate(injection, known_before[2 * k + 2], room, fed[2])
+            evaluate(injection, known[2 * k + j], buffer, fed[j])
+        evaluate(injection, known_before[2 * k + 2], buffer, fed[2])
         for i in range(n):
             after = 0.0
             for c in range(n):
@@ -106,6 +106,6 @@ def _run(
 
 @kernel
 def _evaluate_rows(source: Polynomials, rows: Array, out: Array) -> None:
-    room = np.empty(len(source.parent))
+    buffer = np.empty(len(source.parent))
     for k in range(len(rows)):
-        evaluate(source, rows[k], room, out[k])
+        evaluate(source, rows[k], buffer, out[k])

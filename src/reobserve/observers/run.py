@@ -24,7 +24,7 @@ class Estimate:
     """Estimates at one sample.
 
     ``time`` [s]; ``estimates`` by name, each a number or an array of its own shape; ``units`` by
-    the same names, empty where the observer was not told. ``estimate["fault"]`` is one of them.
+    the same names, empty where the observer has no names. ``estimate["fault"]`` is one of them.
     """
 
     time: float
@@ -48,7 +48,7 @@ class Run(Generic[StateKind]):
     """Estimates at the samples of a record, one row a sample; ``run["fault"]`` is one of them.
 
     ``time`` [s] has shape (k,), each of ``estimates`` (k, ...); ``units`` go by the same names,
-    empty where the observer was not told. ``before`` holds limits from the left of estimates that
+    empty where the observer has no names. ``before`` holds limits from the left of estimates that
     jump at samples. ``missing`` counts samples that were not taken. ``diverged_at`` is None, or
     the time [s] after which an estimate left the range of floating-point numbers; then k counts
     the rows up to it. ``state`` is the one to go on from, or after a divergence the one that the

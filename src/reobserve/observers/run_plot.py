@@ -9,7 +9,7 @@ import numpy as np
 from reobserve.core.extras import package
 from reobserve.observers.run import Run
 
-_MOST_LINES = 12  # in one panel: more cannot be told apart
+_MOST_LINES = 12  # in one panel: more cannot be distinguished
 _MOST_ROWS = 8  # in a column of the legend
 
 

@@ -19,7 +19,7 @@ the others up to date:
     metrics.MEANINGS: what each metric is, in words   (see `reobserve.replication.meanings`)
     plot.LAYOUTS: what draws a figure, by its layout: draw(data) -> matplotlib Figure
     search.run(job, plant, progress) -> dict     (only papers that have searches)
-    keys.Parameters                                       (the keys of the parameter file, as dataclasses)
+    keys.Parameters                               (the keys of the parameter file, as dataclasses)
     checks.CHECKS: how what the parameter file states is built, once
                                            (see `reobserve.replication.parameters.check`)
 

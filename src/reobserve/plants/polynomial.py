@@ -67,19 +67,19 @@ class PolynomialPlant:
 def _simulate(f: Polynomials, step: float, states: Array) -> int:
     """Fill ``states`` from its first row; return the last index with a finite state."""
     n = states.shape[1]
-    room = np.empty(len(f.parent))
+    buffer = np.empty(len(f.parent))
     k1, k2, k3, k4, x = (np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
     for k in range(len(states) - 1):
-        evaluate(f, states[k], room, k1)
+        evaluate(f, states[k], buffer, k1)
         for i in range(n):
             x[i] = states[k, i] + 0.5 * step * k1[i]
-        evaluate(f, x, room, k2)
+        evaluate(f, x, buffer, k2)
         for i in range(n):
             x[i] = states[k, i] + 0.5 * step * k2[i]
-        evaluate(f, x, room, k3)
+        evaluate(f, x, buffer, k3)
         for i in range(n):
             x[i] = states[k, i] + step * k3[i]
-        evaluate(f, x, room, k4)
+        evaluate(f, x, buffer, k4)
         for i in range(n):
             after = states[k, i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
             if not np.isfinite(after):

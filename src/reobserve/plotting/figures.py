@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Style:
-    """A line that is told from the others without colour: by dash, width and lightness."""
+    """A line style that differs from the others without colour: by dash, width and lightness."""
 
     color: str
     linestyle: Any = "-"
@@ -48,7 +48,7 @@ STYLES = (
 
 
 class PaperFigure(Figure):
-    """A figure that remembers what styles with less room put elsewhere.
+    """A figure that remembers what narrower styles put elsewhere.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class PaperFigure(Figure):
 
 
 def blank(height: float) -> PaperFigure:
-    """A figure as wide as the style, without panels; ``height`` in inches at the house's width."""
+    """A figure as wide as the style, without panels; ``height`` in inches at the default width."""
     return PaperFigure(figsize=look.size(height))
 
 
@@ -83,7 +83,7 @@ def mosaic(
 ) -> tuple[PaperFigure, dict[str, Axes]]:
     """A figure with panels by name, as in ``rows``, of relative ``ratios``.
 
-    Where a style has no room for panels side by side they go below each other, all in the order
+    Where a style is too narrow for panels side by side they go below each other, all in the order
     and of the heights in inches that ``stacked`` says.
     """
     if look.narrow():
@@ -164,6 +164,6 @@ def add_note(figure: PaperFigure, *paragraphs: str) -> None:
 
 def note_of(figure: PaperFigure) -> str:
     """The note as running text; nothing if the figure has none."""
-    told = [" ".join(one.split()) for one in figure.note]
-    joined = [one if one.endswith((".", ":", ";")) else f"{one};" for one in told[:-1]]
-    return " ".join([*joined, *told[-1:]])
+    notes = [" ".join(one.split()) for one in figure.note]
+    joined = [one if one.endswith((".", ":", ";")) else f"{one};" for one in notes[:-1]]
+    return " ".join([*joined, *notes[-1:]])

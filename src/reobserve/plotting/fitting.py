@@ -1,6 +1,6 @@
-"""A figure made ready to be saved: its note placed, what does not fit mended, the layout fixed.
+"""A figure made ready to be saved: its note placed, what does not fit adjusted, the layout fixed.
 
-The drawings are made for the look of the house. Where a sheet leaves less room, titles, labels and
+Figures are made for the default style. Where a sheet leaves less space, titles, labels and
 notes are broken into more lines, legends that cover something go between title and panel, labels
 of ticks that touch are left out, and the figure grows by what that takes.
 """
@@ -29,11 +29,11 @@ from reobserve.plotting.figures import PaperFigure
 from reobserve.plotting.look import points
 
 _EDGE = 0.012  # of the width, beside a note
-_PANELS = 0.62  # of the height that a drawing asks for, at least, which its panels have
+_PANELS = 0.62  # of the height that a figure asks for, at least, which its panels have
 _ROUNDS = 4  # a broken title moves the panels, which moves what fits
 _GAP = 2.0  # points between what must not touch
 _DPI = 400  # at which text is measured: at fewer its letters are put on whole pixels
-_SLACK = 0.96  # of its room, which text takes at most: at other resolutions it is wider
+_SLACK = 0.96  # of its space, which text takes at most: at other resolutions it is wider
 
 
 def fix_layout(figure: Figure, *, notes: bool = True) -> None:
@@ -123,25 +123,25 @@ class _Measure:
         box: Bbox = artist.get_window_extent(self.renderer)
         return box
 
-    def broken(self, running: str, text: Text, room: float) -> str:
-        """Running text with line breaks so that each line has room, as far as words allow it."""
+    def broken(self, running: str, text: Text, space: float) -> str:
+        """Running text with line breaks so that each line fits, as far as words allow it."""
         lines: list[str] = []
-        room *= _SLACK
+        space *= _SLACK
         for word in _WORD.findall(running):
             longer = " ".join([*lines[-1:], word])
             wide, *_ = self.renderer.get_text_width_height_descent(
                 longer, text.get_fontproperties(), ismath=False
             )
-            lines[-1:] = [longer] if wide <= room or not lines else [*lines[-1:], word]
+            lines[-1:] = [longer] if wide <= space or not lines else [*lines[-1:], word]
         return "\n".join(lines)
 
-    def break_up(self, text: Text, room: float) -> None:
-        """Break a text that is longer than its room, as it is now."""
+    def break_up(self, text: Text, space: float) -> None:
+        """Break a text that is longer than its space."""
         whole = self._whole.setdefault(text, text.get_text())
         text.set_text(whole)
         box = self.box(text)
-        if whole and (box.height if text.get_rotation() == 90 else box.width) > _SLACK * room:
-            text.set_text(self.broken(whole, text, room))
+        if whole and (box.height if text.get_rotation() == 90 else box.width) > _SLACK * space:
+            text.set_text(self.broken(whole, text, space))
 
 
 def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
@@ -163,11 +163,11 @@ def _break_texts(measure: _Measure, figure: Figure, axes: Axes) -> None:
 
 def _title(axes: Axes) -> Text:
     """The title on the left."""
-    told = axes.get_title(loc="left")
+    title = axes.get_title(loc="left")
     return next(
         text
         for text in axes.get_children()
-        if isinstance(text, Text) and text not in axes.texts and text.get_text() == told
+        if isinstance(text, Text) and text not in axes.texts and text.get_text() == title
     )
 
 
@@ -183,19 +183,19 @@ def _lift_legend(measure: _Measure, axes: Axes, *, only_wide: bool) -> None:
     if isinstance(axes.figure, PaperFigure) and axes in axes.figure.bare:
         axes.set_ylim(axes.figure.bare.pop(axes))
     handles, labels = axes.get_legend_handles_labels()
-    room = measure.box(axes).width
+    space = measure.box(axes).width
     for columns in range(len(labels), 0, -1):
         legend = axes.legend(
             handles, labels, ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
             borderaxespad=0.15, borderpad=0.0, columnspacing=1.2,
         )  # fmt: skip
-        if measure.box(legend).width <= room:
+        if measure.box(legend).width <= space:
             break
     legend.set_gid(_LIFTED)
-    if told := _title(axes).get_text():
+    if text := _title(axes).get_text():
         above = measure.box(legend).height * 72 / axes.figure.dpi
         pad = above + matplotlib.rcParams["axes.titlepad"]
-        axes.set_title(told, loc="left", pad=pad, fontsize=_title(axes).get_fontsize())
+        axes.set_title(text, loc="left", pad=pad, fontsize=_title(axes).get_fontsize())
 
 
 _LIFTED = "lifted legend"
@@ -232,7 +232,7 @@ def _in_the_way(measure: _Measure, axes: Axes, legend: Legend) -> bool:
 
 
 def _fewer_columns(measure: _Measure, figure: Figure, legend: Legend) -> None:
-    """A legend of the whole figure, above it, with as many columns as there is room for."""
+    """A legend of the whole figure, above it, with as many columns as fit."""
     if measure.box(legend).width <= figure.bbox.width:
         return
     labels = [text.get_text() for text in legend.get_texts()]

@@ -68,7 +68,7 @@ def _encoder() -> Any:
         UnicodeToLatexEncoder,
     )
 
-    rules = [(re.compile(pattern), told) for pattern, told in _RULES]
+    rules = [(re.compile(pattern), meaning) for pattern, meaning in _RULES]
     return UnicodeToLatexEncoder(
         conversion_rules=[UnicodeToLatexConversionRule(RULE_REGEX, rules), "defaults"],
         unknown_char_policy="keep",

@@ -1,4 +1,4 @@
-"""The look of the house, and style sheets laid over it: widths, text sizes, fonts.
+"""The default style, and style sheets laid over it: widths, text sizes, fonts.
 
 A sheet is one of matplotlib's. It may change whatever is a matter of looks. What makes a figure
 the same bytes everywhere, with its fonts inside and as wide as the sheet says, it may not.
@@ -61,8 +61,8 @@ font_manager.fontManager.ttflist = _FONTS
 _DEFAULTS: Any = matplotlib.rcParamsDefault
 _PARAMETERS.update({key: _DEFAULTS[key] for key in _DEFAULTS if key != "backend"})
 _PARAMETERS.update(_OWN)
-_HOUSE = {key: value for key, value in _PARAMETERS.copy().items() if key != "backend"}
-_DESIGNED = _HOUSE["figure.figsize"]
+_DEFAULT = {key: value for key, value in _PARAMETERS.copy().items() if key != "backend"}
+_DESIGNED = _DEFAULT["figure.figsize"]
 _GENERIC = ("sans-serif", "serif", "monospace")
 
 # What a sheet may state in this way only, and why.
@@ -93,7 +93,7 @@ def laid_out() -> AbstractContextManager[None]:
 
 
 def use_sheet(path: Path | None) -> None:
-    """Lay a sheet over the look of the house, in place of any other.
+    """Lay a sheet over the default style, in place of any other.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def use_sheet(path: Path | None) -> None:
         As `read_sheet`.
     """
     sheet = read_sheet(path) if path else {}
-    _PARAMETERS.update({**_HOUSE, **sheet})
+    _PARAMETERS.update({**_DEFAULT, **sheet})
     font_manager.fontManager.ttflist = _FONTS
 
 
@@ -119,8 +119,8 @@ def read_sheet(path: Path) -> dict[str, Any]:
         place = f"line {number}: {key}"
         if key.startswith(_NO_LOOK):
             raise InputError(str(path), f"{place} is no matter of looks")
-        if key not in _HOUSE:
-            near = nearest(key, list(_HOUSE))
+        if key not in _DEFAULT:
+            near = nearest(key, list(_DEFAULT))
             raise InputError(str(path), f"line {number}: there is no parameter {shown(key)}{near}")
         if key in found:
             raise InputError(str(path), f"{place} stands there twice")
@@ -177,32 +177,32 @@ def _check_bounds(path: str, place: str, value: float, bounds: tuple[float, floa
 
 def as_designed() -> bool:
     """Whether figures look as those who wrote the drawings saw them: nothing needs to be fitted."""
-    return all(_PARAMETERS[key] == value for key, value in _HOUSE.items())
+    return all(_PARAMETERS[key] == value for key, value in _DEFAULT.items())
 
 
 def size(height: float) -> tuple[float, float]:
-    """Width and height in inches of a figure that the house draws ``height`` inches high."""
+    """Width and height in inches of a figure ``height`` inches high in the default style."""
     width, tall = _PARAMETERS["figure.figsize"]
     return width, height * (tall / _DESIGNED[1])
 
 
 def narrow() -> bool:
-    """Whether a line of text is so much shorter than the house's that panels go one by one."""
+    """Whether a line of text is so much shorter than the default that panels go one by one."""
     lines = _PARAMETERS["figure.figsize"][0] / _PARAMETERS["font.size"]
     return bool(lines < 0.75 * WIDTH / _TEXT)
 
 
 def points(text: float) -> float:
-    """The size of text that the house writes in so many points; never too small for print."""
+    """The size of text of so many points in the default style; never too small for print."""
     scaled = text * (_PARAMETERS["font.size"] / _TEXT)
     return float(max(scaled, min(text, _SMALLEST)))
 
 
 def thick(line: float) -> float:
-    """The width of a line that the house draws so many points wide."""
+    """The width of a line of so many points in the default style."""
     return float(line * (_PARAMETERS["lines.linewidth"] / _LINE))
 
 
 def mark(marker: float) -> float:
-    """The size of a marker that the house draws so many points wide."""
+    """The size of a marker of so many points in the default style."""
     return float(marker * (_PARAMETERS["lines.markersize"] / _MARKER))

@@ -1,4 +1,4 @@
-"""Captions: a template of the workflow, filled from the parameter file and the metrics of the figure."""
+"""Captions: templates of the workflow, filled from the parameters and the metrics of a figure."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def write_lists(project: Path) -> None:
 
 def _list(paper: str, docstring: str, stated: Mapping[str, str]) -> str:
     _, *paragraphs = docstring.strip().split("\n\n")
-    told = [textwrap.fill(" ".join(one.split()), 100) + "\n\n" for one in paragraphs]
+    lines = [textwrap.fill(" ".join(one.split()), 100) + "\n\n" for one in paragraphs]
     rows = [f"| `{name}` | {text.replace('|', chr(92) + '|')} |" for name, text in stated.items()]
     table = "\n".join(["| metric | what it is |", "|---|---|", *rows])
-    return f"## Metrics of `{paper}`\n\n{''.join(told)}{table}\n"
+    return f"## Metrics of `{paper}`\n\n{''.join(lines)}{table}\n"

@@ -67,7 +67,7 @@ def import_closure(modules: Iterable[str]) -> list[str]:
 def code_digest(stage: str, paper: str) -> str:
     """A short hash of the source of everything that a stage of a paper imports from here.
 
-    As it was when this process first asked, so that all jobs of a build are told the same.
+    As it was when this process first asked, so that all jobs of a build get the same.
     """
     return closure_digest(stage_modules(stage, paper))
 

@@ -92,7 +92,7 @@ def provenance(parameters: Parameters, stage: str, job: str, settings: Any) -> d
 
 
 def compute_design(parameters: Parameters, design: str) -> dict[str, Any]:
-    """A design of the parameter file as its readers get it: what JSON makes of what the paper computes.
+    """A design as the steps that read it get it: what the paper computes, by way of JSON.
 
     Raises
     ------

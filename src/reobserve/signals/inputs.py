@@ -127,7 +127,7 @@ class Signal:
         edge = SAME_INSTANT if before else -SAME_INSTANT
         for term in self.terms:
             first, last = np.searchsorted(time, (term.onset + edge, term.end + edge))
-            with np.errstate(over="ignore", invalid="ignore"):  # told below
+            with np.errstate(over="ignore", invalid="ignore"):  # reported below
                 values[first:last, term.axis] += term.shape(time[first:last], before)
         if not np.isfinite(values).all():
             place = int(np.argmin(np.isfinite(values).all(axis=1)))

@@ -162,9 +162,9 @@ class Series:
         }
         columns = {"time": self.time, **self.flat()}
         table = pa.table({name: _column(values) for name, values in columns.items()})
-        told = json.dumps(about, allow_nan=False).encode()
-        digest = _digest(told, columns).encode()
-        table = table.replace_schema_metadata({_KEY: told, _DIGEST: digest})
+        metadata = json.dumps(about, allow_nan=False).encode()
+        digest = _digest(metadata, columns).encode()
+        table = table.replace_schema_metadata({_KEY: metadata, _DIGEST: digest})
 
         def write(partial: Path) -> None:
             with partial.open("wb") as stream:  # not every path can be spelled for Arrow
@@ -231,18 +231,18 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
     try:
         # In this thread alone: a pool that is still ending when a short job exits aborts it.
         table = parquet.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
-        told = (table.schema.metadata or {}).get(_KEY)
+        metadata = (table.schema.metadata or {}).get(_KEY)
         digest = (table.schema.metadata or {}).get(_DIGEST, b"")
         names = table.column_names
     except (OSError, ValueError, LookupError, MemoryError, pa.ArrowException) as error:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError(place, f"is damaged or no Parquet file ({reason})") from None
-    if told is None:
+    if metadata is None:
         raise InputError(place, "has no reobserve metadata; it was written elsewhere")
     if not digest:
         raise InputError(place, "has no digest of its values; it was not written by this version")
     try:
-        about = parse(_Stored, parse_json(told.decode("utf-8"), place), place)
+        about = parse(_Stored, parse_json(metadata.decode("utf-8"), place), place)
     except UnicodeDecodeError:
         raise InputError(place, "has metadata that are not UTF-8") from None
     if names != about.columns():
@@ -251,14 +251,14 @@ def _read(place: str, content: bytes) -> tuple[_Stored, dict[str, Array]]:
         if column.type != pa.float64() or column.null_count:
             raise InputError(place, f"the column {shown(name)} must hold floats, and no gaps")
     columns = {name: _values(table, name) for name in names}
-    if digest.decode("ascii", "replace") != _digest(told, columns):
+    if digest.decode("ascii", "replace") != _digest(metadata, columns):
         raise InputError(place, "is damaged: its values are not those that were written")
     return about, columns
 
 
-def _digest(told: bytes, columns: Mapping[str, Array]) -> str:
+def _digest(metadata: bytes, columns: Mapping[str, Array]) -> str:
     """Of the metadata and of the columns, name by name."""
-    whole = hashlib.sha256(told)
+    whole = hashlib.sha256(metadata)
     for name, values in columns.items():
         whole.update(f"\n{name} {len(values)}\n".encode())
         whole.update(np.ascontiguousarray(values, dtype="<f8").tobytes())

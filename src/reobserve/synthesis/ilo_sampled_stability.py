@@ -33,8 +33,8 @@ def held_blocks(law: LearningLaw) -> tuple[Matrix, Matrix]:
     block[:size, size:] = np.linalg.solve(law.inertia, law.fault_matrix)
     exponential = np.asarray(expm(block * law.update_interval), dtype=np.float64)
     if not np.isfinite(exponential).all():
-        told = "make error dynamics too fast for floating-point numbers"
-        raise InputError("inertia, damping", told)
+        problem = "make error dynamics too fast for floating-point numbers"
+        raise InputError("inertia, damping", problem)
     return exponential[:size, :size], exponential[:size, size:]
 
 

@@ -1,7 +1,7 @@
 """Gains of linear observers: placed poles, and the steady gain of the Kalman filter.
 
 Both ask what the measurements show. By Popov, Belevitch and Hautus the mode of an eigenvalue s of A
-is hidden from C if [A - s I; C] has no full column rank; no gain moves it.
+is unobservable if [A - s I; C] has no full column rank; no gain moves it.
 """
 
 from __future__ import annotations
@@ -42,16 +42,17 @@ def place(A: ArrayLike, C: ArrayLike, poles: ArrayLike) -> Array:
     Raises
     ------
     InputError
-        If shapes do not fit, the poles are not so, or a mode of A is hidden from C: it is named.
+        If shapes do not fit, the poles are not so, or a mode of A is unobservable: it is named.
     """
     A, C = _pair(A, C)
     chosen, n = as_poles("poles", poles), len(A)
     if chosen.shape != (n,) or not np.isfinite(chosen).all() or np.any(np.poly(chosen).imag):
         problem = f"{shown(chosen.tolist())} must be {n} finite numbers, complex ones in pairs"
         raise InputError("poles", problem)
-    hidden = unobservable_modes(A, C)
-    if len(hidden):
-        said = f"do not show the mode of the eigenvalue {_told(hidden[0])}, which no gain moves"
+    unobservable = unobservable_modes(A, C)
+    if len(unobservable):
+        eigenvalue = _format(unobservable[0])
+        said = f"do not show the mode of the eigenvalue {eigenvalue}, which no gain moves"
         raise InputError("A, C", said)
     often = max(int(np.sum(chosen == pole)) for pole in chosen)
     rank = int(np.linalg.matrix_rank(C))
@@ -100,20 +101,20 @@ def steady_kalman_gain(model: LinearModel) -> Array:
     Raises
     ------
     InputError
-        If there is none: a mode that does not decay is hidden from C, or one on the unit circle is
+        If there is none: a mode that does not decay is unobservable, or one on the unit circle is
         not driven by the noise of covariance Q. The mode is named.
     """
     from scipy.linalg import solve_discrete_are
 
     A, _, C, _, Q, R = as_kind("model", model, LinearModel).arrays
-    hidden = undetectable_modes(A, C)
-    if len(hidden):
-        said = f"has an unobservable mode of the eigenvalue {_told(hidden[0])}"
+    unobservable = undetectable_modes(A, C)
+    if len(unobservable):
+        said = f"has an unobservable mode of the eigenvalue {_format(unobservable[0])}"
         raise InputError("model", f"{said} that does not decay: there is no steady gain")
     still = unobservable_modes(A.T, Q)
     still = still[np.abs(np.abs(still) - 1.0) <= _CIRCLE]
     if len(still):
-        said = f"has a mode of the eigenvalue {_told(still[0])} on the unit circle"
+        said = f"has a mode of the eigenvalue {_format(still[0])} on the unit circle"
         raise InputError("model", f"{said} that Q does not drive: there is no steady gain")
     try:
         P = solve_discrete_are(A.T, C.T, Q, R)
@@ -132,8 +133,8 @@ def undetectable_modes(A: ArrayLike, C: ArrayLike) -> NDArray[np.complex128]:
     InputError
         If the shapes do not fit.
     """
-    hidden = unobservable_modes(A, C)
-    return hidden[np.abs(hidden) >= 1.0 - _CIRCLE]
+    unobservable = unobservable_modes(A, C)
+    return unobservable[np.abs(unobservable) >= 1.0 - _CIRCLE]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is refused
@@ -181,5 +182,5 @@ def _pair(A: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     return square, rows
 
 
-def _told(value: complex) -> str:
+def _format(value: complex) -> str:
     return f"{value:.4g}" if value.imag else f"{value.real:.4g}"

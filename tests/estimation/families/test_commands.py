@@ -27,9 +27,9 @@ def test_a_model_becomes_a_design_and_that_becomes_code(
         )
         == 0
     )
-    told = capsys.readouterr().out
-    assert "poles: 0.951229, 0.941765, of the error from sample to sample" in told
-    assert "37 % in 0.2 s" in told  # of the pole at -5
+    reported = capsys.readouterr().out
+    assert "poles: 0.951229, 0.941765, of the error from sample to sample" in reported
+    assert "37 % in 0.2 s" in reported  # of the pole at -5
     assert main(["export", "swing.json", "--to", "c", "--out", "code"]) == 0
     assert "cc -std=c99" in capsys.readouterr().out
     written = sorted(path.name for path in (empty / "code").iterdir())
@@ -65,7 +65,7 @@ def test_what_cannot_be_done_is_said_and_leaves_nothing(
     before = sorted(path.name for path in empty.iterdir())
     capsys.readouterr()
     assert main(typed) == 1
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert said in reported
+    assert reported.count("\n") == 1
     assert sorted(path.name for path in empty.iterdir()) == before

@@ -1,4 +1,4 @@
-"""What figures say of themselves: one look for each observer, and notes from the parameter file alone."""
+"""Figures: one style for each observer, and notes from the parameters alone."""
 
 from __future__ import annotations
 

@@ -610,7 +610,8 @@ BAD = {
     ),
     "a comparison with nobody": (
         {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},
-        "observers.pi_optimal.compared_with", "must be an observer of the parameter file; did you mean",
+        "observers.pi_optimal.compared_with",
+        "must be an observer of the parameter file; did you mean",
     ),
     "a window after the end": (
         rules(sensor_constant=[21, 22]), f"{M}.sensor_constant", "within the horizon",

@@ -157,7 +157,7 @@ def test_the_lemma_finds_a_solution_above_the_norm_and_none_below(observer: str)
     assert margin_above_norm(system, gains, 0.99 * norm.lower, 1e-3) == 0
 
 
-def test_what_certificates_say_is_told() -> None:
+def test_what_certificates_say_is_reported() -> None:
     for observer in OBSERVERS:
         body = designs()[DESIGNS[observer]]
         Ao, Eo = error_system(dc_motor(), gains_of(observer))

@@ -195,9 +195,9 @@ def test_each_factor_moves_one_number_alone(monkeypatch: pytest.MonkeyPatch) -> 
             [factor if i == index else 1.0 for i in range(9)] for factor in (0.5, 2.0, 0.2, 5.0)
         ]
     np.testing.assert_allclose(tried, wanted, rtol=1e-12)
-    told = [(r["sweep"], r["level"]) for r in rows if r["observer"] == "all"]
+    reported = [(r["sweep"], r["level"]) for r in rows if r["observer"] == "all"]
     steps = (0.5, 2.0, 0.2, 5.0)
-    assert told == [("stated", 1.0), *((name, level) for name in TUNED for level in steps)]
+    assert reported == [("stated", 1.0), *((name, level) for name in TUNED for level in steps)]
 
 
 def test_banks_that_are_tuned_together_share_their_numbers() -> None:

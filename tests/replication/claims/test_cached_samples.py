@@ -123,7 +123,7 @@ def test_other_claims_and_parameter_files_take_nothing(
     assert found(one, {"it": first.to_keep}, 60, parameters).cached == 0
 
 
-def test_a_damaged_file_is_told(code: Code, first: Robustness, tmp_path: Path) -> None:
+def test_a_damaged_file_is_reported(code: Code, first: Robustness, tmp_path: Path) -> None:
     path = tmp_path / samples_path("ilo")
     keep(tmp_path, "ilo", {"it": first})
     assert read_cached(path, "ilo") == {"it": first.to_keep}
@@ -175,8 +175,8 @@ def test_the_command_goes_on_and_checks(
     near = Registry(claims=[claim(620), replace(claim(5000), name="never")])
     monkeypatch.setattr(commands, "read_registry", lambda *_: near)
     sample_command(project, ["ilo"], 100, check=False)
-    told = capsys.readouterr().out.splitlines()
-    assert [line.split(", ")[1] for line in told] == ["1 of 2 claims undecided"] * 3
+    reported = capsys.readouterr().out.splitlines()
+    assert [line.split(", ")[1] for line in reported] == ["1 of 2 claims undecided"] * 3
     cached = read_cached(project / samples_path("ilo"), "ilo")
     assert [len(one.samples) for one in cached.values()] == [100, 36]
     sample_command(project, ["ilo"], 100, check=True)

@@ -59,7 +59,7 @@ def test_a_number_of_a_study_is_named_by_its_coordinates() -> None:
     for text in ("error gain=2 noise=1e-05", "error noise=1.0e-5 gain=2.0"):
         one = check(value=f"fig1 a {text}", below=1)
         assert one.values(numbers) == [0.5]
-        assert one.told(numbers) == "fig1 a error gain=2 noise=1e-05 = 0.5, must be below 1"
+        assert one.measured(numbers) == "fig1 a error gain=2 noise=1e-05 = 0.5, must be below 1"
 
 
 def test_one_reference_serves_a_whole_list() -> None:
@@ -73,18 +73,19 @@ def test_one_reference_serves_a_whole_list() -> None:
 
 def test_a_reader_is_told_the_number_and_what_is_asked() -> None:
     one = check(value="fig1 a error", below=0.03)
-    assert one.told(NUMBERS) == "fig1 a error = 0.02, must be below 0.03"
+    assert one.measured(NUMBERS) == "fig1 a error = 0.02, must be below 0.03"
     ratio = check(value="fig1 a error", over="fig1 b error", above=1)
-    assert ratio.told(NUMBERS) == "fig1 a error / fig1 b error = 0.2, must be above 1"
+    assert ratio.measured(NUMBERS) == "fig1 a error / fig1 b error = 0.2, must be above 1"
     listed = check(value=["fig1 a error", "fig1 b error"], below=0.05, share=0.5)
-    assert listed.told(NUMBERS) == (
+    assert listed.measured(NUMBERS) == (
         "fig1 a error and so on: 1 of 2 are below 0.05, for at least 50%; the worst is 0.1"
     )
     assert (
-        check(value="fig1 b delay", exists=False).told(NUMBERS) == "fig1 b delay = nan, must be nan"
+        check(value="fig1 b delay", exists=False).measured(NUMBERS)
+        == "fig1 b delay = nan, must be nan"
     )
     row = check(value=["fig1 a error", "fig1 b error"], falling=True)
-    assert row.told(NUMBERS) == "fig1 a error = 0.02, 0.1: must be falling"
+    assert row.measured(NUMBERS) == "fig1 a error = 0.02, 0.1: must be falling"
 
 
 @pytest.mark.parametrize(
@@ -151,4 +152,4 @@ def test_the_worst_of_a_list_is_farthest_from_what_is_asked(
     """3.5 is 1.5 off the middle of 1 and 3, and 1.2 is 0.8 off."""
     numbers = {"f": {("a", "x"): 1.2, ("b", "x"): 3.5, ("c", "x"): 2.1}}
     one = check(value=["f a x", "f b x", "f c x"], **{relation: bound})
-    assert one.told(numbers).endswith(f"the worst is {worst}")
+    assert one.measured(numbers).endswith(f"the worst is {worst}")

@@ -74,7 +74,8 @@ def test_a_claim_is_read_with_its_groups_of_choices(tmp_path: Path) -> None:
             {"checks": [{"value": "fig1 sampled rms_eror", "below": 1}]},
             "claims.ilo.one.checks.0.metric: there is no 'rms_eror'; did you mean 'rms_error'?",
         ),
-        ({"sais": "x"}, "claims.ilo.one.sais: unknown key; did you mean 'says'?"),
+        ({"statment": "x"}, "claims.ilo.one.statment: unknown key; did you mean 'statement'?"),
+        ({"says": "x"}, "claims.ilo.one.says: is now statement"),
         (
             {"not_testable": "No."},
             "claims.ilo.one: must have checks with a why, or not_testable",
@@ -158,13 +159,13 @@ def test_the_registries_of_the_papers_are_sound(paper: str) -> None:
 
 
 def test_claims_that_do_not_go_together_are_named() -> None:
-    one, two, three = (Claim("ilo", name, says=name, promised=("abstract",)) for name in "abc")
+    one, two, three = (Claim("ilo", name, statement=name, promised=("abstract",)) for name in "abc")
     assert list(amiss([one, two, three])) == []
-    (said,) = amiss([replace(one, testable=False), Claim("ilo", "d", says="d")])
+    (said,) = amiss([replace(one, testable=False), Claim("ilo", "d", statement="d")])
     assert said == "claims.ilo: none that can be tested is promised, must be one or more"
     assert list(amiss([])) == []
-    (said,) = amiss([one, two, Claim("ilo", "d", says="a")])
-    assert said == "claims.ilo.d.says: what a says, must be another claim"
+    (said,) = amiss([one, two, Claim("ilo", "d", statement="a")])
+    assert said == "claims.ilo.d.statement: what a says, must be another claim"
 
 
 @pytest.mark.parametrize("paper", ERRATA)

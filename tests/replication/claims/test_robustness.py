@@ -99,7 +99,7 @@ def test_a_trial_keeps_what_was_chosen_and_what_came_out() -> None:
     assert one.stated.numbers == (2000.0,)
 
 
-def test_draws_that_cannot_differ_are_told() -> None:
+def test_draws_that_cannot_differ_are_reported() -> None:
     assert found(claim("fig1 a share", GAIN, above=0)).alike  # K1 does not move with the gain
     assert not found(claim("fig1 a gain", GAIN, above=0)).alike
     assert not found(claim("fig1 a share", GAIN, above=0), 7).alike  # too few to say
@@ -123,7 +123,7 @@ def test_the_smallest_change_is_found_to_a_part_of_the_range() -> None:
     assert one.reversal.end == pytest.approx(2000 * 10**-one.reversal.size)
 
 
-def test_of_two_changes_the_smaller_is_told() -> None:
+def test_of_two_changes_the_smaller_is_reported() -> None:
     """K1 reaches 0.91 after 0.02 of its range; the gain reaches 4000 after 0.3 of its own."""
     two = claim("fig1 a gain", GAIN, DAMPING, below=4000)
     two = replace(two, checks=(*two.checks, Check.parse({"value": "fig1 a share", "below": 0.91})))

@@ -32,7 +32,7 @@ DRAWS = 90
 
 
 class Code:
-    """Stands for what computes: a gain times a factor, some refused, some lost; all calls cached."""
+    """Stands for what computes: a gain times a factor, some refused, some lost; keeps all calls."""
 
     def __init__(self) -> None:
         self.factor = 1.0
@@ -195,7 +195,7 @@ def test_chunks_of_other_parameter_files_and_claims_are_not_taken(
         (("claims", "soon decided", "basis"), None, "basis"),
     ],
 )
-def test_a_damaged_chunk_is_told(
+def test_a_damaged_chunk_is_reported(
     code: Code, tmp_path: Path, path: tuple[str | int, ...], value: object, said: str
 ) -> None:
     chunk = make(tmp_path, "0-5")

@@ -115,29 +115,32 @@ def test_the_verdict_follows_the_rule(
 
 def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     checks = (Check.parse({"value": "fig1 a error", "below": 0.05}),)
-    claim = replace(DEPENDENT, checks=checks, says="It is small.", why="A twentieth.")
+    claim = replace(DEPENDENT, checks=checks, statement="It is small.", why="A twentieth.")
     reversal = Reversal(GAIN, "N m s/rad", 2000.0, 740.123, 0.4317)
     stands = replace(drawn(70, 71), reversal=reversal)
-    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
-    assert told["verdict"] == "reproduced"
-    assert (told["holds"], told["measured"]) == ("yes", "fig1 a error = 0.02, must be below 0.05")
-    assert (told["samples"], told["held"], told["share"]) == (71, 70, "0.9859")
-    assert (told["low"], told["high"]) == ("0.9011", "1")
-    assert told["reversal"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
-    told = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
-    assert told["holds"] == "no"
-    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
-    assert told["verdict"] == "depends on unstated choices"
+    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, stands)
+    assert reported["verdict"] == "reproduced"
+    assert (reported["holds"], reported["measured"]) == (
+        "yes",
+        "fig1 a error = 0.02, must be below 0.05",
+    )
+    assert (reported["samples"], reported["held"], reported["share"]) == (71, 70, "0.9859")
+    assert (reported["low"], reported["high"]) == ("0.9011", "1")
+    assert reported["reversal"] == f"{GAIN} from 2000 to 740.1 N m s/rad (43 % of its range)"
+    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.06}}, stands)
+    assert reported["holds"] == "no"
+    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, drawn(10, 20))
+    assert reported["verdict"] == "depends on unstated choices"
     same = replace(stands, trials=stands.trials[:1] * 8)
-    told = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
-    assert told["verdict"] == "broken"
-    assert told["problem"] == (
+    reported = row(claim, ILO, {"fig1": {("a", "error"): 0.02}}, same)
+    assert reported["verdict"] == "broken"
+    assert reported["problem"] == (
         "claims.ilo.it: all 8 samples give the same numbers, must name a choice that reaches them "
         "or depend on nothing"
     )
-    told = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
-    assert told["verdict"] == "broken"
-    assert told["problem"] == (
+    reported = row(claim, ILO, {"fig1": {("a", "errors"): 0.02}}, stands)
+    assert reported["verdict"] == "broken"
+    assert reported["problem"] == (
         "claims.ilo.it: metric: fig1 has no 'error' of a; did you mean 'errors'?"
     )
     assert format_reversal(Reversal("a.b", "word", "A", "B", 1.0)) == "a.b from A to B"
@@ -155,8 +158,8 @@ def test_the_table_tells_what_was_found(tmp_path: Path) -> None:
     )
     assert format_reversal(Reversal("a.b", "V", slow, fast, 1.0)) == "a.b size from 1.5 to 47"
     assert format_reversal(Reversal("a.b", "V", slow, step, 1.0)) == "a.b from prbs 1.5 to step"
-    path, told = tmp_path / "robustness.json", {"a": to_data(stands)}
-    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "samples": 40, "claims": told}))
+    path, reported = tmp_path / "robustness.json", {"a": to_data(stands)}
+    path.write_text(json.dumps({"paper": "ilo", "seed": 1, "samples": 40, "claims": reported}))
     assert read_robustness(path, "ilo") == {"a": stands}
 
 
@@ -213,12 +216,12 @@ def test_how_near_a_title_is_to_the_other(words: str, said: str) -> None:
 def test_the_titles_under_other_choices_of_main_claims() -> None:
     rows = made("reproduced", "contradicted", "not testable", "reproduced", promised=[0, 2])
     rows[3] |= {"place": "Section 2", "promised": "conclusions"}
-    head, _, told = titles(rows).strip().splitlines()
+    head, _, reported = titles(rows).strip().splitlines()
     assert (
         head
         == "| paper | abstract and conclusions | abstract | conclusions | figures | all claims |"
     )
-    assert told == (
+    assert reported == (
         "| `a` | [Re] 2 of 2, 0 contradicted | [Re] 1 of 1, 0 contradicted | [Re] 1 of 1, 0 "
         "contradicted | [¬Re] 1 of 2, 1 contradicted | [¬Re] 2 of 3, 1 contradicted |"
     )
@@ -333,8 +336,8 @@ def test_verdicts_are_put_between_their_marks_in_the_readme(tmp_path: Path) -> N
     verdicts.write_text("| new |\n")
     for _ in range(2):
         put_into(readme, verdicts)
-        told = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
-        assert readme.read_text() == told
+        reported = "before\n<!-- verdicts -->\n\n| new |\n\n<!-- end -->\nafter\n"
+        assert readme.read_text() == reported
     readme.write_text("before\n<!-- verdicts -->\nold\n")
     with pytest.raises(InputError, match=r"must have the lines <!-- verdicts --> and <!-- end -->"):
         put_into(readme, verdicts)
@@ -353,8 +356,8 @@ def test_of_papers_that_were_not_decided_the_readme_tells_what_it_told(tmp_path:
     readme.write_text(f"<!-- verdicts -->\n\n{TOLD}\n<!-- end -->\n")
     verdicts.write_text("| paper | claims |\n|---|---|\n| `b` | 5 |\n| `c` | 6 |\n")
     put_into(readme, verdicts, ["a", "b", "c"])
-    told = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
-    assert readme.read_text() == f"<!-- verdicts -->\n\n{told}\n<!-- end -->\n"
+    reported = TOLD.replace("| 4 |\n", "| 5 |\n| `c` | 6 |\n")
+    assert readme.read_text() == f"<!-- verdicts -->\n\n{reported}\n<!-- end -->\n"
     put_into(readme, verdicts, ["b", "c"])  # a is no paper any more
     assert readme.read_text() == f"<!-- verdicts -->\n\n{verdicts.read_text()}\n<!-- end -->\n"
 

@@ -1,4 +1,4 @@
-"""A table of equations: read, looked up and printed, and every fault of it told in a sentence."""
+"""A table of equations: read, looked up and printed, and each fault refused in a sentence."""
 
 from __future__ import annotations
 
@@ -54,8 +54,9 @@ def test_an_equation_is_found_as_a_person_writes_it(tmp_path: Path) -> None:
         ({"number": " "}, "equations.0.number: must not be empty"),
         ({"number": "01"}, "equations: (2) stands where (1) must: all, in their order"),
         ({"number": "2"}, "equations: (2) stands there twice"),
-        ({"statement": ["x"]}, "equations.0.says: ['x'] must be a word"),
-        ({"sais": "x"}, "equations.0.sais: unknown key; did you mean 'says'?"),
+        ({"statement": ["x"]}, "equations.0.statement: ['x'] must be a word"),
+        ({"statemet": "x"}, "equations.0.statemet: unknown key; did you mean 'statement'?"),
+        ({"says": "x"}, "equations.0.says: is now statement"),
         ({"implemented": IMM}, f"equations.0.implemented: '{IMM}' must be a list of words"),
         (
             {"implemented": ["numpy.linalg.solve"]},
@@ -132,7 +133,7 @@ def test_what_nothing_implements_says_why(
     assert main(["equations", "toy", "Theorem", "1", "--project", folder]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "A & B 2001, Theorem 1",
-        "says           A step.",
+        "statement      A step.",
         "implemented    nowhere",
         "note           A step.",
     ]
@@ -164,7 +165,7 @@ def test_what_cannot_be_shown_is_one_sentence(
     assert (shown.out, shown.err) == ("", f"reobserve: {said}\n")
 
 
-def test_a_folder_without_tables_is_told(
+def test_a_folder_without_tables_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "config/papers").mkdir(parents=True)
@@ -176,7 +177,7 @@ def test_a_folder_without_tables_is_told(
         )
 
 
-def test_a_folder_that_cannot_be_listed_is_told(
+def test_a_folder_that_cannot_be_listed_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def denied(*_: Any) -> None:
@@ -186,8 +187,8 @@ def test_a_folder_that_cannot_be_listed_is_told(
     for listed, folder in ((papers_with_equations, "equations"), (known_papers, "papers")):
         with pytest.raises(InputError) as error:
             listed(tmp_path)
-        told = f"{tmp_path / 'config' / folder}: cannot be read (Permission denied)"
-        assert str(error.value) == told
+        reported = f"{tmp_path / 'config' / folder}: cannot be read (Permission denied)"
+        assert str(error.value) == reported
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Parameter files checked whole before anything runs: what once went by, ended in a traceback or in memory.
+"""Parameter files are checked whole before anything runs, with one sentence for what is wrong.
 
 Each case is an override as a user would write it, or a change of a parameter file's own file.
 """
@@ -63,7 +63,7 @@ def test_what_every_job_sees_is_declared(paper: str) -> None:
 
 PRINTED = {"component": 1, "powers": [3, 0]}
 
-# What an override must be told, by paper.
+# What an override must be reported, by paper.
 OVERRIDES: dict[str, tuple[str, Tree, str]] = {
     "a step of zero": ("ilo", {"plant": {"step": 0}}, "ilo.plant.step: 0 must be greater"),
     "a step that makes too many samples": (
@@ -321,9 +321,12 @@ CALLS: dict[str, tuple[Tree, str]] = {
     "half a seed": ({"seed": 5.0}, "config.seed: 5 must be a whole number"),
     "no samples": ({"samples": 0}, "config.samples: 0 must be 1 or more"),
     "a key that is neither of the schema nor a paper": (
-        {"draw": {}},
-        "config.draw: unknown key; did you mean 'samples'?",
+        {"sample": {}},
+        "config.sample: unknown key; did you mean 'samples'?",
     ),
+    "an old key": ({"draws": 40}, "config.draws: is now samples"),
+    "another old key": ({"kept": True}, "config.kept: is now cached"),
+    "a third old key": ({"flips": True}, "config.flips: is now reversals"),
     "a paper in a number": ({"ilo": 3}, "config.ilo: 3 must be a mapping of keys to values"),
     "a key in a number": ({3: 3}, "config: has the key 3, must be text"),
 }
@@ -354,7 +357,7 @@ def test_an_observer_that_a_study_names_is_there_and_of_its_form() -> None:
         named(observers, "here", int)
 
 
-def test_a_parameter_without_declared_keys_is_told() -> None:
+def test_a_parameter_without_declared_keys_is_reported() -> None:
     with pytest.raises(InputError, match=r"^nobody: has a parameter file, but there is no module "):
         declared_keys("nobody")
 
@@ -367,7 +370,7 @@ class Observed:
 def test_other_words_are_no_truths() -> None:
     config = {**CONFIG, "reversals": "no"}
     take_truths(config)
-    with pytest.raises(InputError, match=r"^config.flips: 'no' must be one of true and false"):
+    with pytest.raises(InputError, match=r"^config.reversals: 'no' must be one of true and false"):
         check_config(ROOT, config, known_papers(ROOT))
 
 

@@ -1,4 +1,4 @@
-"""Designs and tables in the parameter file: who may name one, what a job sees of it, what it is called."""
+"""Designs and tables among the parameters: who may name one, and what a job receives of it."""
 
 from __future__ import annotations
 

@@ -42,9 +42,9 @@ def test_parameters_come_with_unit_source_and_range(project: Path, capsys: Captu
         "1 entries, 1 of them assumed: the paper does not give them.",
         "--why says why each assumption was made.",
     ]
-    told = printed(capsys, "params", "toy", "observers.slow", "--why")
-    assert told[3:] == ["Not given.", "", told[-1]]
-    assert told[-1].startswith("1 entries, 1 of them assumed")
+    reported = printed(capsys, "params", "toy", "observers.slow", "--why")
+    assert reported[3:] == ["Not given.", "", reported[-1]]
+    assert reported[-1].startswith("1 entries, 1 of them assumed")
     stated = printed(capsys, "params", "toy", "scenarios")
     assert stated[2:] == [
         "scenarios.push.disturbance 2 1/s Section 2",

@@ -35,7 +35,8 @@ CLAIMS = [
     },
     {
         "claim": "placed_is_better", "promised": "abstract", "place": "Fig. 1",
-        "statement": "Placed poles leave <less> of the error.", "verdict": "depends on unstated choices",
+        "statement": "Placed poles leave <less> of the error.",
+        "verdict": "depends on unstated choices",
         "holds": "yes", "why": "What better means.", "figures": "fig1",
         "measured": "fig1 placed late_rms_error and so on: 2 of 2 are below 1; the worst is 0.4; "
         "fig1 slow late_rms_error = 0.4, must be below 1",
@@ -50,7 +51,8 @@ CLAIMS = [
         "depends_on": "observers.slow.gains seed", **_DRAWN,
     },
     {
-        "claim": "slow_is_good", "place": "Section 3", "statement": "The slow observer is good, too.",
+        "claim": "slow_is_good", "place": "Section 3",
+        "statement": "The slow observer is good, too.",
         "verdict": "contradicted", "holds": "no", "figures": "fig1",
         "measured": "fig1 slow late_rms_error = 0.4, must be below 0.002", "why": "A thousandth.",
     },
@@ -118,7 +120,7 @@ def make_project(folder: Path) -> Path:
     ]
     drawn = {
         "stated": held, "names": ["observers.slow.gains.1"], "trials": trials, "refused": [39],
-        "looked": True, "reversal": None, "basis": "", "kept": 38, "quantifier": "is",
+        "looked": True, "reversal": None, "basis": "", "cached": 38, "quantifier": "is",
     }  # fmt: skip
     drawn_of = {"placed_is_better": drawn, "tuned": drawn}
     stored = {"paper": "toy", "seed": 1, "samples": 40, "claims": drawn_of}

@@ -57,11 +57,11 @@ def test_every_figure_is_seen(watched: Watched, file: Path) -> None:
     found = watched.page.evaluate(FIGURES)
     assert len(found) == figures.count() - missing
     assert figures.count() > 0
-    for seen, natural, width, told in found:
+    for seen, natural, width, reported in found:
         assert seen
         assert natural > 0
         assert width > 250
-        assert told > 20
+        assert reported > 20
     assert missing == (1 if "gaps" in file.parts[-3] else 0)
 
 

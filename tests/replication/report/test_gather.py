@@ -93,7 +93,7 @@ def test_claims_come_with_checks_and_robustness(project: Path) -> None:
     found = better.robustness
     assert found
     assert (found.samples, found.held, found.share, found.diverged) == (40, 30, 0.75, 2)
-    assert (found.refused, found.kept, found.looked) == (1, 38, True)
+    assert (found.refused, found.cached, found.looked) == (1, 38, True)
     assert found.reversal_key == "observers.slow.gains.1"
     assert found.reversal == "from 1 to 0.6 1/s^2 (0.1 of its range)"
     assert claims(project)["double_pole"].robustness is None
@@ -232,8 +232,8 @@ def test_a_job_that_refused_says_why_its_file_is_missing(
     (project / "results/toy" / missing).unlink()
     for log in (project / "logs/toy").iterdir():
         log.write_text(f"{log.read_text()}reobserve: toy: {log.stem} cannot be made\n")
-    told = f"not built; logs/toy/{step}.log says: toy: {step} cannot be made"
-    assert sentences(project) == [f"results/toy/{missing}: {told}"]
+    reported = f"not built; logs/toy/{step}.log says: toy: {step} cannot be made"
+    assert sentences(project) == [f"results/toy/{missing}: {reported}"]
 
 
 def test_a_log_does_not_explain_numbers_that_are_there_and_damaged(project: Path) -> None:
@@ -304,16 +304,16 @@ def test_what_was_built_may_differ_from_the_config(project: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "wanted"),
+    ("reported", "wanted"),
     [
         ("model name\t: One\nflags\t: x\nmodel name\t: Two\n", "One"),
         ("Hardware\t: Board\n", "by itself"),  # not every kernel names a model
     ],
 )
 def test_the_processor_is_the_first_that_the_kernel_names(
-    told: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    reported: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "cpuinfo").write_text(told)
+    (tmp_path / "cpuinfo").write_text(reported)
     monkeypatch.setattr(
         "reobserve.replication.report.environment.Path", lambda _: tmp_path / "cpuinfo"
     )

@@ -55,7 +55,7 @@ def outline(page: str) -> Outline:
 def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = page_of(project)
     text = unescape(re.sub(r"[ \n]+", " ", page))
-    for told in (
+    for reported in (
         "One paper on observers, run again", "[¬Re]", "No gaps:", "A lag and its disturbance",
         "(a) The estimate errs by 0.1 %.", "Both poles are in one place.", "Depends on",
         "Held in 30 of 40 samples: 75\xa0%, may be 60 to 86\xa0%.",
@@ -63,7 +63,7 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
         "With the same verdict, below 1 could be any.",
         "1 of 1 are certain:", "Which choices decide the claims that turn over", "undecided",
         "1 of 2 main claims are reproduced and 0 contradicted; it would be [Re] with 1 more",
-        "2 diverged. 1 refused. 38 were made earlier and are kept in",
+        "2 diverged. 1 refused. 38 were made earlier and are cached in",
         "Smallest single change that reverses it",
         "from 1 to 0.6 1/s^2 (0.1 of its range)",
         "There is no laboratory here.", "The gains of one observer are not given.",
@@ -71,7 +71,7 @@ def test_the_page_tells_everything(project: Path, capsys: pytest.CaptureFixture[
         "numpy",
         "As <code>chosen</code>.",
     ):  # fmt: skip
-        assert told in text, told
+        assert reported in text, reported
     assert "It is &lt;script&gt;alert(1)&lt;/script&gt; tuned." in page, "text stays text"
     assert page.count("<script>") == 1
     assert capsys.readouterr().out == f"{project / PAGE}: no gaps\n"

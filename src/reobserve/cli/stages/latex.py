@@ -11,7 +11,7 @@ from reobserve.replication.latex_captions import caption_in_latex
 from reobserve.replication.metrics.metrics import HEADER, read_metrics
 from reobserve.replication.report.files import by_observer
 
-_DIGITS = 3  # of a metric, which is judged by less
+_DIGITS = 3  # of a metric, which needs fewer digits
 
 
 def run(source: Path, output: Path, digits: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Records and estimates as stages read them: checked against the parameter file before they are used."""
+"""Read records and estimates, and check them against the parameters before they are used."""
 
 from __future__ import annotations
 

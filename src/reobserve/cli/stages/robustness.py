@@ -17,8 +17,8 @@ from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(
-    parameter_file: Path, samples: int, reversals: bool, cached: Path | None, chunk_files: Sequence[Path],
-    study_files: Sequence[Path], output: Path, project: Path,
+    parameter_file: Path, samples: int, reversals: bool, cached: Path | None,
+    chunk_files: Sequence[Path], study_files: Sequence[Path], output: Path, project: Path,
 ) -> None:  # fmt: skip
     """Draw, move and write; a claim that is broken is left to the table of claims."""
     parameters = Parameters.read(parameter_file)

@@ -17,8 +17,8 @@ from reobserve.replication.parameters.parameters import Parameters
 
 
 def run(
-    parameter_file: Path, chunk: str, cached: Path | None, study_files: Sequence[Path], output: Path,
-    project: Path,
+    parameter_file: Path, chunk: str, cached: Path | None, study_files: Sequence[Path],
+    output: Path, project: Path,
 ) -> None:  # fmt: skip
     """Draw and write; `reobserve.cli.stages.robustness` gathers."""
     numbers = numbers_of(chunk)

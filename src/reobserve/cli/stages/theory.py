@@ -1,4 +1,4 @@
-"""Stage theory: the numbers of a paper's theory, from the parameter file and its designs to a table."""
+"""Stage theory: a table of the numbers of a paper's theory, from its parameters and designs."""
 
 from __future__ import annotations
 

@@ -171,9 +171,9 @@ class _Step:
 
     def _at_most(self, target: Name, value: Expression) -> None:
         """The smaller of two, not a number where the target is none."""
-        room = self.program.let(self.program.local("room"), value)
-        with self.program.when(f"{room} < {target}"):
-            self.program.let(target, room)
+        margin = self.program.let(self.program.local("margin"), value)
+        with self.program.when(f"{margin} < {target}"):
+            self.program.let(target, margin)
 
     # --- The step ---
 

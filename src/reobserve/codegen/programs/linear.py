@@ -100,7 +100,7 @@ def kalman(observer: KalmanFilter, state: State) -> Program:
 
 
 def augmented(observer: AugmentedKalmanFilter, state: State) -> Program:
-    """The Kalman filter of the state and the unknown inputs, which are told apart."""
+    """The Kalman filter of the state and the unknown inputs, which it distinguishes."""
     title = "Kalman filter with unknown inputs"
     return _filter(title, observer._kalman.model, state, split=observer.model.states)
 

@@ -124,7 +124,7 @@ class FaultySystem(System):
 
     @cached_property
     def augmented(self) -> AugmentedSystem:
-        """The system with filter and faults; `InputError` if faults cannot be told apart."""
+        """The system with filter and faults; `InputError` if faults cannot be distinguished."""
         rows = {"B": self.A, "Fa": self.A, "Fs": self.C, "Dd": self.A, "Dw": self.C}
         given = {
             name: np.zeros((len(like), 0)) if (value := getattr(self, name)) is None else value

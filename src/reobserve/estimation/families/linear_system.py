@@ -146,11 +146,11 @@ class FilterDesign(Design):
 
 def unobserved(model: LinearModel, place: str = "model") -> tuple[str, ...]:
     """Sentences on modes whose estimate stays that of the start."""
-    hidden = undetectable_modes(model.A, model.C)
-    if not len(hidden):
+    unobservable = undetectable_modes(model.A, model.C)
+    if not len(unobservable):
         return ()
     return (
-        f"state: a mode of {place} with the eigenvalue {hidden[0]:.4g} does not decay and is "
+        f"state: a mode of {place} with the eigenvalue {unobservable[0]:.4g} does not decay and is "
         "unobservable, so that its estimate stays the initial one",
     )
 

@@ -67,7 +67,7 @@ MEANINGS = {
     "bound_share": "third derivative of the input over L",
     "noise_exponent_<order>": "power of the noise with which the error of a derivative grows",
     "rms_delay_error_faster rho=<level>": (
-        "error with a faster input and a shorter delay over that without, by the parameter file's measure"
+        "error with a faster input and a shorter delay over that without, by the stated measure"
     ),
     "relative_rms_error_<order>_in_noise": (
         "the same on the noisy input of Fig. 2, by a differentiator of order three"

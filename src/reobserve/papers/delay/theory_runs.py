@@ -58,7 +58,7 @@ def record(job: Job, terms: Any) -> Series:
 
 
 def _delay_error(job: Job, name: str, plant: Series, **changes: Any) -> tuple[Array, Array]:
-    """Times and the error of the delay of an observer of the parameter file, some values of it changed.
+    """Times and the delay error of an observer of the parameter file, some of its values changed.
 
     What is made of the error comes long after the dynamic gain has come to rest at the algebraic
     one, which is taken from the start.

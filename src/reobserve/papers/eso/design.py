@@ -1,4 +1,4 @@
-"""Stage design: gains of an observer, certified; the ``kind`` of a design in the parameter file is one of
+"""Stage design: certified gains of an observer; the ``kind`` of a design is one of
 
 pi_feasible      the PI observer by feasibility with a decay rate
 pi_optimised     the PI observer by optimisation

@@ -1,4 +1,4 @@
-"""From the parameter file's values to the motor, its control, the augmented system and the signals."""
+"""The motor, its control, the augmented system and the signals, from the parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples of claims that are cached beside the parameter files, so that a build need not make them all again.
+"""Cached samples of claims in ``config/samples``, so that a build need not repeat them all.
 
 Kept are numbers that came out; what a sample chooses follows from its place in the list. They are
 those of a claim as long as nothing in the parameter file or the registry has moved that its samples
@@ -95,7 +95,8 @@ def write_cached(project: Path, paper: str, claims: Mapping[str, CachedSamples])
     stored: dict[str, Any] = {"paper": paper, "packages": versions()}
     head = json.dumps(stored, indent=1)[:-2]
     lines = (
-        f"  {json.dumps(name)}: {json.dumps(vars(one) | {'reversal': one.reversal and vars(one.reversal)})}"
+        f"  {json.dumps(name)}: "
+        f"{json.dumps(vars(one) | {'reversal': one.reversal and vars(one.reversal)})}"
         for name, one in claims.items()
     )
     text = f'{head},\n "claims": {{\n' + ",\n".join(lines) + "\n }\n}\n"

@@ -167,7 +167,7 @@ class Check:
             return self.margin(number) > 0
         return RELATIONS[self.relation](number, self.bound if bound is None else bound)
 
-    def told(self, numbers: Numbers) -> str:
+    def measured(self, numbers: Numbers) -> str:
         """The numbers and what is asked of them, for a reader; of a list the worst."""
         values = self.values(numbers)
         name = self.name

@@ -39,7 +39,7 @@ class Knob:
 
     @property
     def name(self) -> str:
-        """The parameter file keys, told in one with braces for what differs, and the place in the value."""
+        """The parameter keys, in one with braces for what differs, and the place in the value."""
         return ".".join((_in_one(self.keys), *map(str, self.path)))
 
     @property
@@ -80,7 +80,7 @@ class Knob:
 
 @dataclass(frozen=True)
 class Choice:
-    """Entries of the parameter file that a reader would set together, or the seed (without knobs)."""
+    """Parameters that somebody would set together, or the seed (without knobs)."""
 
     keys: tuple[str, ...]
     knobs: tuple[Knob, ...]
@@ -116,7 +116,7 @@ def find_choice(parameters: Parameters, pattern: str) -> Choice:
 def sample(
     parameters: Parameters, choices: Iterable[Choice], number: int
 ) -> tuple[Parameters, tuple[Any, ...]]:
-    """The parameter file of another reader, every choice drawn again from its range, and what was drawn.
+    """The parameters with every choice drawn again from its range, and the values drawn.
 
     The reader of a ``number`` sets a choice the same, whichever others are asked of him.
     """

@@ -66,7 +66,7 @@ class KnownSamples:
         return self.made[number]
 
     def take(self, number: int, numbers: Numbers) -> None:
-        """Take what came out of a sample; what is cached is forgotten where that came out otherwise."""
+        """Add a new result of a sample; drop the cached samples if it differs from theirs."""
         self.made[number] = numbers
         if self.cached and number < self.length and not alike(numbers, self.cached.numbers(number)):
             self.cached = None

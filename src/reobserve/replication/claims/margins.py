@@ -36,12 +36,12 @@ def margins(
 def format_margins(found: dict[Check, tuple[float, float]]) -> str:
     """The same for a reader."""
     return "; ".join(
-        f"{check.relation} {check.bound:g} could be {_told(low, high)}"
+        f"{check.relation} {check.bound:g} could be {_format(low, high)}"
         for check, (low, high) in found.items()
     )
 
 
-def _told(low: float, high: float) -> str:
+def _format(low: float, high: float) -> str:
     if math.isinf(low) and math.isinf(high):
         return "any"
     if math.isinf(high):

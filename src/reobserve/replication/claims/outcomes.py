@@ -26,7 +26,7 @@ class Outcome:
 
 
 class Outcomes:
-    """Outcomes of claims with other parameter files; what a change does not touch is not run again."""
+    """Outcomes of claims with other parameters; what a change does not touch is not run again."""
 
     def __init__(self, base: Evaluator, claims: Iterable[Claim]) -> None:
         # What others start from: all that the claims need.
@@ -70,7 +70,7 @@ class Outcomes:
         return basis_of(self._base, claim)
 
     def stated(self, claim: Claim) -> Outcome | None:
-        """The outcome with the parameter file as it is; None if it names a number that nobody has."""
+        """The outcome with the stated parameters; None if it names a number that does not exist."""
         try:
             return outcome(claim, self._stated)
         except InputError:

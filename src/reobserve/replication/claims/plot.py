@@ -59,15 +59,15 @@ def sensitivity_bars(claims: Sequence[Claim], found: Mapping[str, Robustness]) -
     """Of the claims that choices turn over: how much of the deciding number each explains."""
     drawn = [(claim, found[claim.name]) for claim in claims if claim.name in found]
     each = influences(one for _, one in drawn)
-    told = [
+    shown = [
         (claim, one, bars[:_MOST_BARS])
         for (claim, one), bars in zip(drawn, each, strict=True)
         if bars
     ]
-    if not told:
+    if not shown:
         return _said(f"No claim turns over in some of {FEWEST} samples or more.")
-    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in told], 0.45)
-    for axes, (claim, one, bars) in zip(panels, told, strict=True):
+    figure, panels = _stack([(0.3, 0.05 + 0.13 * len(bars)) for _, _, bars in shown], 0.45)
+    for axes, (claim, one, bars) in zip(panels, shown, strict=True):
         places = range(len(bars))
         colors = ["0.25" if bar.chance < 0.05 else "0.75" for bar in bars]
         axes.barh(places, [max(bar.share, 0.0) for bar in bars], color=colors, height=0.7)

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, StringConstraints, Tag, model_validat
 
 from reobserve.core.documents import Tree, read_yaml
 from reobserve.core.errors import InputError, located, nearest, shown
-from reobserve.core.validation import Text, distinct, items
+from reobserve.core.validation import Text, distinct, formerly, items
 from reobserve.replication.claims.checks import THEORY, Check, Reference
 from reobserve.replication.claims.choices import Choice, find_choice
 from reobserve.replication.meanings import Meanings, meanings
@@ -49,7 +49,7 @@ class ClaimEntry(Model):
     """One claim of a paper: either checks with a reason, or why nothing can test it."""
 
     place: Text
-    statement: Text
+    statement: Annotated[Text, formerly("says")]
     promised: Annotated[list[Promise], distinct] = Field(
         [], description="Where the paper promises it of its own method: abstract, conclusions."
     )
@@ -84,7 +84,9 @@ class ClaimEntry(Model):
 class ClaimsFile(Model):
     """The claims of a paper, ``config/claims/<paper>.yaml``."""
 
-    limitations: Text = Field(description="What the paper leaves out.")
+    limitations: Annotated[Text, formerly("obstacles")] = Field(
+        description="What the paper leaves out."
+    )
     choices: dict[str, Annotated[list[str], items()]] = Field(
         {}, description="Parameters that are often named together, by a name of the group."
     )

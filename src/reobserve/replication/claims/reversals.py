@@ -96,7 +96,7 @@ def _scan(
     stated: dict[str, bool],
     brackets: dict[str, list[_Bracket]],
 ) -> None:
-    """Move a knob towards an end of its range until claims reversal; keep where each flips first."""
+    """Move a knob towards an end of its range; keep where each claim is reversed first."""
     if knob.words:
         # Words have no order: each other one is a change by itself, looked at once.
         moves = [(1.0, word) for word in knob.words if word != knob.value] if toward else []

@@ -23,7 +23,7 @@ from reobserve.replication.parameters.parameters import Parameters
 FIRM = 0.9
 
 # No claim is decided by fewer samples, if it may have as many: which choice decides can only be
-# told from some. It does not weaken the decision, which may be taken at any number of samples.
+# seen from some. It does not weaken the decision, which may be taken at any number of samples.
 _LEAST = 20
 
 # So many samples with the same numbers show that what a claim depends on does not reach them.
@@ -255,14 +255,14 @@ def assess(
     _sample_all(inquiry, samples)
     found, known = inquiry.found, inquiry.known
     if reversals:
-        told = {
+        changes = {
             name: one.cached.reversal
             for name, one in known.items()
             if one.cached and one.cached.looked
         }
-        sought = [claim for claim in inquiry.claims if claim.name not in told]
-        told |= smallest_reversals(inquiry.parameters, inquiry.outcomes, sought)
-        for name, reversal in told.items():
+        sought = [claim for claim in inquiry.claims if claim.name not in changes]
+        changes |= smallest_reversals(inquiry.parameters, inquiry.outcomes, sought)
+        for name, reversal in changes.items():
             found[name].reversal = reversal
     return found
 

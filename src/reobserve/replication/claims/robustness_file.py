@@ -92,7 +92,8 @@ class _StoredRobustness:
         """What was stored."""
         trials = [Trial(trial.values, trial.outcome()) for trial in self.trials]
         return Robustness(
-            self.stated.outcome(), self.names, trials, list(self.refused), self.reversal, self.looked,
+            self.stated.outcome(), self.names, trials, list(self.refused), self.reversal,
+            self.looked,
             self.basis, self.cached, self.quantifier,
         )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The command that keeps samples of claims beside the parameter files, or makes the cached ones again."""
+"""The command that caches samples of claims in ``config/samples``, or repeats the cached ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FIRST = 40  # samples; from here on the most is doubled, and what is there is c
 
 
 def sample_command(project: Path, paper: Sequence[str], most: int, check: bool) -> None:
-    """Draw until claims are decided or ``most`` samples are made, going on from those that are cached.
+    """Sample until claims are decided or ``most`` samples are made, starting from the cached ones.
 
     With ``check`` nothing is cached, and all are made again that are, up to ``most`` of a claim.
 

@@ -17,9 +17,9 @@ from reobserve.replication.claims.verdicts import BROKEN, VERDICTS, verdict
 from reobserve.replication.parameters.parameters import Parameters, leaves
 
 HEADER = (
-    "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds", "measured",
-    "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "share", "low", "high",
-    "reversal", "problem",
+    "paper", "claim", "promised", "quantifier", "place", "statement", "verdict", "holds",
+    "measured", "why", "threshold", "margin", "figures", "depends_on", "samples", "held", "share",
+    "low", "high", "reversal", "problem",
 )  # fmt: skip
 
 NOT_LOOKED_FOR = "not looked for"  # in place of a reversal
@@ -36,7 +36,7 @@ def row(
     claim: Claim, parameters: Parameters, numbers: Numbers, robustness: Robustness | None
 ) -> dict[str, Any]:
     """What is known of a claim; a number that it names and nobody has makes it broken."""
-    told: dict[str, Any] = {
+    cells: dict[str, Any] = {
         "paper": claim.paper,
         "claim": claim.name,
         "promised": " ".join(claim.promised),
@@ -50,28 +50,28 @@ def row(
     }
     try:
         stated = outcome(claim, numbers)
-        measured = "; ".join(check.told(numbers) for check in claim.checks)
+        measured = "; ".join(check.measured(numbers) for check in claim.checks)
     except InputError as error:
         problem = f"claims.{claim.paper}.{claim.name}: {error}"
-        return told | {"verdict": BROKEN, "problem": problem}
+        return cells | {"verdict": BROKEN, "problem": problem}
     if robustness is not None and robustness.alike:
         problem = (
             f"claims.{claim.paper}.{claim.name}: all {robustness.samples} samples give the same "
             "numbers, must name a choice that reaches them or depend on nothing"
         )
-        return told | {"verdict": BROKEN, "problem": problem}
-    told["verdict"] = verdict(claim, parameters, stated.held, robustness)
+        return cells | {"verdict": BROKEN, "problem": problem}
+    cells["verdict"] = verdict(claim, parameters, stated.held, robustness)
     if not claim.testable:
-        return told
+        return cells
     drawn = [trial.outcome for trial in robustness.trials] if robustness else []
-    told |= {
+    cells |= {
         "holds": "yes" if stated.held else "no",
         "measured": measured,
         "margin": format_margins(margins(claim, stated, drawn)),
     }
     if robustness is not None and robustness.samples:
         low, high = robustness.interval()
-        told |= {
+        cells |= {
             "samples": robustness.samples,
             "held": robustness.held,
             "share": f"{robustness.share:.4g}",
@@ -81,7 +81,7 @@ def row(
             if robustness.looked
             else NOT_LOOKED_FOR,
         }
-    return told
+    return cells
 
 
 def broken_row(paper: str, problem: str) -> dict[str, Any]:

@@ -78,23 +78,23 @@ def put_into(readme: Path, verdicts: Path, papers: Sequence[str] = ()) -> None:
     InputError
         If the README has no such place, or a file cannot be read.
     """
-    text, told = read_text(readme), read_text(verdicts)
+    text, table = read_text(readme), read_text(verdicts)
     before, begin, rest = text.partition(_BEGIN)
     old, end, after = rest.partition(_END)
     if not begin or not end:
         raise InputError(str(readme), f"must have the lines {_BEGIN.strip()} and {_END.strip()}")
-    told = _merged(old, told, papers) if papers else told
-    write_text(readme, f"{before}{begin}\n{told}\n{end}{after}")
+    table = _merged(old, table, papers) if papers else table
+    write_text(readme, f"{before}{begin}\n{table}\n{end}{after}")
 
 
 def _merged(old: str, new: str, papers: Sequence[str]) -> str:
-    """What is told of ``papers``: in ``new``, or else in ``old``."""
+    """The rows of ``papers``: in ``new``, or else in ``old``."""
     rows = _rows(new)
     head = new.partition(next(iter(rows.values())))[0] if rows else new
-    told = _rows(old) | rows
-    return head + "".join(told[one] for one in papers if one in told)
+    merged = _rows(old) | rows
+    return head + "".join(merged[one] for one in papers if one in merged)
 
 
-def _rows(told: str) -> dict[str, str]:
+def _rows(text: str) -> dict[str, str]:
     """The rows of a table of `table` by paper."""
-    return {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\n", told, re.M)}
+    return {found[1]: found[0] for found in re.finditer(r"^\| `(\w+)` \|.*\n", text, re.M)}

@@ -33,7 +33,7 @@ def verdict(claim: Claim, parameters: Parameters, held: bool, robustness: Robust
     held
         Whether its checks hold with the parameter file.
     robustness
-        Over samples of what it depends on; None if that is nothing. What they decide is told by
+        Over samples of what it depends on; None if that is nothing. What they decide is in
         `reobserve.replication.claims.robustness.finding`.
     """
     if not claim.testable:
@@ -100,11 +100,11 @@ def title_margin(rows: Iterable[Row]) -> str:
     good = found.count(REPRODUCED)
     failed = sum(word in (CONTRADICTED, BROKEN) for word in found)
     needed = len(found) // 2 + 1
-    told = f"{good} of {len(found)} main claims are reproduced and {failed} contradicted"
+    counts = f"{good} of {len(found)} main claims are reproduced and {failed} contradicted"
     if replicated(rows):
         lost = good - needed + 1
-        return f"{told}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"
+        return f"{counts}; it would be [¬Re] with one contradicted or {lost} fewer reproduced"
     wanted = [f"{failed} fewer contradicted"] if failed else []
     # One that is no longer contradicted may be one that is reproduced.
     wanted += [f"{needed - good} more reproduced"] if needed > good else []
-    return f"{told}; it would be [Re] with {' and '.join(wanted)}"
+    return f"{counts}; it would be [Re] with {' and '.join(wanted)}"

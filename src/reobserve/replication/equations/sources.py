@@ -26,7 +26,7 @@ class Source:
 
 
 def find_source(name: str) -> Source:
-    """Where `reobserve.room.module.Class.method` is defined.
+    """Where `reobserve.package.module.Class.method` is defined.
 
     Raises
     ------

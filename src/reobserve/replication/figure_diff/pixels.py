@@ -16,7 +16,7 @@ measured on the figures of this project:
   0.02 at most.
 
 They do not cover every number within its golden tolerance: those come from halving the steps, and
-on logarithmic axes some errors are smaller than that. A drawing that shows it deserves a look.
+on logarithmic axes some errors are smaller than that. A figure that shows it deserves a look.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _MOST_PIXELS = 20_000_000  # 80 megabytes; the largest figure has 1.6 million
 
 @dataclass(frozen=True)
 class PixelDifference:
-    """How far a new drawing is from the reference.
+    """How far a new figure is from the reference.
 
     ``rms`` is the root mean square over all pixels and channels in grey levels of 0 to 255,
     ``similarity`` the least local structural similarity, and ``place`` where that is (column, row).
@@ -65,7 +65,7 @@ class PixelDifference:
 
 
 def read_pixels(path: Path) -> Pixels:
-    """The drawing of a PNG on white paper, shape (rows, columns, 3).
+    """The picture of a PNG on white paper, shape (rows, columns, 3).
 
     Raises
     ------
@@ -82,11 +82,11 @@ def read_pixels(path: Path) -> Pixels:
         ):
             if image.width * image.height > _MOST_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
-            drawing = image.convert("RGBA")
+            picture = image.convert("RGBA")
     except Exception as error:  # what decoders raise has no common type
         raise InputError(str(path), f"is damaged or is no picture ({error})") from None
-    paper = Image.new("RGBA", drawing.size, (_WHITE, _WHITE, _WHITE, _WHITE))
-    return np.asarray(Image.alpha_composite(paper, drawing).convert("RGB"))
+    paper = Image.new("RGBA", picture.size, (_WHITE, _WHITE, _WHITE, _WHITE))
+    return np.asarray(Image.alpha_composite(paper, picture).convert("RGB"))
 
 
 def compare(reference: Pixels, new: Pixels, name: str) -> PixelDifference:

@@ -1,4 +1,4 @@
-"""Numbers that judge an estimate, and the table they are kept in."""
+"""Metrics of estimates, and the table that holds them."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def named_papers(known: Sequence[str], papers: Sequence[str]) -> list[str]:
 
 
 def known_styles(project: Path) -> list[str]:
-    """The styles of figures that there is a sheet of, and the look of the house."""
+    """The styles of figures with a sheet, and the default style."""
     sheets = (project / style_sheet("x")).parent.glob("*.mplstyle")
     return sorted({DEFAULT_STYLE, *(path.stem for path in sheets)})
 
@@ -79,6 +79,9 @@ def check_config(project: Path, config: Tree, papers: list[str]) -> None:
     known = [*Configuration.model_fields, *papers]
     for key in config:
         if key not in known:
+            for name, field in Configuration.model_fields.items():
+                if field.json_schema_extra == {"formerly": key}:
+                    raise InputError(f"config.{key}", f"is now {name}")
             raise InputError(f"config.{key}", f"unknown key{nearest(key, known)}")
     parse(Configuration, config, "config")
     for paper in config.get("papers", ()):

@@ -26,7 +26,7 @@ _SUBJECTS = ("theory", "observer", "table", "design")
 
 @dataclass(frozen=True)
 class Job:
-    """The branches of a parameter file that one job sees, each of the type that its paper declares."""
+    """The branches of a parameter file that one job receives, with the types its paper declares."""
 
     plant: Any
     seed: int = 0

@@ -64,7 +64,7 @@ def show_list(project: Path, paper: Sequence[str]) -> None:
 
 
 def show_params(project: Path, paper: str, match: str, why: bool, built: bool) -> None:
-    """Print the parameter file of a paper: key, value, unit, source, and the range of an assumption."""
+    """Print the parameters of a paper: key, value, unit, source, and the range of an assumption."""
     if built:
         parameters = Parameters.read(project / stored_parameters(paper))
     else:

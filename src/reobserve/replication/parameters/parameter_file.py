@@ -13,7 +13,16 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from reobserve.core.errors import InputError, shown
-from reobserve.core.validation import STRICT, Names, Positive, Text, checked, distinct, parse
+from reobserve.core.validation import (
+    STRICT,
+    Names,
+    Positive,
+    Text,
+    checked,
+    distinct,
+    formerly,
+    parse,
+)
 
 _WORDING = ("label", "source", "title")  # keys that decide no number, wherever they stand
 _LONGEST = 60
@@ -118,8 +127,12 @@ class Entry(Model):
     )
     numerical: bool = Field(False, description="Whether it is a resolution of the computation.")
     levels: bool = Field(False, description="Whether a study goes through its values.")
-    no_effect: Places = Field(False, description="Numbers in it on which no result depends.")
-    plot_only: bool = Field(False, description="Whether only a picture depends on it.")
+    no_effect: Annotated[Places, formerly("loose")] = Field(
+        False, description="Numbers in it on which no result depends."
+    )
+    plot_only: Annotated[bool, formerly("drawn")] = Field(
+        False, description="Whether only a plot depends on it."
+    )
     expensive: bool = Field(False, description="Whether a change of it makes a study of a minute.")
 
     @model_validator(mode="after")
@@ -234,10 +247,10 @@ class Configuration(BaseModel):
         list[Literal["pdf", "svg", "png", "eps", "pgf"]], Field(min_length=1), distinct
     ]
     seed: Annotated[int, Field(ge=0, le=2**53 - 1)]
-    samples: Annotated[int, Field(ge=1, le=1_000_000)]
+    samples: Annotated[int, Field(ge=1, le=1_000_000), formerly("draws")]
     chunks: Annotated[int, Field(ge=1, le=2000)]
-    reversals: bool
-    cached: bool
+    reversals: Annotated[bool, formerly("flips")]
+    cached: Annotated[bool, formerly("kept")]
     papers: Annotated[Names | None, Field(description="All of them if left out.")] = None
     style: str = "default"
     notes: bool = True

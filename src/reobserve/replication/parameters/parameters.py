@@ -54,7 +54,7 @@ class Parameters:
     def load(
         cls, project: Path, paper: str, overrides: Tree | None = None, seed: int = 0
     ) -> Parameters:
-        """The parameter file of ``config/papers/<paper>.yaml`` with ``overrides`` merged in, checked.
+        """The parameters of ``config/papers/<paper>.yaml`` with ``overrides`` merged in, checked.
 
         Raises
         ------

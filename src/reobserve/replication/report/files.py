@@ -44,8 +44,8 @@ def image(path: Path) -> dict[str, Any]:
         else:
             kind, size = "png", [s / _DENSITY for s in Image.open(io.BytesIO(content)).size]
     except (ElementTree.ParseError, KeyError, ValueError, OSError):
-        told = "SVG with a width and a height in points" if path.suffix == ".svg" else "PNG"
-        raise InputError(str(path), f"is no {told}") from None
+        kind = "SVG with a width and a height in points" if path.suffix == ".svg" else "PNG"
+        raise InputError(str(path), f"is no {kind}") from None
     source = f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
     return {"source": source, "width": round(size[0]), "height": round(size[1])}
 

@@ -38,7 +38,7 @@ CLAIMS_FILE = "results/claims.csv"
 
 # What is drawn of the claims of a paper, and what each shows.
 _PICTURES = {
-    "specification": "Main claim claims over all samples in order, their bounds, and the choices drawn",
+    "specification": "Main claims over all samples in order, their bounds, and the choices drawn",
     "sensitivity": "Which choices decide the claims that turn over",
 }
 
@@ -89,10 +89,10 @@ def cited(about: Mapping[str, Any]) -> str:
     """Return authors and year of a paper as one cites them."""
     names = [author.split()[-1] for author in about["authors"]]
     if len(names) > 3:
-        told = f"{names[0]} et al."
+        text = f"{names[0]} et al."
     else:
-        told = " & ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return f"{told} ({about['year']})" if about.get("year") else told
+        text = " & ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+    return f"{text} ({about['year']})" if about.get("year") else text
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class _Build:
         own = rows if isinstance(rows, Gap) else [row for row in rows if row["paper"] == name]
         if not own:
             own = self.gaps.add(f"{name}-claims", f"{CLAIMS_FILE}: has no claim of {name}")
-        judged = self._judged(name, own)
-        claims = [] if isinstance(own, Gap) else judged["claims"]
+        scored = self._scored(name, own)
+        claims = [] if isinstance(own, Gap) else scored["claims"]
         parts = _Paper(self, parameters, claims)
         theory = f"results/{name}/theory.metrics.csv"
         found = entries(parameters, claims)
@@ -131,7 +131,7 @@ class _Build:
             "figures": [parts.figure(*one) for one in tree["figures"].items()],
             "tables": [parts.table(*one) for one in tree.get("tables", {}).items()],
             "theory": parts.numbers(theory, "theory") if "theory" in tree else None,
-            **judged,
+            **scored,
             "verdicts": {claim.name: claim.verdict for claim in claims},
             "pictures": [parts.picture(*one) for one in _PICTURES.items()] if claims else [],
             "errata": self.gaps.attempt(f"{name}-errata", read_errata, self.folder, name),
@@ -140,7 +140,7 @@ class _Build:
             "statuses": {one: statuses.count(one) for one in ("assumed", "overridden", "stated")},
         }
 
-    def _judged(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
+    def _scored(self, paper: str, rows: list[dict[str, str]] | Gap) -> Data:
         """The claims of a paper, what they add up to, and the gap where robustness is missing."""
         if isinstance(rows, Gap):
             return {"claims": rows, "undrawn": None, "counts": {}, "replicated": None, "margin": ""}
@@ -215,7 +215,7 @@ class _Paper:
         }
 
     def picture(self, name: str, title: str) -> Data:
-        """A drawing of the samples that decided the claims."""
+        """A plot of the samples that decided the claims."""
         base, logged = f"results/{self.parameters.paper}/{name}", self._log("sensitivity")
         drawing = self._drawing(base, self._place("claims"), logged)
         return {"name": name, "title": title, **drawing}

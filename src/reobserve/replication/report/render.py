@@ -84,7 +84,7 @@ def _ticks(text: str) -> Any:
 
 def parameter_key(key: str, known: Sequence[str]) -> str:
     """Return the first of the ``known`` keys that ``key`` is or is a number of; or nothing."""
-    key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d is told of both
+    key = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)  # a.{b,c}.d stands for both
     while key and key not in known:
         key = key.rpartition(".")[0]
     return key

@@ -213,8 +213,8 @@ def _value(problem: Problem, x: Vector, mu: float) -> float:
     squares = float(problem.weights @ x**2)
     if problem.radius is None:
         value = problem.slant * log(squares)
-    elif (room := problem.radius**2 - squares) > 0:
-        value = problem.slant * float(x[-1]) - mu * log(room)
+    elif (interior := problem.radius**2 - squares) > 0:
+        value = problem.slant * float(x[-1]) - mu * log(interior)
     else:
         return inf
     for left in _left_sides(problem, x):
@@ -245,8 +245,8 @@ def _pull(problem: Problem, x: Vector, mu: float) -> tuple[float, float]:
     squares = float(problem.weights @ x**2)
     if problem.radius is None:
         return problem.slant / squares, 0.0
-    room = problem.radius**2 - squares
-    return mu / room, mu / room**2
+    interior = problem.radius**2 - squares
+    return mu / interior, mu / interior**2
 
 
 def _gradient(problem: Problem, x: Vector, mu: float) -> Vector:

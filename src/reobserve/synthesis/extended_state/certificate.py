@@ -112,7 +112,7 @@ def certify(
         The promised bound of the norm; none is promised if left out.
     variables
         What a solver returned, of which P1 (its symmetric part), P2 and P3 are taken; left out,
-        the promises are judged from the poles and the Hamiltonian alone.
+        the promises are checked from the poles and the Hamiltonian alone.
     decay, bound
         Promised -``bound`` < Re s < -``decay`` of all poles [1/s].
 

@@ -118,9 +118,9 @@ def optimised(
     ------
     InputError
         If the solver is unknown, fails or ends with another status than "optimal", the radius
-        leaves no room, no minimiser is found from there, or the certificate does not hold.
+        leaves nothing feasible, no minimiser is found from there, or the certificate does not hold.
     """
-    package("flint", "prove a design")  # told before a solver takes its time
+    package("flint", "prove a design")  # refuse before the solver runs
     start, status = strictly_feasible(problem, solver)
     minimum = polished(problem, minimiser(problem, start))
     x = np.array([float(entry) for entry in minimum.x])

@@ -41,7 +41,7 @@ _SCALINGS = 20  # each takes the square root of how far the units are apart
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AugmentedSystem(Value):
-    """A plant with the filter, whose constant faults can be told from its output.
+    """A plant with the filter, whose constant faults are observable from its output.
 
     Indriawati, Agustinah & Jazidie, (1) to (5) and (7).
 
@@ -234,7 +234,7 @@ def _check_reconstruction(system: AugmentedSystem) -> None:
         raise InputError(
             "Fa",
             f"and Fs have a zero at the origin: [A Fa 0; C 0 Fs] has rank {rank} of {n + r + q}, "
-            "so a constant fault cannot be told from none",
+            "so a constant fault cannot be distinguished from none",
         )
 
 

@@ -1,4 +1,4 @@
-"""First road: z = S(x) from S'(x) f(x) = A S(x) - l(h(x)), degree by degree.
+"""First method: z = S(x) from S'(x) f(x) = A S(x) - l(h(x)), degree by degree.
 
 The equation is linear in S, so the right-hand side of degree d is known at once:
 

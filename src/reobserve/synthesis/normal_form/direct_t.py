@@ -1,4 +1,4 @@
-"""Second road: x = T(z) from T'(z) (A z - l(h(T(z)))) = f(T(z)), degree by degree.
+"""Second method: x = T(z) from T'(z) (A z - l(h(T(z)))) = f(T(z)), degree by degree.
 
 With w = l(h), whose linear part is L0 H, and g(z) = A z - w(T(z)), which begins with F z, the
 terms of degree d that hold T_d leave on the right

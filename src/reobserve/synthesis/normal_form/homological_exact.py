@@ -1,6 +1,6 @@
 """The linear equation of each degree over exact rationals, for checks and for printed tables.
 
-Eigenvalues are not rational, so this road knows none: the sparse equations in the coefficients
+Eigenvalues are not rational, so this method knows none: the sparse equations in the coefficients
 are reduced by sympy. It is slow and exact.
 """
 

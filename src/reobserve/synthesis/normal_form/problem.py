@@ -1,4 +1,4 @@
-"""The problem that all roads to a normal form solve, and what must hold for it.
+"""The problem that all methods to a normal form solve, and what must hold for it.
 
 With the output injection l, whose linear part is L0, an observer
 

@@ -1,4 +1,4 @@
-"""What the types of the parameter file's keys cannot see: where gains come from, and that there are."""
+"""Checks beyond the types of parameters: where gains come from, and that there are some."""
 
 from math import isfinite
 
