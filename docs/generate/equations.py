@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from docs.generate.api import is_shown
 from docs.generate.evidence import Paper
-from docs.generate.markdown import code, plain, prose, table
+from docs.generate.markdown import code, heading, plain, prose, table
 from reobserve.replication.equations.table import Equation, equations_file, read_equations
 
 
@@ -21,7 +21,7 @@ def equations(papers: Sequence[Paper]) -> str:
         listed = table(("place", "what it says", "where it is"), rows)
         title = f"[*{plain(paper.about['title'])}*](../findings/{paper.name}.md)"
         cited = f"{title}, cited in docstrings as {code(found.cited_as)}."
-        parts.append(f"## {code(paper.name)} {{ #{paper.name} }}\n\n{cited}\n\n{listed}")
+        parts.append(f"{heading(2, code(paper.name), paper.name)}\n\n{cited}\n\n{listed}")
     return "\n".join(parts)
 
 
@@ -31,7 +31,7 @@ def anchor(paper: str, one: Equation) -> str:
 
 
 def _row(paper: str, one: Equation) -> tuple[str, ...]:
-    place = f'<span id="{anchor(paper, one)}">{plain(one.place)}</span>'
+    place = f'<a id="{anchor(paper, one)}"></a>{plain(one.place)}'
     note = f"<br>*{prose(one.note).strip()}*" if one.note else ""
     places = [_implemented(name) for name in one.implemented]
     tests = [f"*shown by* {_long(test.removeprefix('tests/'))}" for test in one.tests]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from docs.generate.evidence import Paper
 from docs.generate.gallery import grid
-from docs.generate.markdown import Page, code, plain, table, ticks
+from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.verdict_table import table as verdict_table
 from reobserve.replication.claims.verdict_table import titles as title_table
@@ -54,22 +54,10 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
     return table(("paper", "by", "title"), listed)
 
 
-def pages(papers: Sequence[Paper], introductions: Mapping[str, str]) -> Iterator[Page]:
-    """The page of each paper, which begins with what is written of it by hand."""
-    for paper in papers:
-        text = introductions.get(paper.name, f"# {paper.about['title']}\n")
-        heading, _, rest = text.partition("\n")
-        parts = (
-            heading,
-            _about(paper),
-            rest.strip(),
-            _claims(paper),
-            _errata(paper),
-            _figures(paper),
-            _cite(paper),
-        )
-        title = heading.removeprefix("# ")
-        yield Page(f"findings/{paper.name}.md", title, "\n\n".join(parts) + "\n")
+def findings(paper: Paper) -> str:
+    """What git holds of a paper: its claims with their verdicts, its errata, its figures."""
+    make = (_about, _claims, _errata, _figures, _cite)
+    return "\n\n".join(section(paper) for section in make)
 
 
 def anchor(claim: Claim) -> str:
@@ -107,7 +95,7 @@ def _about(paper: Paper) -> str:
     told = " ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
     title = "[Re]" if replicated(rows) else "[¬Re]"
     return (
-        f"{', '.join(lines)}.\n\n"
+        f"## The paper\n\n{', '.join(lines)}.\n\n"
         f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
         f"{told}\n\n"
         f"**Obstacles.** {ticks(paper.registry.obstacles)}"
@@ -138,7 +126,7 @@ def _claims(paper: Paper) -> str:
 def _claim(paper: Paper, claim: Claim) -> str:
     headline = " **headline claim**" if claim.headline else ""
     parts = [
-        f"### {plain(_words(claim.name))} {{ #{anchor(claim)} .claim }}",
+        heading(3, plain(_words(claim.name)), anchor(claim)),
         f"{chip(claim.verdict)}{headline} {plain(claim.place)}",
         f"> {ticks(claim.says)}",
     ]
@@ -191,14 +179,14 @@ def _measured(paper: Paper, told: str) -> str:
 
 
 def _key(paper: Paper, key: str) -> str:
-    """A key of the ledger with a link to its entry, or to the entry that it is a number of."""
+    """A key of the parameters with a link to its entry, or to the entry that it is a number of."""
     known = {name for entry in paper.entries for name in entry.keys}
     found = re.sub(r"\{([^,}]*)[^}]*\}", r"\1", key)
     while found and found not in known:
         found = found.rpartition(".")[0]
     if not found:
         return code(key)
-    return f"[{code(key)}](../reference/ledgers/{paper.name}.md#{found})"
+    return f"[{code(key)}](../reference/parameters/{paper.name}.md#{found})"
 
 
 def _errata(paper: Paper) -> str:
@@ -219,10 +207,10 @@ def _errata(paper: Paper) -> str:
 def _erratum(erratum: Erratum) -> str:
     rows = [("printed", plain(erratum.printed)), ("corrected", plain(erratum.corrected))]
     return (
-        f"### {plain(_words(erratum.name))} {{ #erratum-{erratum.name} .erratum }}\n\n"
+        f"{heading(3, plain(_words(erratum.name)), f'erratum-{erratum.name}')}\n\n"
         f"{plain(erratum.place)}; **{_CERTAINTIES.get(erratum.certainty, erratum.certainty)}**\n\n"
-        + "".join(f"{told}\n:   {text}\n\n" for told, text in rows)
-        + f"{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
+        + "".join(f"- {told}: {text}\n" for told, text in rows)
+        + f"\n{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
     )
 
 
@@ -239,7 +227,7 @@ def _cite(paper: Paper) -> str:
         "## How to cite it\n\n"
         f"Cite the paper whose observer or claims you use: {reference}\n\n"
         f"And this replication, as {code('CITATION.cff')} says; the assumptions that its numbers "
-        f"rest on are in [the ledger](../reference/ledgers/{paper.name}.md)."
+        f"rest on are in [its parameter file](../reference/parameters/{paper.name}.md)."
     )
 
 

@@ -21,6 +21,11 @@ class Page:
     text: str
 
 
+def heading(level: int, text: str, anchor: str) -> str:
+    """A heading that links lead to by ``anchor``, on the site and on a code host."""
+    return f'{"#" * level} <a id="{anchor}"></a>{text}'
+
+
 def plain(text: object) -> str:
     """Text on one line that is shown as it is, whatever it would mean as markup."""
     line = re.sub(r"\s+", " ", str(text))

@@ -17,7 +17,7 @@ from .conftest import Site
 # One of each kind.
 KINDS = (
     "", "start/library/", "findings/lie/", "gallery/lie/", "project/modules/",
-    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/ledgers/lie/",
+    "reference/library/observers/ilo_sampled/", "reference/commands/", "reference/parameters/lie/",
     "reference/configuration/", "reference/equations/",
 )  # fmt: skip
 

@@ -140,7 +140,7 @@ def test_what_git_holds_of_a_paper_is_told(site: Site, paper: str) -> None:
         assert f'height="{round(height / 1.6)}"' in gallery
         assert f'width="{round(width / 1.6)}"' in gallery
     keys = {key for key, _ in ledger.entries()}
-    assert keys <= anchors(site.folder / f"reference/ledgers/{paper}/index.html")
+    assert keys <= anchors(site.folder / f"reference/parameters/{paper}/index.html")
 
 
 def test_a_claim_is_told_with_its_numbers(site: Site) -> None:
