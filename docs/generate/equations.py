@@ -34,15 +34,10 @@ def _row(paper: str, one: Equation) -> tuple[str, ...]:
     place = f'<a id="{anchor(paper, one)}"></a>{plain(one.place)}'
     note = f"<br>*{prose(one.note).strip()}*" if one.note else ""
     places = [_implemented(name) for name in one.implemented]
-    tests = [f"*shown by* {_long(test.removeprefix('tests/'))}" for test in one.tests]
+    tests = [f"*shown by* {code(test.removeprefix('tests/'))}" for test in one.tests]
     return place, prose(one.says) + note, "<br>".join([*places, *tests])
 
 
 def _implemented(name: str) -> str:
-    short = _long(name.removeprefix("reobserve."))
+    short = code(name.removeprefix("reobserve."))
     return f"[{short}][{name}]" if is_shown(name) else short
-
-
-def _long(name: str) -> str:
-    """A name as code that may be broken between its words."""
-    return code(name).replace(plain("_"), f"{plain('_')}<wbr>")

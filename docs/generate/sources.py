@@ -19,6 +19,8 @@ _REFERENCE = re.compile(r"^\[reobserve[\w.]*\]: .*\n", re.MULTILINE)
 _ANCHOR = re.compile(r'^(#+) <a id="([^"]+)"></a>(.*)$', re.MULTILINE)
 _IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
 
+_CODE = re.compile(r"`([^`]+)`")
+
 _DENSITY = 1.6  # pixels of a picture to one of the page, as in the report
 
 
@@ -59,14 +61,27 @@ def _for_the_site(page: Path) -> str:
     """A page without code for cog; what a code host shows of it otherwise, the site has better.
 
     References lead to pages of the library instead of files, headings have anchors of their own,
-    images have a size, and accepted figures are in a folder of the site.
+    images have a size, accepted figures are in a folder of the site, and tables are broken within
+    long names.
     """
+    text = _REFERENCE.sub("", _COMMENT.sub("", page.read_text(encoding="utf-8")))
+    lines = (
+        _CODE.sub(_broken, line) if line.startswith("|") else _ANCHOR.sub(r"\1 \3 { #\2 }", line)
+        for line in text.splitlines(keepends=True)
+    )
+    sized = _IMAGE.sub(lambda found: _sized(page.parent, found), "".join(lines))
+    return sized.replace(f"../../{REFERENCES}/", "figures/")
 
-    def sized(found: re.Match[str]) -> str:
-        with Image.open(page.parent / found[1]) as image:
-            width, height = (round(size / _DENSITY) for size in image.size)
-        return f"{found[0]}{{ .figure loading=lazy width={width} height={height} }}"
 
-    text = _COMMENT.sub("", page.read_text(encoding="utf-8"))
-    text = _ANCHOR.sub(r"\1 \3 { #\2 }", _REFERENCE.sub("", text))
-    return _IMAGE.sub(sized, text).replace(f"../../{REFERENCES}/", "figures/")
+def _broken(found: re.Match[str]) -> str:
+    """Code that may be broken between its words."""
+    shown = re.sub(r"[^\w\s./:-]|_", lambda mark: f"&#{ord(mark[0])};", found[1])
+    breaks = r"(?:[./]|::|&#95;)(?=[a-zA-Z])"
+    return f"<code>{re.sub(breaks, lambda end: f'{end[0]}<wbr>', shown)}</code>"
+
+
+def _sized(folder: Path, found: re.Match[str]) -> str:
+    """An image with its size, so that nothing moves when it comes."""
+    with Image.open(folder / found[1]) as image:
+        width, height = (round(size / _DENSITY) for size in image.size)
+    return f"{found[0]}{{ .figure loading=lazy width={width} height={height} }}"

@@ -130,8 +130,9 @@ def test_the_site_has_no_code_for_cog_and_links_of_its_own(tmp_path: Path) -> No
         '## <a id="claim-a"></a>One\n\n<!-- [[[cog page.run() ]]] -->\n\nText\n\n'
         "<!-- [[[end]]] -->\n<!-- [[[cog\nprint()\n]]] -->\n"
         "[reobserve.a.B]: ../a.py\n[c]: d.md\n<!-- [[[end]]] -->\n"
-        "[full](../../../tests/reference/ilo/fig1.png)\n"
+        "[full](../../../tests/reference/ilo/fig1.png)\n\n| `a.b_c|d` | `e f` |\n"
     )
     assert sources._for_the_site(page) == (
-        "## One { #claim-a }\n\n\nText\n\n[c]: d.md\n[full](../figures/ilo/fig1.png)\n"
+        "## One { #claim-a }\n\n\nText\n\n[c]: d.md\n[full](../figures/ilo/fig1.png)\n\n"
+        "| <code>a.<wbr>b&#95;<wbr>c&#124;d</code> | <code>e f</code> |\n"
     )
