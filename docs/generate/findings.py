@@ -56,7 +56,7 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
 
 def findings(paper: Paper) -> str:
     """What git holds of a paper: its claims with their verdicts, its errata, its figures."""
-    make = (_about, _claims, _errata, _figures, _cite)
+    make = (_claims, _errata, _figures, _cite)
     return "\n\n".join(section(paper) for section in make)
 
 
@@ -84,7 +84,8 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
     ]
 
 
-def _about(paper: Paper) -> str:
+def summary(paper: Paper) -> str:
+    """A paper, its title as a replication and its verdicts, counted."""
     about = paper.about
     doi = about.get("doi")
     lines = [f"{plain(', '.join(about['authors']))}: *{plain(about['title'])}*"]
@@ -95,7 +96,7 @@ def _about(paper: Paper) -> str:
     told = " ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
     title = "[Re]" if replicated(rows) else "[¬Re]"
     return (
-        f"## The paper\n\n{', '.join(lines)}.\n\n"
+        f"{', '.join(lines)}.\n\n"
         f"**{plain(title)}**: {plain(title_margin(rows))}. Of its {len(rows)} claims:\n\n"
         f"{told}\n\n"
         f"**Obstacles.** {ticks(paper.registry.obstacles)}"

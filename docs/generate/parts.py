@@ -41,6 +41,7 @@ def _parts(root: Path) -> Mapping[str, Callable[[], str]]:
         f"{name} of {paper.name}": lambda make=make, paper=paper: make(paper)
         for paper in papers
         for name, make in {
+            "summary": findings.summary,
             "findings": findings.findings,
             "figures": gallery.figures,
             "parameters": parameters.parameters,
