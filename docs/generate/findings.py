@@ -67,7 +67,7 @@ def anchor(claim: Claim) -> str:
 
 def chip(verdict: str) -> str:
     """A verdict with a mark that tells it from others without colour."""
-    return f'<span class="verdict {verdict.replace(" ", "-")}">{plain(verdict)}</span>'
+    return f'<span class="verdict {verdict.replace(" ", "-")}">**{plain(verdict)}**</span>'
 
 
 def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
@@ -93,7 +93,7 @@ def summary(paper: Paper) -> str:
     lines += [f"[doi:{plain(doi)}](https://doi.org/{doi})"] if doi else []
     rows = _rows([paper])
     counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
-    told = " ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
+    told = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
     title = "[Re]" if replicated(rows) else "[¬Re]"
     return (
         f"{', '.join(lines)}.\n\n"
@@ -125,10 +125,10 @@ def _claims(paper: Paper) -> str:
 
 
 def _claim(paper: Paper, claim: Claim) -> str:
-    headline = " **headline claim**" if claim.headline else ""
+    headline = ", **headline claim**" if claim.headline else ""
     parts = [
         heading(3, plain(_words(claim.name)), anchor(claim)),
-        f"{chip(claim.verdict)}{headline} {plain(claim.place)}",
+        f"{chip(claim.verdict)}{headline}, {plain(claim.place)}",
         f"> {ticks(claim.says)}",
     ]
     if claim.measured:
