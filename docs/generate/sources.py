@@ -17,6 +17,7 @@ from docs.generate.navigation import hand_written, navigation
 _COMMENT = re.compile(r"^<!-- \[\[\[(?:cog\b.*?|end)\]\]\] -->\n", re.MULTILINE | re.DOTALL)
 _REFERENCE = re.compile(r"^\[reobserve[\w.]*\]: .*\n", re.MULTILINE)
 _ANCHOR = re.compile(r'^(#+) <a id="([^"]+)"></a>(.*)$', re.MULTILINE)
+_PACKAGE = re.compile(r"\]\((?:\.\./)+src/reobserve/(\w+)\)")
 _IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
 
 _CODE = re.compile(r"`([^`]+)`")
@@ -60,11 +61,12 @@ def write(root: Path, build: Path) -> None:
 def _for_the_site(page: Path) -> str:
     """A page without code for cog; what a code host shows of it otherwise, the site has better.
 
-    References lead to pages of the library instead of files, headings have anchors of their own,
+    References and packages lead to pages of the library instead of files, headings have anchors of their own,
     images have a size, accepted figures are in a folder of the site, and tables are broken within
     long names.
     """
     text = _REFERENCE.sub("", _COMMENT.sub("", page.read_text(encoding="utf-8")))
+    text = _PACKAGE.sub(r"](\1/index.md)", text)
     lines = (
         _CODE.sub(_broken, line) if line.startswith("|") else _ANCHOR.sub(r"\1 \3 { #\2 }", line)
         for line in text.splitlines(keepends=True)
