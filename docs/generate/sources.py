@@ -61,9 +61,9 @@ def write(root: Path, build: Path) -> None:
 def _for_the_site(page: Path) -> str:
     """A page without code for cog; what a code host shows of it otherwise, the site has better.
 
-    References and packages lead to pages of the library instead of files, headings have anchors of their own,
-    images have a size, accepted figures are in a folder of the site, and tables are broken within
-    long names.
+    References and packages lead to pages of the library instead of files, headings have anchors of
+    their own, images have a size, accepted figures are in a folder of the site, and tables are
+    broken within long names.
     """
     text = _REFERENCE.sub("", _COMMENT.sub("", page.read_text(encoding="utf-8")))
     text = _PACKAGE.sub(r"](\1/index.md)", text)
