@@ -20,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # image says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept samples mutations docs lock package env \
+.PHONY: figures unlock report archive quick test nightly check elsewhere bench figdiff accept samples mutations pages docs lock package env \
 	cluster clean distclean help
 .DEFAULT_GOAL := figures
 
@@ -94,6 +94,9 @@ mutations: $(STAMP)  ## change a module one operator at a time, list what its te
 		cr-filter-operators session.sqlite config.toml && \
 		cosmic-ray exec config.toml session.sqlite && \
 		cr-report session.sqlite --surviving-only --show-diff
+
+pages: $(STAMP)  ## run the code of the pages, renew what it prints and samples in them; PAGE=docs/pages/index.md for one
+	python -m docs.outputs $(PAGE)
 
 docs: $(DOCS)  ## the documentation as a site that any static host serves, build/site
 	python -m docs.generate

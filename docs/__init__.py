@@ -1,1 +1,1 @@
-"""The documentation: hand-written pages, and what their blocks draw and type with."""
+"""The documentation: its pages, and what runs their code and keeps its outputs in them."""

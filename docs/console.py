@@ -58,7 +58,7 @@ class Console:
         if words[0] != "reobserve" or {"|", "<", ">"} & set(words):
             return self._by_shell(command)
         out, err = StringIO(), StringIO()
-        with self._inside(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with self.inside(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             try:
                 status = main(words[1:])
             except SystemExit as ended:
@@ -73,7 +73,8 @@ class Console:
         return told.returncode, _ESCAPE.sub("", told.stdout + told.stderr)
 
     @contextlib.contextmanager
-    def _inside(self) -> Iterator[None]:
+    def inside(self) -> Iterator[None]:
+        """With the folder as the current one."""
         before = Path.cwd()
         os.chdir(self.folder)
         try:

@@ -16,6 +16,6 @@ while read -r file; do
         ;;
     config/papers/*) echo tests/replication/parameters ;;
     config/claims/* | config/errata/*) echo tests/replication/claims ;;
-    docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py ;;
+    docs/*) echo tests/docs/test_pages.py tests/docs/test_hand_written.py tests/docs/test_outputs.py ;;
     esac
 done | sort -u

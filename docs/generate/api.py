@@ -31,10 +31,13 @@ def pages(source: Path) -> Iterator[Page]:
 
 
 def packages() -> str:
-    """The packages of the library, with links to their pages."""
+    """The packages of the library, with links to their folders."""
     return table(
         ("package", "contents"),
-        [(f"[`{name}`]({name}/index.md)", plain(text)) for name, text in PACKAGES.items()],
+        [
+            (f"[`{name}`](../../../../src/reobserve/{name})", plain(text))
+            for name, text in PACKAGES.items()
+        ],
     )
 
 

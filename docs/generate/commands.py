@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import patch
 
-from docs.generate.markdown import block, code, plain, table
+from docs.generate.markdown import block, code, heading, plain, table
 from reobserve.cli.main import command_parser
 
 _WIDTH = "80"  # of a help, in letters
@@ -40,5 +40,5 @@ def _below(parser: argparse.ArgumentParser, level: int) -> Iterator[str]:
             name = " ".join(command.prog.split())
             anchor = re.sub(r"\W+", "-", name)
             told = block(command.format_help(), "text")
-            yield f"{'#' * level} {code(name)} {{ #{anchor} }}\n\n{told}"
+            yield f"{heading(level, code(name), anchor)}\n\n{told}"
             yield from _below(command, level + 1)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from docs.generate.markdown import block, code, plain, table
+from docs.generate.markdown import block, code, heading, plain, table
 from reobserve.core.documents import read_yaml
 from reobserve.core.validation import schema
 from reobserve.estimation.families import FAMILIES, family
@@ -76,9 +76,9 @@ def schemas() -> str:
     for name, (path, kind) in KINDS_OF_FILES.items():
         found = schema(kind)
         about = f"{code(path)}, as `reobserve schema {name}` prints it for an editor."
-        parts.append(f"## {code(name)} {{ #{name} }}\n\n{about}\n\n{_keys(found)}")
+        parts.append(f"{heading(2, code(name), name)}\n\n{about}\n\n{_keys(found)}")
         parts += [
-            f"### {code(title)} {{ #{name}-{title.lower()} }}\n\n{_keys(part)}"
+            f"{heading(3, code(title), f'{name}-{title.lower()}')}\n\n{_keys(part)}"
             for title, part in found["$defs"].items()
             if "properties" in part and part["title"] != found["title"]
         ]
@@ -114,4 +114,4 @@ def models() -> str:
 
 
 def _example(name: str, text: str, level: int) -> str:
-    return f"{'#' * level} {code(name)} {{ #{name} }}\n\n{block(text, 'yaml', f'{name}.yaml')}"
+    return f"{heading(level, code(name), name)}\n\n{block(text, 'yaml', f'{name}.yaml')}"

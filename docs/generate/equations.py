@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from docs.generate.api import is_shown
 from docs.generate.evidence import Paper
-from docs.generate.markdown import code, plain, prose, table
+from docs.generate.markdown import code, heading, plain, prose, table
 from reobserve.replication.equations.table import Equation, equations_file, read_equations
 
 
@@ -21,7 +21,7 @@ def equations(papers: Sequence[Paper]) -> str:
         listed = table(("place", "what it says", "where it is"), rows)
         title = f"[*{plain(paper.about['title'])}*](../findings/{paper.name}.md)"
         cited = f"{title}, cited in docstrings as {code(found.cited_as)}."
-        parts.append(f"## {code(paper.name)} {{ #{paper.name} }}\n\n{cited}\n\n{listed}")
+        parts.append(f"{heading(2, code(paper.name), paper.name)}\n\n{cited}\n\n{listed}")
     return "\n".join(parts)
 
 
@@ -31,18 +31,13 @@ def anchor(paper: str, one: Equation) -> str:
 
 
 def _row(paper: str, one: Equation) -> tuple[str, ...]:
-    place = f'<span id="{anchor(paper, one)}">{plain(one.place)}</span>'
+    place = f'<a id="{anchor(paper, one)}"></a>{plain(one.place)}'
     note = f"<br>*{prose(one.note).strip()}*" if one.note else ""
     places = [_implemented(name) for name in one.implemented]
-    tests = [f"*shown by* {_long(test.removeprefix('tests/'))}" for test in one.tests]
+    tests = [f"*shown by* {code(test.removeprefix('tests/'))}" for test in one.tests]
     return place, prose(one.statement) + note, "<br>".join([*places, *tests])
 
 
 def _implemented(name: str) -> str:
-    short = _long(name.removeprefix("reobserve."))
+    short = code(name.removeprefix("reobserve."))
     return f"[{short}][{name}]" if is_shown(name) else short
-
-
-def _long(name: str) -> str:
-    """A name as code that may be broken between its words."""
-    return code(name).replace(plain("_"), f"{plain('_')}<wbr>")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from docs.generate.evidence import Paper
 from docs.generate.gallery import grid
-from docs.generate.markdown import Page, code, plain, table, ticks
+from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.core.documents import read_yaml
 from reobserve.replication.claims.verdict_table import table as verdict_table
 from reobserve.replication.claims.verdict_table import titles as title_table
@@ -54,22 +54,10 @@ def what_it_is_about(papers: Sequence[Paper], folder: str = "") -> str:
     return table(("paper", "by", "title"), listed)
 
 
-def pages(papers: Sequence[Paper], introductions: Mapping[str, str]) -> Iterator[Page]:
-    """The page of each paper, which begins with what is written of it by hand."""
-    for paper in papers:
-        text = introductions.get(paper.name, f"# {paper.about['title']}\n")
-        heading, _, rest = text.partition("\n")
-        parts = (
-            heading,
-            _about(paper),
-            rest.strip(),
-            _claims(paper),
-            _errata(paper),
-            _figures(paper),
-            _cite(paper),
-        )
-        title = heading.removeprefix("# ")
-        yield Page(f"findings/{paper.name}.md", title, "\n\n".join(parts) + "\n")
+def findings(paper: Paper) -> str:
+    """What git holds of a paper: its claims with their verdicts, its errata, its figures."""
+    make = (_claims, _errata, _figures, _cite)
+    return "\n\n".join(section(paper) for section in make)
 
 
 def anchor(claim: Claim) -> str:
@@ -79,7 +67,7 @@ def anchor(claim: Claim) -> str:
 
 def chip(verdict: str) -> str:
     """A verdict with a mark that tells it from others without colour."""
-    return f'<span class="verdict {verdict.replace(" ", "-")}">{plain(verdict)}</span>'
+    return f'<span class="verdict {verdict.replace(" ", "-")}">**{plain(verdict)}**</span>'
 
 
 def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
@@ -96,7 +84,8 @@ def _rows(papers: Sequence[Paper]) -> list[dict[str, str]]:
     ]
 
 
-def _about(paper: Paper) -> str:
+def summary(paper: Paper) -> str:
+    """A paper, its title as a replication and its verdicts, counted."""
     about = paper.about
     doi = about.get("doi")
     lines = [f"{plain(', '.join(about['authors']))}: *{plain(about['title'])}*"]
@@ -104,7 +93,7 @@ def _about(paper: Paper) -> str:
     lines += [f"[doi:{plain(doi)}](https://doi.org/{doi})"] if doi else []
     rows = _rows([paper])
     counts = [(word, sum(row["verdict"] == word for row in rows)) for word in VERDICTS]
-    told = " ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
+    told = ", ".join(f'<span class="count">{chip(word)} {n}</span>' for word, n in counts if n)
     title = "[Re]" if replicated(rows) else "[¬Re]"
     return (
         f"{', '.join(lines)}.\n\n"
@@ -136,10 +125,10 @@ def _claims(paper: Paper) -> str:
 
 
 def _claim(paper: Paper, claim: Claim) -> str:
-    main_claim = " **main claim**" if claim.is_main else ""
+    main_claim = ", **main claim**" if claim.is_main else ""
     parts = [
-        f"### {plain(_words(claim.name))} {{ #{anchor(claim)} .claim }}",
-        f"{chip(claim.verdict)}{main_claim} {plain(claim.place)}",
+        heading(3, plain(_words(claim.name)), anchor(claim)),
+        f"{chip(claim.verdict)}{main_claim}, {plain(claim.place)}",
         f"> {ticks(claim.statement)}",
     ]
     if claim.measured:
@@ -220,10 +209,10 @@ def _errata(paper: Paper) -> str:
 def _erratum(erratum: Erratum) -> str:
     rows = [("printed", plain(erratum.printed)), ("corrected", plain(erratum.corrected))]
     return (
-        f"### {plain(_words(erratum.name))} {{ #erratum-{erratum.name} .erratum }}\n\n"
+        f"{heading(3, plain(_words(erratum.name)), f'erratum-{erratum.name}')}\n\n"
         f"{plain(erratum.place)}; **{_CERTAINTIES.get(erratum.certainty, erratum.certainty)}**\n\n"
-        + "".join(f"{told}\n:   {text}\n\n" for told, text in rows)
-        + f"{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
+        + "".join(f"- {told}: {text}\n" for told, text in rows)
+        + f"\n{ticks(erratum.why)}\n\nTest: {code(erratum.test)}\n"
     )
 
 
@@ -240,7 +229,7 @@ def _cite(paper: Paper) -> str:
         "## How to cite it\n\n"
         f"Cite the paper whose observer or claims you use: {reference}\n\n"
         f"And this replication, as {code('CITATION.cff')} says; the assumptions that its numbers "
-        f"rest on are in [the parameter file](../reference/parameters/{paper.name}.md)."
+        f"rest on are in [its parameter file](../reference/parameters/{paper.name}.md)."
     )
 
 

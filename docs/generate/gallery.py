@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-from PIL import Image
-
-from docs.generate.evidence import Figure, Paper
-from docs.generate.markdown import Page, block, code, plain
+from docs.generate.evidence import REFERENCES, Figure, Paper
+from docs.generate.markdown import block, code, heading, plain
 from reobserve.replication.report.markup import first_sentence
 
-_DENSITY = 1.6  # pixels of a picture to one of the page, as in the report
+_REFERENCES = f"../../../{REFERENCES}"  # from a page in a folder
 
 
 def small(papers: Sequence[Paper]) -> str:
     """All figures of all papers, small."""
     return "\n".join(
-        f"## {code(paper.name)} {{ #{paper.name} }}\n\n{plain(paper.about['title'])}\n\n"
+        f"{heading(2, code(paper.name), paper.name)}\n\n{plain(paper.about['title'])}\n\n"
         f"{grid(paper.figures)}"
         for paper in papers
     )
@@ -29,28 +27,19 @@ def grid(figures: Sequence[Figure], folder: str = "") -> str:
     for figure in figures:
         target = f"{folder}{figure.paper}.md#{figure.name}"
         told = f"[{plain(figure.title)}]({target})"
-        cells.append(f"<div markdown>\n[{picture(figure, '../')}]({target})\n\n{told}\n</div>\n")
-    return f'<div class="gallery" markdown>\n{"".join(cells)}</div>\n'
+        cells.append(f"<div markdown>\n\n[{_picture(figure)}]({target})\n\n{told}\n\n</div>\n")
+    return f'<div class="gallery" markdown>\n\n{"".join(cells)}\n</div>\n'
 
 
-def pages(papers: Sequence[Paper]) -> Iterator[Page]:
-    """A page for each paper."""
-    for paper in papers:
-        head = (
-            f"# Figures of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
-            f"[What was found](../findings/{paper.name}.md)\n"
-        )
-        told = [_figure(figure) for figure in paper.figures]
-        yield Page(f"gallery/{paper.name}.md", f"Figures of {paper.name}", "\n".join([head, *told]))
+def figures(paper: Paper) -> str:
+    """All figures of a paper."""
+    about = f"*{plain(paper.about['title'])}*. [What was found](../findings/{paper.name}.md)\n"
+    return "\n".join([about, *map(_figure, paper.figures)])
 
 
-def picture(figure: Figure, root: str) -> str:
-    """A figure as an image, from a page in a folder from which ``root`` leads to all."""
-    with Image.open(figure.picture) as image:
-        width, height = (round(size / _DENSITY) for size in image.size)
+def _picture(figure: Figure) -> str:
     told = f"{figure.title.rstrip('.')}. {first_sentence(figure.caption)}"
-    path = f"{root}figures/{figure.paper}/{figure.name}.png"
-    return f"![{plain(told)}]({path}){{ .figure loading=lazy width={width} height={height} }}"
+    return f"![{plain(told)}]({_REFERENCES}/{figure.paper}/{figure.name}.png)"
 
 
 def _figure(figure: Figure) -> str:
@@ -59,11 +48,11 @@ def _figure(figure: Figure) -> str:
         f" ({plain(claim.verdict)})"
         for claim in figure.claims
     )
-    full = f"../figures/{figure.paper}/{figure.name}.png"
+    full = f"{_REFERENCES}/{figure.paper}/{figure.name}.png"
     return (
-        f"## {plain(figure.title)} {{ #{figure.name} }}\n\n"
+        f"{heading(2, plain(figure.title), figure.name)}\n\n"
         f"{plain(figure.source)}; {code(figure.name)}\n\n"
-        f"[{picture(figure, '../')}]({full})\n\n"
+        f"[{_picture(figure)}]({full})\n\n"
         f'<div class="caption">{_on_one_line(figure.caption)}</div>\n\n'
         f"{block(figure.command)}\n"
         f"{f'Claims that it decides: {claims}.' if claims else 'It decides no claim.'}\n"

@@ -6,10 +6,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-# All that may be markup within a line; as entities they are none, in tables as well.
-_MARKUP = re.compile(r"[\\*_\[\]{}<>|$`#!~^&]")
-
-_BREAKS = re.compile(r"(?:[./]|::)(?=[a-zA-Z])")  # where code that is too long for a line goes on
+# All that is markup within a line or at its start; as entities they are none, in tables as well.
+_MARKUP = re.compile(r"[\\*\[\]{}<|$`~]|(?<!\w)_|_(?!\w)|&(?=#?\w+;)|^[#>+-]")
 
 
 @dataclass(frozen=True)
@@ -21,6 +19,11 @@ class Page:
     text: str
 
 
+def heading(level: int, text: str, anchor: str) -> str:
+    """A heading that links lead to by ``anchor``, on the site and on a code host."""
+    return f'{"#" * level} <a id="{anchor}"></a>{text}'
+
+
 def plain(text: object) -> str:
     """Text on one line that is shown as it is, whatever it would mean as markup."""
     line = re.sub(r"\s+", " ", str(text))
@@ -28,9 +31,9 @@ def plain(text: object) -> str:
 
 
 def code(text: object) -> str:
-    """The same as code, which may be broken at dots and slashes."""
-    shown = _BREAKS.sub(r"\g<0><wbr>", plain(text))
-    return f"<code>{shown}</code>"
+    """The same as code."""
+    line = re.sub(r"\s+", " ", str(text))
+    return f"<code>{plain(line)}</code>" if re.search("[`|]|^ ?$", line) else f"`{line}`"
 
 
 def ticks(text: object) -> str:

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 from docs.generate.api import first_sentence, modules
-from docs.generate.markdown import code, table, ticks
+from docs.generate.markdown import code, heading, table, ticks
 
 
 def packages_and_modules(source: Path) -> str:
@@ -18,8 +18,8 @@ def packages_and_modules(source: Path) -> str:
             (_module(name, source), ticks(first_sentence(ast.get_docstring(tree))))
             for name, tree in modules(source, package)
         ]
-        heading = f"## {code(package)} {{ #{package} }}"
-        parts.append(f"{heading}\n\n{table(('module', 'what it is'), listed)}")
+        over = heading(2, code(package), package)
+        parts.append(f"{over}\n\n{table(('module', 'what it is'), listed)}")
     return "\n".join(parts)
 
 

@@ -1,12 +1,12 @@
-"""Parameter files: every number of a paper with its unit, its source or range, and the reason."""
+"""Parameters: every number of a paper with its unit, its source or its range, and the reason."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
 from docs.generate.evidence import Paper
-from docs.generate.markdown import Page, code, plain, table, ticks
+from docs.generate.markdown import code, heading, plain, table, ticks
 from reobserve.replication.report.assumptions import Entry
 
 _NO_UNIT = ("1", "word", "file")
@@ -23,15 +23,10 @@ def counts(papers: Sequence[Paper]) -> str:
     return table(("paper", "title", "values", "assumed"), rows, "llrr")
 
 
-def pages(papers: Sequence[Paper]) -> Iterator[Page]:
-    """The parameter file of each paper."""
-    return map(_page, papers)
-
-
-def _page(paper: Paper) -> Page:
+def parameters(paper: Paper) -> str:
+    """All parameters of a paper, by section."""
     parts = [
-        f"# Parameters of {code(paper.name)}\n\n*{plain(paper.about['title'])}*. "
-        f"[What was found](../../findings/{paper.name}.md)\n",
+        f"*{plain(paper.about['title'])}*. [What was found](../../findings/{paper.name}.md)\n",
         "What the paper gives is listed with its place there. What it does not give is assumed, "
         "with the reason and the range in which another reader could have chosen. Keys with the "
         f"same entry stand together. {code(f'reobserve params {paper.name} --why')} prints this "
@@ -40,14 +35,12 @@ def _page(paper: Paper) -> Page:
     for section, found in groupby(paper.entries, lambda entry: entry.section):
         rows = [_row(paper, entry) for entry in found]
         head = ("key", "value", "range", "source or reason")
-        parts.append(f"## {code(section)} {{ #section-{section} }}\n\n{table(head, rows)}")
-    return Page(
-        f"reference/parameters/{paper.name}.md", f"Parameters of {paper.name}", "\n".join(parts)
-    )
+        parts.append(f"{heading(2, code(section), f'section-{section}')}\n\n{table(head, rows)}")
+    return "\n".join(parts)
 
 
 def _row(paper: Paper, entry: Entry) -> tuple[str, ...]:
-    keys = "<br>".join(f'<span id="{key}">{code(key)}</span>' for key in entry.keys)
+    keys = "<br>".join(f'<a id="{key}"></a>{code(key)}' for key in entry.keys)
     unit = "" if entry.unit in _NO_UNIT else f" {plain(entry.unit)}"
     value = "<br>".join(map(plain, entry.value)) + unit
     told = ticks(entry.why or entry.source)

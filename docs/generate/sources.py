@@ -1,32 +1,28 @@
-"""All sources of the site: what is written by hand, what is generated, and the way through both.
-
-A page by hand may hold `<!-- generated: NAME -->`, where the part of that name goes.
-"""
+"""All sources of the site: the pages in the repository, and those of the library's modules."""
 
 from __future__ import annotations
 
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import yaml
+from PIL import Image
 
-from docs.generate import api, commands, configuration, evidence, findings, gallery, parameters
-from docs.generate.equations import equations
-from docs.generate.markdown import Page
-from docs.generate.modules import packages_and_modules
-from docs.generate.navigation import FOLDERS, hand_written, navigation
-from reobserve.core.errors import InputError, nearest
-from reobserve.replication.meanings import list_metrics
+from docs.generate import api
+from docs.generate.evidence import REFERENCES
+from docs.generate.navigation import hand_written, navigation
 
-_PART = re.compile(r"<!-- generated: ([\w ]+) -->")
+_COMMENT = re.compile(r"^<!-- \[\[\[(?:cog\b.*?|end)\]\]\] -->\n", re.MULTILINE | re.DOTALL)
+_REFERENCE = re.compile(r"^\[reobserve[\w.]*\]: .*\n", re.MULTILINE)
+_ANCHOR = re.compile(r'^(#+) <a id="([^"]+)"></a>(.*)$', re.MULTILINE)
+_PACKAGE = re.compile(r"\]\((?:\.\./)+src/reobserve/(\w+)\)")
+_IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+\.png)\)")
 
-_TEACHING = ("tutorials", "how-to", "explanation")
+_CODE = re.compile(r"`([^`]+)`")
 
-# In this folder the page of a paper goes on with what is generated.
-_INTRODUCTIONS = "findings"
+_DENSITY = 1.6  # pixels of a picture to one of the page, as in the report
 
 
 def write(root: Path, build: Path) -> None:
@@ -35,24 +31,19 @@ def write(root: Path, build: Path) -> None:
     Raises
     ------
     InputError
-        If a page has no title, asks for a part that there is not or has no place in the
-        navigation; or if something that the evidence needs is missing or damaged.
+        If a page has no title or no place in the navigation.
     """
-    papers = evidence.papers(root)
     by_hand = root / "docs/pages"
-    parts = {**_parts(root, papers), "lessons": lambda: _lessons(by_hand)}
-    texts = dict(_filled(by_hand, parts))
-    introductions = {
-        paper.name: texts.pop(name)
-        for paper in papers
-        if (name := f"{_INTRODUCTIONS}/{paper.name}.md") in texts
-    }
-    placed = sorted((hand_written(*one) for one in texts.items()), key=lambda pair: pair[1])
-    pages = [*(page for page, _ in placed), *_generated(root, papers, introductions)]
+    found = [
+        hand_written(file.relative_to(by_hand).as_posix(), _for_the_site(file))
+        for file in sorted(by_hand.rglob("*.md"))
+    ]
+    placed = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
+    pages = [*placed, *api.pages(root / "src/reobserve")]
     shutil.rmtree(build, ignore_errors=True)
     shutil.copytree(by_hand, build / "docs", ignore=shutil.ignore_patterns("*.md"))
-    pictures = root / evidence.REFERENCES
-    shutil.copytree(pictures, build / "docs/figures", ignore=shutil.ignore_patterns("*.json"))
+    pictures = shutil.ignore_patterns("*.json")
+    shutil.copytree(root / REFERENCES, build / "docs/figures", ignore=pictures)
     for page in pages:
         path = build / "docs" / page.path
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,70 +58,32 @@ def write(root: Path, build: Path) -> None:
     (build / "mkdocs.yml").write_text(text, encoding="utf-8")
 
 
-def _generated(
-    root: Path, papers: Sequence[evidence.Paper], introductions: Mapping[str, str]
-) -> Iterator[Page]:
-    """The pages that are made from code and from what git holds."""
-    yield from findings.pages(papers, introductions)
-    yield from gallery.pages(papers)
-    yield from api.pages(root / "src/reobserve")
-    yield from parameters.pages(papers)
+def _for_the_site(page: Path) -> str:
+    """A page without code for cog; what a code host shows of it otherwise, the site has better.
+
+    References and packages lead to pages of the library instead of files, headings have anchors of
+    their own, images have a size, accepted figures are in a folder of the site, and tables are
+    broken within long names.
+    """
+    text = _REFERENCE.sub("", _COMMENT.sub("", page.read_text(encoding="utf-8")))
+    text = _PACKAGE.sub(r"](\1/index.md)", text)
+    lines = (
+        _CODE.sub(_broken, line) if line.startswith("|") else _ANCHOR.sub(r"\1 \3 { #\2 }", line)
+        for line in text.splitlines(keepends=True)
+    )
+    sized = _IMAGE.sub(lambda found: _sized(page.parent, found), "".join(lines))
+    return sized.replace(f"../../{REFERENCES}/", "figures/")
 
 
-def _parts(root: Path, papers: Sequence[evidence.Paper]) -> dict[str, Callable[[], str]]:
-    """The parts that pages by hand may ask for."""
-    source = root / "src/reobserve"
-    return {
-        "verdicts": lambda: findings.verdicts(papers),
-        "titles": lambda: findings.titles(papers),
-        "verdicts on the start page": lambda: findings.verdicts(papers, "findings/"),
-        "papers": lambda: findings.what_it_is_about(papers),
-        "papers on the start page": lambda: findings.what_it_is_about(papers, "findings/"),
-        "figures": lambda: gallery.small(papers),
-        "public names": lambda: api.public_names(source),
-        "packages": api.packages,
-        "commands": commands.commands,
-        "make targets": lambda: commands.targets(root),
-        "keys of a build": lambda: configuration.keys_of_a_build(root),
-        "schemas": configuration.schemas,
-        "specifications": configuration.specifications,
-        "models": configuration.models,
-        "parameters": lambda: parameters.counts(papers),
-        "metrics": lambda: list_metrics(paper.name for paper in papers),
-        "equations": lambda: equations(papers),
-        "modules": lambda: packages_and_modules(source),
-    }
+def _broken(found: re.Match[str]) -> str:
+    """Code that may be broken between its words."""
+    shown = re.sub(r"[^\w\s./:-]|_", lambda mark: f"&#{ord(mark[0])};", found[1])
+    breaks = r"(?:[./]|::|&#95;)(?=[a-zA-Z])"
+    return f"<code>{re.sub(breaks, lambda end: f'{end[0]}<wbr>', shown)}</code>"
 
 
-def _lessons(folder: Path) -> str:
-    """The tutorials, and the other pages that teach, as lists for the start page."""
-    told = []
-    for name in _TEACHING:
-        found = [
-            hand_written(f"{name}/{file.name}", file.read_text(encoding="utf-8"))
-            for file in sorted((folder / name).glob("*.md"))
-        ]
-        pages = [page for page, _ in sorted(found, key=lambda pair: pair[1])]
-        listed = "".join(f"- [{_heading(page)}]({page.path})\n" for page in pages)
-        told += [f"**{FOLDERS[name]}**\n\n{listed}"] if pages else []
-    return "\n".join(told)
-
-
-def _heading(page: Page) -> str:
-    """What stands over a page, in full: the navigation may call it something shorter."""
-    found = re.search(r"^# (.+)$", page.text, re.MULTILINE)
-    return found[1] if found else page.title
-
-
-def _filled(folder: Path, parts: Mapping[str, Callable[[], str]]) -> Iterator[tuple[str, str]]:
-    """The pages by hand, by their paths, with the parts that they ask for."""
-    for file in sorted(folder.rglob("*.md")):
-        path = file.relative_to(folder).as_posix()
-
-        def part(found: re.Match[str], path: str = path) -> str:
-            if found[1] not in parts:
-                problem = f"asks for {found[1]!r}{nearest(found[1], parts)}, must be one of"
-                raise InputError(path, f"{problem} {', '.join(parts)}")
-            return parts[found[1]]()
-
-        yield path, _PART.sub(part, file.read_text(encoding="utf-8"))
+def _sized(folder: Path, found: re.Match[str]) -> str:
+    """An image with its size, so that nothing moves when it comes."""
+    with Image.open(folder / found[1]) as image:
+        width, height = (round(size / _DENSITY) for size in image.size)
+    return f"{found[0]}{{ .figure loading=lazy width={width} height={height} }}"

@@ -1,4 +1,4 @@
-"""The hand-written pages of the documentation, as text: their blocks, references and links."""
+"""The pages of the documentation, as text: their blocks, code for cog, and links."""
 
 from __future__ import annotations
 
@@ -7,19 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-PAGES = ROOT / "docs" / "pages"
+from docs.outputs import PAGES, ROOT
 
-# What is built or written elsewhere: pages that hand-written ones may link to.
-GENERATED = (
-    re.compile(r"findings/(delay|eso|ilo|imm|lie)\.md"),
-    re.compile(r"reference/parameters/(delay|eso|ilo|imm|lie)\.md"),
-    re.compile(r"reference/(commands|index|configuration)\.md"),
-    re.compile(r"(gallery|equations|index)\.md"),
-    re.compile(r"(gallery|start|project)/\w+\.md"),
-)
+__all__ = ["PAGES", "ROOT"]
 
 _FENCE = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
+_SNIPPET = re.compile(r"^<!-- \[\[\[cog\b(.*?)\]\]\] -->$", re.M | re.S)
 
 
 @dataclass(frozen=True)
@@ -31,14 +24,9 @@ class Block:
     text: str
     line: int
 
-    @property
-    def executed(self) -> bool:
-        """Whether the build runs it."""
-        return 'exec="1"' in self.options
-
 
 def hand_written() -> list[Path]:
-    """Those in the three folders, without any that a build has written beside them."""
+    """Those in the three folders that teach."""
     return sorted(
         page
         for folder in ("tutorials", "how-to", "explanation")
@@ -52,19 +40,18 @@ def name(page: Path) -> str:
 
 
 def blocks(page: Path) -> Iterator[Block]:
-    """The fenced blocks in order."""
-    text = page.read_text(encoding="utf-8")
+    """The fenced blocks in order, those that code has printed among them."""
+    text = _SNIPPET.sub(lambda found: "\n" * found[0].count("\n"), page.read_text(encoding="utf-8"))
     for found in _FENCE.finditer(text):
         language, _, options = found["head"].strip().partition(" ")
         yield Block(language, options, found["body"], text[: found.start("body")].count("\n") + 1)
 
 
+def snippets(page: Path) -> list[str]:
+    """The code for cog."""
+    return [found.strip() for found in _SNIPPET.findall(page.read_text(encoding="utf-8"))]
+
+
 def prose(page: Path) -> str:
-    """The text without its fenced blocks."""
-    return _FENCE.sub("", page.read_text(encoding="utf-8"))
-
-
-def everything(page: Path) -> str:
-    """Prose, and what blocks that are run may print: links and references may stand in both."""
-    run = [block.text for block in blocks(page) if block.executed]
-    return "\n".join([prose(page), *run])
+    """The text without its fenced blocks and without code for cog."""
+    return _FENCE.sub("", _SNIPPET.sub("", page.read_text(encoding="utf-8")))

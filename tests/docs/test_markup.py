@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+
 import pytest
 
 pytest.importorskip("markdown")
@@ -47,12 +49,7 @@ def test_text_is_shown_as_it_stands() -> None:
     page = table(("one", "two"), [(plain(odd), code(odd))])
     found = markdown(page, extensions=["tables", "docs.mathematics"])
     cells = [cell.split("</td>")[0] for cell in found.split("<td>")[1:]]
-    expected = "a_b* c|d [e](f) &lt;g&gt; `h` $i$ #j &amp;amp; \\k"
-    shown = [cell.replace("<wbr>", "") for cell in cells]
-    for mark in "\\*_[]{}<>|$`#!~^&":
-        shown = [cell.replace(f"&#{ord(mark)};", mark) for cell in shown]
-    expected = odd
-    assert shown == [expected, f"<code>{expected}</code>"]
+    assert [html.unescape(cell) for cell in cells] == [odd, f"<code>{odd}</code>"]
 
 
 def test_names_in_docstrings_are_linked_but_not_in_code() -> None:
@@ -69,5 +66,6 @@ def test_names_in_docstrings_are_linked_but_not_in_code() -> None:
 
 
 def test_code_and_formulas_within_text() -> None:
-    assert ticks("a_b `c.d`") == "a&#95;b <code>c.<wbr>d</code>"
-    assert prose(r"if $x|y$ and `z`") == r"if $x\vert y$ and <code>z</code>"
+    assert ticks("a_b *`c_d`") == "a_b &#42;`c_d`"
+    assert code("a|b") == "<code>a&#124;b</code>"
+    assert prose(r"if $x|y$ and `z`") == r"if $x\vert y$ and `z`"

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
 from docs.generate.markdown import Page
 from docs.generate.navigation import hand_written, navigation
-from docs.generate.sources import write
+from docs.generate.parts import part
+from docs.outputs import PAGES, ROOT, by_hand
 from reobserve.core.errors import InputError
 from reobserve.replication.claims.registry import read_claims
 from reobserve.replication.golden.claims import read_golden
 from tests import FIVE, found
 from tests.test_project import PACKAGES
 
-ROOT = Path(__file__).parents[2]
-PAGES = ROOT / "docs/pages"
-
 
 @pytest.mark.parametrize("paper", FIVE)
 def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
-    text = (PAGES / f"findings/{paper}.md").read_text(encoding="utf-8")
+    text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
     reported = list(getattr(found, f"of_{paper}")())
     assert [one for one in reported if one not in found.squeezed(text)] == []
     assert found.numbers_left(text, reported) == []
@@ -31,7 +28,8 @@ def test_the_numbers_of_findings_are_those_of_the_build(paper: str) -> None:
 @pytest.mark.parametrize("paper", FIVE)
 def test_the_verdicts_of_findings_are_those_that_were_accepted(paper: str) -> None:
     """Each link to a claim has its verdict as text, and each claim that is promised has a link."""
-    text = found.squeezed((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
+    text = by_hand((PAGES / f"findings/{paper}.md").read_text(encoding="utf-8"))
+    text = found.squeezed(text)
     reported = {claim: word for word, claim in re.findall(r"\[([^\]]*)\]\(#claim-(\w+)\)", text)}
     accepted = {claim: one["verdict"] for claim, one in read_golden(ROOT)[paper].items()}
     assert reported == {claim: accepted.get(claim) for claim in reported}
@@ -83,11 +81,6 @@ def test_titles_and_order_are_read() -> None:
         navigation([Page("odd/a.md", "A", "")])
 
 
-def test_a_part_that_there_is_not_is_refused(tmp_path: Path) -> None:
-    for name in ("config", "src", "tests", "workflow", "Makefile", "CITATION.cff", "mkdocs.yml"):
-        (tmp_path / name).symlink_to(ROOT / name)
-    (tmp_path / "docs/pages").mkdir(parents=True)
-    (tmp_path / "docs/pages/index.md").write_text("# A page\n\n<!-- generated: verdict -->\n")
-    with pytest.raises(InputError, match=r"asks for 'verdict'.*verdicts"):
-        write(tmp_path, tmp_path / "build")
-    assert not (tmp_path / "build").exists()
+def test_a_part_that_there_is_not_is_refused() -> None:
+    with pytest.raises(InputError, match=r"'verdict': is no part of a page.*verdicts"):
+        part(ROOT, "verdict")

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from docs.outputs import by_hand
+
 from .conftest import Project
 
 ROOT = Path(__file__).parents[2]
@@ -105,8 +107,10 @@ def as_run(command: Command, built: str = "") -> str:
 
 
 def told_on(page: Path) -> list[Command | File]:
-    """Of pages only what stands alone; in sentences they name what others show."""
-    found = [*parts(page.read_text(encoding="utf-8"))]
+    """Of pages only what stands alone, and what no code of theirs has typed; in sentences they
+    name what others show.
+    """
+    found = [*parts(by_hand(page.read_text(encoding="utf-8")))]
     return [part for part in found if page.name == "README.md" or getattr(part, "alone", True)]
 
 
