@@ -1,4 +1,4 @@
-"""What the paper prints and what is wrong with it, where no other test of the theory shows it."""
+"""Errors in print that no other test of the theory shows."""
 
 from __future__ import annotations
 

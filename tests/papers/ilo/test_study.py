@@ -1,4 +1,4 @@
-"""The study of gains and noise: what it follows over time, and what its parameter file must say."""
+"""The study of gains and noise: what it follows over time, and what its parameters must say."""
 
 from __future__ import annotations
 

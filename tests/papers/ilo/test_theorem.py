@@ -1,4 +1,4 @@
-"""What Theorem 1 certifies, its errata, and the Lyapunov function that replaces (13)."""
+"""Theorem 1, its errata, and the Lyapunov function that replaces (13)."""
 
 from __future__ import annotations
 

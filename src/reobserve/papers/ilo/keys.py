@@ -47,7 +47,7 @@ class Plant:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What goes wrong."""
+    """A fault of the thrusters."""
 
     fault: Torque
     title: str = ""
@@ -55,7 +55,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class _Common:
-    """What all observers have."""
+    """Entries of all observers."""
 
     damping: Matrix
     sampling_period: Positive
@@ -119,7 +119,7 @@ class Matching(job.Study):
 
 @dataclass(frozen=True)
 class Metrics:
-    """How errors are measured."""
+    """Windows and thresholds with which errors are measured."""
 
     axis: Annotated[int, within(1, 3)]
     reading: Literal["sampled", "continuous", "forgetting"]
@@ -130,7 +130,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """Settings of the theory stage."""
 
     stuck: Torque
     random_seed: Seed
@@ -144,9 +144,9 @@ class Theory:
     frequencies: Levels
     accuracy: Positive
     start_rate: Vector
-    jump_hold: Positive
-    jump_size: Positive
-    jump_settling: Share
+    fault_spacing: Positive
+    fault_size: Positive
+    largest_gain: Positive
     aperiodic: Torque
     noise: Positive
     inertia_error: Annotated[float, within(-0.9, 9.0)]
@@ -156,7 +156,6 @@ class Theory:
     identity_reading: Literal["sampled", "continuous"]
     integration: Literal["euler", "runge_kutta"]
     periods_per_update: Count
-    lyapunov_window: Positive
 
 
 @dataclass(frozen=True, kw_only=True)

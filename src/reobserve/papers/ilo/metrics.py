@@ -1,4 +1,4 @@
-"""Stage metrics: how well the fault is estimated, how fast it is seen, and what theory predicts.
+"""Stage metrics: errors of the estimated fault, delays of detection, and predictions of theory.
 
 e is the fault torque minus its estimate on the faulty axis. Errors are taken from one second (the
 entry `metrics.settling_skip`) after every onset on; `nan` means that it never happens, or that
@@ -75,12 +75,13 @@ MEANINGS = {
         "the same of the adaptive observer under the stuck fault"
     ),
     "relative_error slowdown=<factor>": "the same from when updates become rarer by a factor",
-    "largest_rise": "largest relative change of V over an interval, once d = 0",
     "relative_error": "root mean square of e over the aperiodic fault; integrator of one gain",
-    "relative_error_between_jumps": "the same for a fault that holds random values, jumps left out",
-    "relative_error_under_random_fault": "the same for a fault that joins these values by lines",
+    "relative_error_under_random_fault": "the same for a fault that joins random values by lines",
     "relative_error_under_noise": "the same for the aperiodic fault, measured with noise",
-    "relative_error_with_wrong_inertia": "the same without noise, the observer's inertia off",
+    "relative_error_with_wrong_inertia": (
+        "the same without noise, with another inertia, the torque that stands for it in the fault"
+    ),
+    "relative_rate_error_with_wrong_inertia": "of the rate, root mean square over that of the rate",
 }
 
 LEARNING = "learning"

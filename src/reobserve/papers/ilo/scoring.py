@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -62,15 +61,15 @@ class Errors:
         return cls(estimate.time[:-1], fault_start - start, fault_end - end, fault_start, fault_end)
 
 
-def scored(errors: Errors, onsets: Sequence[float], skip: float) -> Errors:
-    """The errors from ``skip`` seconds after the last onset on, and between earlier ones."""
-    keep = errors.time > (onsets[0] if onsets else 0.0) - 1e-9
-    for onset in onsets or (0.0,):
-        keep &= (errors.time < onset - 1e-9) | (errors.time > onset + skip - 1e-9)
-    return errors.of_steps(keep)
-
-
 def scored_errors(job: Job, plant: Series, estimate: Series) -> Errors:
-    """Those of an estimate on the faulty axis, by the windows of the figures."""
+    """The errors on the faulty axis that the figures score.
+
+    They begin ``metrics.settling_skip`` seconds after the last onset, and lie between earlier ones.
+    """
     errors = Errors.of(plant, estimate, job.metrics.axis - 1)
-    return scored(errors, plant.events["onsets"], job.metrics.settling_skip)
+    onsets = plant.events["onsets"] or (0.0,)
+    keep = errors.time > onsets[0] - 1e-9
+    for onset in onsets:
+        skipped = onset + job.metrics.settling_skip
+        keep &= (errors.time < onset - 1e-9) | (errors.time > skipped - 1e-9)
+    return errors.of_steps(keep)

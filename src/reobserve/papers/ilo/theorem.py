@@ -1,4 +1,4 @@
-r"""What the theory certifies (Chen & Saif 2007, Lemma 1 and Theorem 1).
+r"""Designs that the theory certifies (Chen & Saif 2007, Lemma 1 and Theorem 1).
 
 The theorem sees the gains through k1 = ||K1||, ||K2|| and b = ||B_f^T B_f||_inf only, so that -K2
 is certified with K2. Its conditions have a solution gamma_1..4, rho_1 > 0 if and only if k1 < 1 and
@@ -205,7 +205,7 @@ class _Design:
 
     @property
     def threshold(self) -> float:
-        """What lambda_min(Lambda) - eta must exceed; infinite if ||K1|| >= 1."""
+        """Infimum of lambda_min(Lambda) - eta that can be certified; infinite if ||K1|| >= 1."""
         if self.k1 >= 1:
             return float("inf")
         root = np.sqrt(self.spread)
@@ -215,7 +215,7 @@ class _Design:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Whether any weights satisfy Theorem 1, and what that is worth.
+    """Weights that satisfy Theorem 1, if there are any, and the error that they leave.
 
     ``required_damping`` [N m s] is the infimum of lambda_min(Lambda) that can be certified.
     ``dc_error`` is the largest share (2-norm) of a constant fault that the design leaves
@@ -301,9 +301,9 @@ def _weights(design: _Design) -> tuple[float, float, float, float, float] | None
     square = max(design.k1, 1e-6) ** 2  # K1 = 0 leaves gamma_1 without an upper bound
     m = design.k2 / float(np.sqrt(design.spread))
     factor = (1 + m) / (square + m)
-    room = 1 / (square * factor) - 1
+    margin = 1 / (square * factor) - 1
     for slack in 0.5 ** np.arange(1, 50):  # as far inside the conditions as halving it finds
-        gamma1, gamma2 = room * (1 - slack), room * slack / 2
+        gamma1, gamma2 = margin * (1 - slack), margin * slack / 2
         # Nearly all that the condition on K1 leaves, k1^2 alpha1 (1 + rho1 + b / gamma4) <= 1
         rho1 = 0.99 * (1 / (square * (1 + gamma1 + gamma2)) - factor)
         weights = (gamma1, gamma2, float(slack), design.spread / (factor - 1), rho1)

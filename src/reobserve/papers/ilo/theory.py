@@ -1,4 +1,4 @@
-"""Stage theory: what the paper proves, what follows from it, and runs that no figure shows."""
+"""Stage theory: the proofs of the paper, their consequences, and runs that no figure shows."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
 @part
 @lru_cache(maxsize=4)
 def _without_observers(stated: str) -> tuple[Metric, ...]:
-    """What stays as it is while gains are drawn, which is done many times."""
+    """Numbers that need no observer: they stay while gains are drawn, which is done many times."""
     given, *matrices = json.loads(stated)
     theory = keys.Theory(**given)
     return (*_lemma(theory), *_theorem(theory, RigidBody(*matrices)))
@@ -80,7 +80,7 @@ def _lemma(theory: keys.Theory) -> Iterator[Metric]:
 
 
 def _theorem(theory: keys.Theory, body: RigidBody) -> Iterator[Metric]:
-    """What all designs that Theorem 1 certifies leave unestimated; whether they are stable."""
+    """Share that designs which Theorem 1 certifies leave unestimated, and of them the unstable."""
     fault = body.fault_matrix
     needed = certify(_AMPLE, fault, 1.0, theory.learning_gains[0]).required_damping
     needed = needed if np.isfinite(needed) else float("nan")

@@ -43,7 +43,7 @@ def measure(job: Job) -> Iterator[Metric]:
     """
     axis = job.metrics.axis - 1
     laws = {name: _law(job, name) for name in keys.VARIANTS}
-    yield from _sampled(laws["sampled"], job.theory.multiples, axis)
+    yield from _sampled(laws["sampled"], job.theory, axis)
     yield from _learning(laws[job.metrics.reading], job.metrics.reading == "sampled", job)
     yield from _accuracy(laws["continuous"], job.theory, axis)
 
@@ -68,13 +68,14 @@ def _learning(law: LearningLaw, held: bool, job: Job) -> Iterator[Metric]:
     yield Metric(LEARNING, "worst_round_gain", gain, "1")
     distance = _distance(law, held, job.theory.frequency, job.metrics.axis - 1)
     yield Metric(LEARNING, "distance_from_integrator", distance, "1")
-    shown = _disturbance_gain(law, held, job.theory.disturbance_frequency)
-    yield Metric(LEARNING, "disturbance_gain", shown, "1")
 
 
 @part
-def _sampled(law: LearningLaw, multiples: list[int], axis: int) -> Iterator[Metric]:
-    for multiple in multiples:
+def _sampled(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
+    """Of the variant that holds v between updates."""
+    shown = _disturbance_gain(law, theory.disturbance_frequency)
+    yield Metric("sampled", "disturbance_gain", shown, "1")
+    for multiple in theory.multiples:
         slower = replace(law, update_interval=multiple * law.update_interval)
         margin = sampled_limit_gain(slower)
         yield Metric.at("sampled", ("gain_margin", margin, "1"), multiple=multiple)
@@ -101,7 +102,7 @@ def _noise_gain(law: LearningLaw, axis: int) -> float:
 
 @part
 def _accuracy(law: LearningLaw, theory: keys.Theory, axis: int) -> Iterator[Metric]:
-    """How the error under a sine follows the interval and the frequency."""
+    """Errors under sines over the interval, and the longest accurate interval by frequency."""
 
     def error(omega: float, interval: float) -> float:
         return float(
@@ -135,7 +136,7 @@ def _largest_interval(
 
 
 def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
-    """How far the errors of a variant are from those of an integrator with K2 / tau.
+    """Relative distance between the errors of a variant and of an integrator with K2 / tau.
 
     That may have a proportional part K2 / 2 beside it, to which a variant with K1 = I tends that
     learns at every instant. Of a v that is held the part counts that has the frequency of the
@@ -156,7 +157,7 @@ def _distance(law: LearningLaw, held: bool, omega: float, axis: int) -> float:
     return min(distances) / float(np.linalg.norm(error))
 
 
-def _disturbance_gain(law: LearningLaw, held: bool, lowest: float) -> float:
+def _disturbance_gain(law: LearningLaw, lowest: float) -> float:
     """The largest part of a torque disturbance at ``lowest`` [rad/s] or above that shows in v.
 
     A disturbance enters as a fault does, and what is not error of the estimate is estimate; its
@@ -165,5 +166,5 @@ def _disturbance_gain(law: LearningLaw, held: bool, lowest: float) -> float:
     rounds = 2 * np.pi / law.update_interval
     first = int(np.ceil(lowest / rounds))
     grid = [np.geomspace(lowest, _HIGHEST * lowest, 400), rounds * np.arange(first, first + 20)]
-    error = (sampled_error_transfer if held else error_transfer)(np.concatenate(grid), law)
+    error = sampled_error_transfer(np.concatenate(grid), law)
     return float(np.max(np.linalg.norm(np.eye(len(law.K1)) - error, 2, axis=(1, 2))))
