@@ -620,7 +620,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
+def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD[case]
     with pytest.raises(InputError) as caught:
         check_ledger(ledger(changes))
