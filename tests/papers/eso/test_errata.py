@@ -241,7 +241,7 @@ def test_a_fault_that_jumps_has_no_bounded_derivative_and_the_norm_promises_noth
     assert errors[0] / rates[0] > 0.3
 
 
-def test_just_after_a_jump_the_estimate_knows_nothing_of_it() -> None:
+def test_just_after_a_jump_the_estimate_shows_nothing_of_it() -> None:
     observer = ExtendedStateObserver(SYSTEM, optimised().gains, sampling_period=1e-6)
     y = np.tile([1.0, 0.0], (2, 1))  # fs = 1 from now on
     found = observer.run(y, np.zeros((2, 1)))

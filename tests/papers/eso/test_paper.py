@@ -1,4 +1,4 @@
-"""The paper's package: what the parameter file states is what is built, run and scored."""
+"""The paper's package: what the parameters state is what is built, run and scored."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def rms(values: Array) -> float:
 # --- The plant's record -------------------------------------------------------------------------
 
 
-def test_settings_are_built_as_the_parameters_says() -> None:
+def test_settings_are_built_as_the_parameters_say() -> None:
     stated = parameters()
     for scenario, deviation in (("disturbed", 0.0), ("noisy", np.sqrt(1e-4 / 0.1))):
         setup = plant.build(stated.settings("plant", scenario))
@@ -283,7 +283,7 @@ def test_estimates_of_faults_depend_on_neither_controller_nor_reference() -> Non
         assert errors[0] == pytest.approx(errors[1], abs=1e-9)
 
 
-def test_observers_start_where_the_parameters_says() -> None:
+def test_observers_start_where_the_parameters_say() -> None:
     start = [0.3, -0.2, 0.1, 0.4, 0.05, -0.06]
     changed = parameters({"observers": {"pd_pi": {"initial_estimate": start}}})
     found = observe.estimate(
@@ -298,7 +298,7 @@ def test_observers_start_where_the_parameters_says() -> None:
     assert begun["state"][0].tolist() == [0.5, -1.0]
 
 
-def test_pulses_are_as_wide_as_the_parameters_says() -> None:
+def test_pulses_are_as_wide_as_the_parameters_say() -> None:
     changed = parameters({"plant": {"pulse_width": 1.0}})
     found = plant.simulate(changed.settings("plant", "disturbed"))
     expected = (np.floor(found.time[:-1] + 1e-9) % 4 == 0).astype(float)
@@ -372,8 +372,8 @@ def test_scores_of_known_errors() -> None:
     late = Channel((time - 0.3) ** 2, "V")
     turns = np.where(time < 2 - 1e-9, 0.2, 0.1 * (-1.0) ** np.arange(len(time)))
     estimate = Series(time, {"actuator_fault": late, "sensor_fault": Channel(turns - time, "")})
-    judged = scores(keys.Metrics(**rules), Series(fine, volts), estimate)
-    found = {name: (value, unit) for name, value, unit in judged}
+    listed = scores(keys.Metrics(**rules), Series(fine, volts), estimate)
+    found = {name: (value, unit) for name, value, unit in listed}
     # The error of the square is 0.09 - 0.6 t at 10 samples from 3 up to 4, without 4 itself.
     error = 0.09 - 0.6 * np.arange(3.0, 3.95, 0.1)
     expected = {
@@ -610,8 +610,7 @@ BAD = {
     ),
     "a comparison with nobody": (
         {"observers": {"pi_optimal": {"compared_with": "pdpi"}}},
-        "observers.pi_optimal.compared_with",
-        "must be an observer of the parameter file; did you mean",
+        "observers.pi_optimal.compared_with", "must be one of the observers; did you mean",
     ),
     "a window after the end": (
         rules(sensor_constant=[21, 22]), f"{M}.sensor_constant", "within the horizon",
@@ -623,7 +622,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_value_is_told_in_one_sentence(case: str) -> None:
+def test_a_bad_value_is_reported_in_one_sentence(case: str) -> None:
     changes, key, said = BAD[case]
     with pytest.raises(InputError) as caught:
         check_parameters(parameters(changes))

@@ -1,4 +1,4 @@
-"""What of the parameter file takes building to see: errors show before a long build."""
+"""Checks of parameters that need the plant to be constructed, made before a long build."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from reobserve.synthesis.extended_state.system import AugmentedSystem
 def _observer(job: Job, _: AugmentedSystem) -> None:
     other = job.observer.compared_with
     if other and other not in job.observers:
-        problem = (
-            f"{other!r} must be an observer of the parameter file{nearest(other, job.observers)}"
-        )
+        problem = f"{other!r} must be one of the observers{nearest(other, job.observers)}"
         raise InputError("compared_with", problem)
 
 

@@ -41,9 +41,9 @@ def compute(settings: Settings) -> dict[str, Any]:
 
 
 def design(plant: keys.Plant, stated: keys.Design) -> Design:
-    """The design that a parameter file states; raises as `compute`.
+    """The design that the parameters state; raises as `compute`.
 
-    It is remembered: draws of what no design sees, such as a hold, ask for it again.
+    It is cached: draws of what no design depends on, such as a hold, ask for it again.
     """
     system = augmented(plant, stated.filter_rate)
     matrices = (getattr(system, each.name) for each in fields(system))

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from reobserve.core.errors import InputError
 from reobserve.core.validation import (
     NotNegative,
     Positive,
@@ -84,7 +83,7 @@ class Feasible:
 
     @property
     def name(self) -> str:
-        """What it is, in one word."""
+        """Its name in the study, one word."""
         return self.kind if self.solution == "least_norm" else f"pi_{self.solution}"
 
 
@@ -103,12 +102,12 @@ class Optimised:
 
     @property
     def name(self) -> str:
-        """What it is, in one word."""
+        """Its name in the study, one word."""
         return f"{self.kind.removesuffix('_optimised')}_{self.criterion}"
 
     @property
     def level(self) -> float:
-        """What of the criterion a study varies."""
+        """The level of the criterion that a study varies."""
         return self.factor if self.criterion == "least_norm" else self.pole_bound
 
 
@@ -144,7 +143,7 @@ class Designs(job.Study):
 
 @dataclass(frozen=True)
 class Metrics:
-    """How estimates are judged."""
+    """Settings of the metrics."""
 
     actuator_varying: Window
     actuator_constant: Window
@@ -156,22 +155,13 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Theory:
-    """What the numbers of the theory are computed for."""
+    """Settings of the numbers of the theory."""
 
-    actuator_fault: Fault
-    sensor_fault: Fault
-    fast_frequency: Positive  # of a fault of another form
+    fast_frequency: Positive  # of a sinusoidal fault [rad/s]
     settled_after: Positive  # a jump
     disturbance: Annotated[Any, array(2, 2)]
     noise_power: Positive
     deviation_at: Literal["hold_ends", "time_average"]
-
-    def frequency(self, fault: str) -> float:
-        """Of a fault where it varies [rad/s]; `InputError` if it has none."""
-        for term in getattr(self, f"{fault}_fault"):
-            if "frequency" in term:
-                return float(term["frequency"])
-        raise InputError(f"theory.{fault}_fault", "has no frequency: no term of it is a sine")
 
 
 @dataclass(frozen=True, kw_only=True)

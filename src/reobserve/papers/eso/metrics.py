@@ -1,11 +1,11 @@
-"""Stage metrics: errors and lags of the estimated faults, and what the certificates say.
+"""Stage metrics: errors and lags of the estimated faults, and numbers of the certificates.
 
-Errors are estimates minus faults, over the windows of the parameter file in which a fault varies or
-is constant; the observer `plant` has the sizes of what is estimated. A number at coordinates
-belongs to a design of the study: at the filter's rate and at what was chosen; there the observer
-column holds the kind of design, and errors are without disturbance and noise. In `theory` the
-observer column holds an observer or what is judged: the motor (also with the sign of the paper),
-one or both outputs, and so on.
+Errors are estimates minus faults, over the windows in which a fault varies or is constant; the
+observer `plant` has the sizes of what is estimated. A number at coordinates belongs to a design of
+the study: at the filter's rate and at what was chosen; there the observer column holds the kind of
+design, and errors are without disturbance and noise. In `theory` the observer column holds an
+observer or what a number is of: the motor (also with the sign of the paper), one or both outputs,
+and so on.
 """
 
 from __future__ import annotations
@@ -44,8 +44,7 @@ MEANINGS = {
     "deviation": "of the noise",
     "norm": "proved bound of the H-infinity norm",
     "gamma": "bound that was asked for; `nan` for designs without one",
-    "missed_<fault>_fault": "part of a sine with the fault's frequency that its estimate misses",
-    "missed_fast_<fault>_fault": "the same of a faster one",
+    "missed_fast_<fault>_fault": "part of a fast sinusoidal fault that its estimate misses",
     "left_of_<fault>_jump": "largest error, some time after a jump by one and later",
     "<source>_in_<fault>_fault": (
         "standard deviation that noise or disturbances cause in the estimate"

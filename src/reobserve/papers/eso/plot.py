@@ -73,7 +73,7 @@ def _note(job: Job) -> str:
 
 
 def gains_of(design: keys.Design) -> str:
-    """How the gains of an observer came about."""
+    """The design of an observer's gains, in words."""
     if isinstance(design, keys.Feasible):
         kind = f"PI by feasibility, {design.solution.replace('_', ' ')}"
         return f"{kind}, with decay {design.decay:g}/s and A_z = {design.filter_rate:g}/s"

@@ -1,4 +1,4 @@
-"""What a record of the plant and estimates hold: the channels and their units."""
+"""Channels of a record of the plant and of estimates, with their units."""
 
 from __future__ import annotations
 

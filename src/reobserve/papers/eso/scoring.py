@@ -90,7 +90,7 @@ def sizes(rules: keys.Metrics, plant: Series) -> Iterator[Score]:
 
 
 def corrected_speed(rules: keys.Metrics, plant: Series, estimate: Series) -> Iterator[Score]:
-    """How far y1 less the estimated sensor fault is from the speed where that fault is constant."""
+    """Error of y1 less the estimated sensor fault as the speed, where that fault is constant."""
     error = (plant["output"] - plant["state"])[::2, 0] - estimate["sensor_fault"]
     chosen = error[window(estimate.time, *rules.sensor_constant)]
     yield "rms_corrected_speed_error_constant", float(root_mean_square(chosen)), "rad/s"

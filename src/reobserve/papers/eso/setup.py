@@ -1,4 +1,4 @@
-"""The motor, its control, the augmented system and the signals, from the parameters."""
+"""The motor, its control, the augmented system and the signals, built from the parameters."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def controlled_motor(plant: keys.Plant) -> ControlledMotor:
 
 
 def augmented(plant: keys.Plant, filter_rate: float) -> AugmentedSystem:
-    """What observers of the motor are designed for, with both states measured.
+    """The augmented system of the motor with both states measured.
 
     Indriawati, Agustinah & Jazidie, (7).
     """
@@ -96,7 +96,7 @@ class Experiment:
 
 
 def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
-    """What a scenario states (Indriawati, Agustinah & Jazidie, Section IV, faults).
+    """Signals and plant of a scenario (Indriawati, Agustinah & Jazidie, Section IV, faults).
 
     Raises
     ------
@@ -128,7 +128,7 @@ def experiment(plant: keys.Plant, scenario: keys.Scenario) -> Experiment:
 
 
 def pulses(plant: keys.Plant) -> list[Any]:
-    """The terms of the reference, its square waves as wide as the parameter file says."""
+    """The terms of the reference, its square waves as wide as `pulse_width` says."""
     return [
         {"width": plant.pulse_width, **term} if term.get("kind") == "square" else term
         for term in plant.reference

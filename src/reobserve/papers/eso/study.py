@@ -29,7 +29,7 @@ Row = dict[str, Any]
 
 
 def run(settings: Settings, plant: Series) -> list[Row]:
-    """For each design: what its estimates are worth.
+    """Lags, errors and deviations of each design.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def _rows(job: Job, clean: Series, body: keys.Design, choice: str, level: float)
 
 
 def _deviations(job: Job, system: Any, gains: Any) -> Iterator[tuple[str, float, str]]:
-    """What held disturbances and noise of the parameter file's noisy setting do to both faults."""
+    """Deviations of both estimates by the held disturbances and noise of the noisy scenario."""
     setup = experiment(job.plant, job.scenario)
     period = setup.hold * setup.step
     uniform = (setup.high - setup.low) / np.sqrt(12.0)

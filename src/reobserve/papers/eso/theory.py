@@ -38,7 +38,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
     Raises
     ------
     InputError
-        If a value of the parameter file cannot be used.
+        If a parameter cannot be used.
     """
     job = read_job(keys.Parameters, settings)
     plant, theory = job.plant, job.theory
@@ -53,7 +53,7 @@ def measure(settings: Settings, designs: dict[str, Any]) -> list[Metric]:
         *_step_response(plant),
         Metric("noise", "deviation", noise, "rad/s"),
         *certified(observers),
-        *missed(observers, theory),
+        *missed(observers, theory.fast_frequency),
         *left_of_jumps(observers, theory.settled_after),
         *held(observers, theory, plant.hold_period, noise),
     ]
