@@ -48,7 +48,7 @@ def inside(modules: set[str], *packages: str) -> set[str]:
 # The packages in order of dependency: each imports only those before it.
 PACKAGES = (
     "core", "signals", "polynomials", "systems", "synthesis", "plants", "observers", "codegen",
-    "estimation", "plotting", "replication", "papers", "cli", "__main__",
+    "estimation", "plotting", "replication", "papers", "bench", "cli", "__main__",
 )  # fmt: skip
 
 
