@@ -5,6 +5,7 @@ import shlex
 import sys
 from pathlib import Path
 
+from reobserve.core.documents import read_yaml
 from reobserve.core.errors import ReobserveError
 from reobserve.replication.check import check_evidence
 from reobserve.replication.claims.registry import claims_text, decisive
@@ -150,6 +151,21 @@ def checks(wildcards):
     bodies = claims.get("claims", {}).items()
     main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
+
+# Tasks of the bench, by the names of their files.
+TASKS = sorted(path.stem for path in Path("config/bench").glob("*.yaml"))
+
+def tuned_in(pattern):
+    """An input function: a file for each method of a task."""
+    return lambda wildcards: expand(pattern, task=wildcards.task, method=methods_of(wildcards.task))
+
+def methods_of(task):
+    return list(read_yaml(f"config/bench/{task}.yaml")["methods"])
+
+def code_of_task(wildcards):
+    """A params function: a digest of the task's module, of what scores and of all that they import."""
+    task = f"reobserve.bench.tasks.{wildcards.task}"
+    return closure_digest(["reobserve.bench.scoring", "reobserve.bench.tuned_file", task])
 
 # No job makes these files. Snakemake would not see that the params of a job have changed while a
 # job before it, whose output it takes as `ancient`, has yet to run.

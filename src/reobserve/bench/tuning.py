@@ -183,7 +183,7 @@ def tune(
         "records": len(records), "seed": seed, "optimiser": optimiser, "failed": float(failed),
         "about": about,
     }  # fmt: skip
-    objective = _Objective(make, records, score, float(failed))
+    objective = Objective(make, records, score, float(failed))
     history: list[Evaluation] = []
     reason = ""
     with _Log(log, stated) as known, _mapping(workers) as mapped, _progress(budget) as tell:
@@ -242,8 +242,8 @@ def _as_ranges(ranges: Any) -> dict[str, Range]:
 
 
 @dataclass(frozen=True)
-class _Objective:
-    """The mean over records of log score, and how many records failed."""
+class Objective:
+    """The mean over records of log score; the arguments are those of `tune`."""
 
     make: Callable[[Settings], Any]
     records: list[Any]
@@ -251,6 +251,7 @@ class _Objective:
     failed: float
 
     def __call__(self, settings: Settings) -> Found:
+        """The objective of settings, how many records failed, and why the last one did."""
         try:
             observer = self.make(dict(settings))
         except FAILURES as error:

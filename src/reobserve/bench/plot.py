@@ -1,0 +1,117 @@
+"""Figures of the bench: a heat map, errors over noise and model error, errors over evaluations."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from statistics import median
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator
+
+from reobserve.bench.table import Results
+from reobserve.plotting import look
+from reobserve.plotting.figures import STYLES, PaperFigure, Style, blank, few_ticks
+
+_WORST = 2.0  # the ratio to the best at which the colour is darkest
+
+
+def heat_map(results: Results) -> PaperFigure:
+    """Methods by conditions: the error in the cell, its ratio to the best as the colour."""
+    task, rows = results.task, results.rows()
+    figure = blank(0.75 + 0.21 * len(rows))
+    axes = figure.subplots()
+    for y, (_, name, training, given) in enumerate(rows):
+        for x, condition in enumerate(task.table):
+            cell = results.cell(condition, name, training, given)
+            if cell is None:
+                continue
+            shade = min(math.log(max(cell["ratio"], 1.0)) / math.log(_WORST), 1.0)
+            axes.add_patch(Rectangle(
+                (x - 0.5, y - 0.5), 1, 1, facecolor=str(0.95 - 0.55 * shade), edgecolor="white",
+                hatch="///" if cell["failed"] else "", linewidth=1.5,
+            ))  # fmt: skip
+            near = cell["within"] == "yes"
+            axes.text(
+                x, y, f"{cell['error']:#.3g}", ha="center", va="center",
+                fontsize=look.points(8), fontweight="bold" if near else "normal",
+            )  # fmt: skip
+    axes.set_xlim(-0.5, len(task.table) - 0.5)
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    titles = [textwrap.fill(task.conditions[one].title, 15) for one in task.table]
+    axes.set_xticks(range(len(titles)), titles)
+    axes.set_yticks(range(len(rows)), [label for label, *_ in rows])
+    axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return figure
+
+
+def levels(results: Results) -> PaperFigure:
+    """Errors over noise and over model error: frozen, given the noise, and re-tuned."""
+    task = results.task
+    figure = blank(3.4)
+    over_noise, over_model = figure.subplots(1, 2, sharey=True)
+    stated = task.conditions.items()
+    plain = [(name, one) for name, one in stated if one.period == 1 and not one.plant]
+    noises = [(one.noise, name) for name, one in plain if one.model == 0]
+    models = [(100 * one.model, name) for name, one in plain if one.noise == 1]
+    for axes, places in ((over_noise, sorted(noises)), (over_model, sorted(models))):
+        for name, style in zip(task.shown, STYLES, strict=False):
+            _levels(axes, results, name, places, style)
+        axes.set_yscale("log")
+    over_noise.set_xscale("log")
+    few_ticks(over_noise, [float(f"{level:.2g}") for level, _ in sorted(noises)])
+    over_noise.set_xlabel("noise over that of the nominal condition")
+    over_model.set_xlabel("error of the model [%]")
+    over_noise.set_ylabel("normalised error")
+    over_noise.yaxis.set_major_formatter("{x:g}")
+    over_noise.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    over_noise.yaxis.set_minor_formatter("")
+    over_noise.legend(fontsize=look.points(6.5))
+    return figure
+
+
+def _levels(
+    axes: Axes, results: Results, name: str, places: list[tuple[float, str]], style: Style
+) -> None:
+    """A line for the frozen settings; crosses where the noise is given, rings where re-tuned."""
+    task, method = results.task, results.task.methods[name]
+    again = {one.conditions[0]: key for key, one in task.training.items() if key != task.main}
+    for label, training, given, look_of in (
+        (method.label, {}, False, {"marker": style.marker, "linestyle": style.linestyle}),
+        ("", {}, True, {"marker": "x", "linestyle": "none"}),
+        ("", again, method.given_noise, {"marker": "o", "linestyle": "none", "mfc": "none"}),
+    ):
+        cells = [
+            (place, results.cell(condition, name, training.get(condition, task.main), given))
+            for place, condition in places
+            if not training or condition in training
+        ]
+        found = [(place, cell["error"]) for place, cell in cells if cell is not None]
+        if found:
+            x, y = zip(*found, strict=True)
+            axes.plot(x, y, color=style.color, label=label, markersize=look.mark(4.5), **look_of)
+
+
+def evaluations(results: Results) -> PaperFigure:
+    """The held-out error over the evaluations of the search, the median of repeats."""
+    task = results.task
+    figure = blank(2.6)
+    axes = figure.subplots()
+    for name, style in zip(task.shown, STYLES, strict=False):
+        points = [one for one in results.checkpoints if one["method"] == name]
+        counts = sorted({one["evaluations"] for one in points})
+        errors = [median(o["error"] for o in points if o["evaluations"] == n) for n in counts]
+        axes.plot(counts, errors, label=task.methods[name].label, **style.points())
+    axes.set_xscale("log")
+    few_ticks(axes, sorted({one["evaluations"] for one in results.checkpoints}))
+    axes.set_xlabel("evaluations")
+    axes.set_ylabel("held-out error")
+    axes.legend(ncols=2)
+    return figure
+
+
+FIGURES = {"heatmap": heat_map, "levels": levels, "evaluations": evaluations}
