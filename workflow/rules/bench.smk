@@ -8,17 +8,6 @@
 # A record takes milliseconds to simulate: jobs that read records simulate them. Tuned settings are
 # kept in config/bench/tuned, where scores read them; `snakemake bench_tune` tunes again.
 
-rule bench:
-    input:
-        expand("results/bench/{task}/{name}.{kind}", task=TASKS, name=["heatmap", "levels", "evaluations"],
-               kind=FORMATS),
-        "results/bench/table.md"
-    message: "the bench is up to date; results/bench/table.md compares all methods"
-
-rule bench_tune:
-    input: [f"results/bench/{task}/{method}.json" for task in TASKS for method in methods_of(task)]
-    message: "all methods are tuned again; to keep the settings: cp results/bench/TASK/*.json config/bench/tuned/TASK"
-
 rule bench_method:
     input: "config/bench/{task}.yaml"
     output: "results/bench/{task}/{method}.json"
@@ -28,6 +17,18 @@ rule bench_method:
     params: code=code_of_task, packages=PACKAGES
     message: "bench, {wildcards.task}: tune {wildcards.method}"
     shell: "(set -x; reobserve bench tune {input} {wildcards.method} --output {output}) 2>&1 | tee {log} >&2"
+
+# After all are tuned: this fails if the error of a method has moved by more than its interval.
+rule bench_moved:
+    input: task="config/bench/{task}.yaml", again=tuned_in("results/bench/{task}/{method}.json")
+    output: "results/bench/{task}/moved.csv"
+    log: "logs/bench/{task}/moved.log"
+    conda: "../envs/reobserve.yaml"
+    params: code=code_of_task, packages=PACKAGES
+    message: "bench, {wildcards.task}: compare the kept settings with those tuned again"
+    shell:
+        "(set -x; reobserve bench moved {input.task} --kept config/bench/tuned/{wildcards.task}"
+        " --again results/bench/{wildcards.task} --output {output}) &> {log}"
 
 rule bench_scores:
     input: task="config/bench/{task}.yaml", tuned=tuned_in("config/bench/tuned/{task}/{method}.json")

@@ -1,4 +1,4 @@
-"""Commands of the bench: `reobserve bench tune`, `score`, `plot` and `table`."""
+"""Commands of the bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
 
 from __future__ import annotations
 
@@ -33,6 +33,23 @@ def score_command(task_file: Path, tuned: Path, outputs: Sequence[Path]) -> None
     write_scores(task, cells, scores)
     write_cells(cells, table)
     write_checkpoints(checkpoints, evaluations)
+
+
+def moved_command(task_file: Path, kept: Path, again: Path, output: Path) -> None:
+    """Compare kept settings with those tuned again; an error names the cells that moved."""
+    from dataclasses import astuple
+
+    from reobserve.bench.scoring import moved
+    from reobserve.bench.tuned_file import read_tuned
+    from reobserve.core.files import write_table
+
+    task = Task.read(task_file)
+    found = moved(task, read_tuned(task, kept), read_tuned(task, again))
+    header = ("method", "condition", "ratio", "low", "high")
+    write_table(output, [dict(zip(header, astuple(one), strict=True)) for one in found], header)
+    far = [f"{one.method} in {one.condition} by {one.ratio:.3f}" for one in found if one.moved]
+    if far:
+        raise InputError(str(again), f"{len(far)} cells moved: {', '.join(far)}")
 
 
 def plot_command(

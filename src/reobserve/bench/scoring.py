@@ -192,5 +192,44 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> tuple[list[Cell]
     return cells, checkpoints
 
 
+@dataclass(frozen=True)
+class Moved:
+    """The error in a condition over that with other settings: ratio and interval of 95 %."""
+
+    method: str
+    condition: str
+    ratio: float
+    low: float
+    high: float
+
+    @property
+    def moved(self) -> bool:
+        """Whether it differs by more than its interval, and by more than 5 %."""
+        return not self.low <= 1 <= self.high and abs(np.log(self.ratio)) > DECIDED
+
+
+def moved(
+    task: Task, kept: Mapping[str, TunedMethod], again: Mapping[str, TunedMethod]
+) -> list[Moved]:
+    """Compare settings that were kept with those tuned again, in the conditions of the table.
+
+    Of each method all repeats of the main training set count, on the first held-out records.
+    """
+    scorer, found = Scorer(task), []
+    for method in task.methods:
+        for condition in task.table:
+            old, new = (
+                np.mean([
+                    [np.log(score.error) for score in scorer.scores(
+                        Row(method, task.main, _key(one.settings)), condition, task.seeds.step
+                    )]
+                    for one in tuned[method].training[task.main].repeats
+                ], axis=0)
+                for tuned in (kept, again)
+            )  # fmt: skip
+            found.append(Moved(method, condition, *interval(new - old)))
+    return found
+
+
 def _key(settings: Settings) -> tuple[tuple[str, float], ...]:
     return tuple(settings.items())

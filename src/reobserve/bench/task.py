@@ -17,7 +17,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -155,8 +155,8 @@ def _known(place: str, names: Iterable[str], known: Iterable[str]) -> None:
 
 
 @dataclass(frozen=True)
-class Task:
-    """A task file.
+class TaskFile:
+    """The keys of a task file.
 
     ``table`` names the conditions in which all comparisons are decided, ``shown`` the methods of
     the figures that have no room for all.
@@ -175,6 +175,12 @@ class Task:
     budget: Count = 200
     seeds: Seeds = field(default_factory=Seeds)
     seed: Seed = 1
+
+
+@dataclass(frozen=True)
+class Task(TaskFile):
+    """A task with the module that simulates it, both found by ``file``."""
+
     name: str = ""
     file: str = ""
 
@@ -188,8 +194,8 @@ class Task:
             With the file and the key of what is missing, unknown or not as it must be.
         """
         path = Path(path)
-        stated = parse(cls, read_yaml(path), str(path))
-        task = replace(stated, name=path.stem, file=str(path))
+        stated = parse(TaskFile, read_yaml(path), str(path))
+        task = cls(**vars(stated), name=path.stem, file=str(path))
         with located(str(path)):
             task._check()
         return task

@@ -1,4 +1,4 @@
-"""The bench: `reobserve bench tune`, `score`, `plot` and `table`."""
+"""The bench: `reobserve bench tune`, `score`, `moved`, `plot` and `table`."""
 
 from __future__ import annotations
 
@@ -43,6 +43,15 @@ def add_bench(commands: Any) -> None:
         "--outputs", type=Path, nargs=3, required=True, metavar=("SCORES", "TABLE", "EVALUATIONS"),
         help="of each run, of each method in each condition, and over evaluations, CSV",
     )  # fmt: skip
+
+    moved = add_command(
+        commands, "moved", "bench.commands:moved_command",
+        "compare kept settings with those tuned again; fails if an error moved",
+    )  # fmt: skip
+    _task_file(moved)
+    moved.add_argument("--kept", type=Path, required=True, help="a folder of tuned settings")
+    moved.add_argument("--again", type=Path, required=True, help="another one")
+    add_output(moved, "the ratios of errors, CSV")
 
     plot = add_command(
         commands, "plot", "bench.commands:plot_command", "draw the figures of a task"
