@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reobserve.bench.scoring import Row, Scorer, score_task
+from reobserve.bench.scoring import Row, Scorer, moved, score_task
 from reobserve.bench.table import Results, write_cells, write_checkpoints, write_scores
 from reobserve.bench.task import Task
 from reobserve.bench.tuned_file import TunedMethod, objective, read_tuned, tune_method
@@ -128,6 +129,25 @@ def test_failures_are_errors_unless_they_are_stated(tmp_path: Path) -> None:
     task = replace(task, methods={"fragile": replace(task.methods["fragile"], fails={})})
     paper = Scorer(task).scores(replace(row, training="paper"), "noise", 64)
     assert [one.failed for one in paper] == failed
+
+
+def test_settings_that_moved_are_found(tmp_path: Path) -> None:
+    task = toy(tmp_path)
+    tuned = kept(task, tmp_path / "tuned")
+    assert all(one.ratio == one.low == one.high == 1.0 for one in moved(task, tuned, tuned))
+    again = deepcopy(tuned)
+    for one in again["share"].training["nominal"].repeats:
+        one.settings["share"] *= 0.5
+    found = {(one.method, one.condition): one for one in moved(task, tuned, again)}
+    assert {key for key, one in found.items() if one.moved} == {
+        ("share", "nominal"), ("share", "noise"),
+    }  # fmt: skip
+    shares = [one.settings["share"] for one in tuned["share"].training["nominal"].repeats]
+    logs = [
+        math.log(error(0.5 * share, 0.1, 1001 + k)) - math.log(error(share, 0.1, 1001 + k))
+        for share in shares for k in range(16)
+    ]  # fmt: skip
+    assert found["share", "nominal"].ratio == pytest.approx(math.exp(np.mean(logs)))
 
 
 def test_files_of_results_are_read_back(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from reobserve.replication.parameters.names import DEFAULT_STYLE, style_sheet
 
 
 def run(project: Path, paper: Sequence[str], overrides: dict[str, Any]) -> None:
-    """Check parameters, claims, errata, equations and tasks of the bench, and construct what the parameters state.
+    """Check all files, and construct what the parameters state.
 
     Parameters
     ----------
