@@ -79,7 +79,8 @@ def _levels(
 ) -> None:
     """A line for the frozen settings; crosses where the noise is given, rings where re-tuned."""
     task, method = results.task, results.task.methods[name]
-    again = {one.conditions[0]: key for key, one in task.training.items() if key != task.main}
+    others = {key: one.conditions for key, one in task.training.items() if key != task.main}
+    again = {names[0]: key for key, names in others.items() if len(names) == 1}
     for label, training, given, look_of in (
         (method.label, {}, False, {"marker": style.marker, "linestyle": style.linestyle}),
         ("", {}, True, {"marker": "x", "linestyle": "none"}),

@@ -21,7 +21,8 @@ from reobserve.core.errors import InputError, one_line
 from reobserve.core.random_streams import random_stream
 
 DECIDED = 0.05  # half the width of an interval of log ratio
-PAPER = "paper"  # in place of a training set: the paper's own settings
+# In place of a training set: a paper's own settings, and those of a search that goes on.
+PAPER, EARLY = "paper", "early"
 _RESAMPLES = 1000
 
 
@@ -97,7 +98,7 @@ class Scorer:
             why = "an estimate is not finite"
         except FAILURES as error:
             one, why = Score(np.nan, failed=True), one_line(error)
-        stated = row.training == PAPER or condition in self.task.methods[row.method].fails
+        stated = row.training in (PAPER, EARLY) or condition in self.task.methods[row.method].fails
         if one.failed and not stated:
             problem = f"fails in the condition {condition}, seed {seed}: {why}"
             raise InputError(f"{self.task.file}: methods.{row.method}", problem)
@@ -178,7 +179,8 @@ def score_task(task: Task, tuned: Mapping[str, TunedMethod]) -> tuple[list[Cell]
             if name == main:
                 for k, one in enumerate(repeats):
                     for count, settings in one.after.items():
-                        error = scorer.mean(Row(method, name, _key(settings)), training.conditions)
+                        label = name if settings == one.settings else EARLY
+                        error = scorer.mean(Row(method, label, _key(settings)), training.conditions)
                         checkpoints.append(Checkpoint(method, k, int(count), error))
         if stated.paper is not None:
             for condition in task.table:
