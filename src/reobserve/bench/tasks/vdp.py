@@ -70,17 +70,17 @@ def simulate(plant: Plant, condition: Condition, seed: int, period: float) -> Re
     return Record(time[every], np.zeros((steps + 1, 1))[every], measured[every], states[every])
 
 
-@cache  # the functions are compiled once for all settings
-def _filter(kind: Any, period: float) -> Any:
+@cache  # the functions are compiled once for all settings, whose noise each run is given
+def _sampled(period: float) -> NonlinearModel:
     names = ["x1", "x2"]
-    return kind(NonlinearModel.from_ode(
+    return NonlinearModel.from_ode(
         FIELD, ["x1"], 1.0, 1.0, state_names=names, sampling_period=period
-    ))  # fmt: skip
+    )
 
 
 def kalman(kind: Any, plant: Plant, s: Settings, period: float, noise: float) -> Runner:
     """Process noise of each state by its deviation a root of a second, ``x1`` and ``x2``."""
-    observer, Q = _filter(kind, period), np.array([s["x1"], s["x2"]]) ** 2 * period
+    observer, Q = kind(_sampled(period)), np.array([s["x1"], s["x2"]]) ** 2 * period
 
     def run(record: Record) -> Array:
         y = record.measurements
