@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from reobserve.bench.scoring import score_task
 from reobserve.bench.table import CELLS, Results, write_cells, write_checkpoints
 from reobserve.bench.task import Task
-from reobserve.bench.tuned_file import objective, read_tuned
+from reobserve.bench.tuned_file import objective, read_tuned, tune_once
 from reobserve.core.files import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -98,3 +99,14 @@ def test_filters_beat_normal_forms_on_van_der_pol(scored: Any) -> None:
              for one in ("ekf", "ukf", "normal_0", "normal_2", "normal_4")}  # fmt: skip
     assert found["ekf"] < min(found["normal_0"], found["normal_2"], found["normal_4"])
     assert found["ukf"] == pytest.approx(found["ekf"], rel=1e-3)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("torque", "random_walk"), ("torque", "adaptive"), ("vdp", "ekf"), ("vdp", "normal_4")],
+)
+def test_a_second_optimiser_finds_the_same_error(name: str, method: str) -> None:
+    one = tuned(name)[method].training[task(name).main].repeats[0]
+    other = tune_once(task(name), method, task(name).main, 0, optimiser="nelder_mead")
+    assert other.score == pytest.approx(math.exp(one.objective), rel=0.02)
