@@ -55,7 +55,7 @@ def method(**keys: Any) -> dict[str, Any]:
 def stated() -> dict[str, Any]:
     return {
         "title": "toy", "estimates": "level", "period": 0.1, "scored_from": 0.0, "budget": 40,
-        "plant": {"noise": 0.1},
+        "plant": {"noise": 0.1, "level": 1.0},
         "conditions": {
             "nominal": {"title": "as tuned"},
             "noise": {"title": "more noise", "noise": 5.0},

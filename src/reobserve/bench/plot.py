@@ -11,6 +11,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 
 from reobserve.bench.table import Results
+from reobserve.bench.task import Task
 from reobserve.plotting import look
 from reobserve.plotting.figures import STYLES, PaperFigure, Style, blank, few_ticks
 
@@ -50,28 +51,47 @@ def heat_map(results: Results) -> PaperFigure:
 
 
 def levels(results: Results) -> PaperFigure:
-    """Errors over noise and over model error: frozen, given the noise, and re-tuned."""
-    task = results.task
+    """Errors over noise, over model error and over keys of the plant that conditions change.
+
+    Lines: frozen settings; crosses: given the noise; rings: tuned again.
+    """
+    axes_of = _axes(results.task)
+    panels = {label: sorted(found) for label, found in axes_of.items() if found[1:]} or axes_of
     figure = blank(3.4)
-    over_noise, over_model = figure.subplots(1, 2, sharey=True)
-    stated = task.conditions.items()
-    plain = [(name, one) for name, one in stated if one.period == 1 and not one.plant]
-    noises = [(one.noise, name) for name, one in plain if one.model == 0]
-    models = [(100 * one.model, name) for name, one in plain if one.noise == 1]
-    for axes, places in ((over_noise, sorted(noises)), (over_model, sorted(models))):
-        for name, style in zip(task.shown, STYLES, strict=False):
-            _levels(axes, results, name, places, style)
-        axes.set_yscale("log")
-    over_noise.set_xscale("log")
-    few_ticks(over_noise, [float(f"{level:.2g}") for level, _ in sorted(noises)])
-    over_noise.set_xlabel("noise over that of the nominal condition")
-    over_model.set_xlabel("error of the model [%]")
-    over_noise.set_ylabel("normalised error")
-    over_noise.yaxis.set_major_formatter("{x:g}")
-    over_noise.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    over_noise.yaxis.set_minor_formatter("")
-    over_noise.legend(fontsize=look.points(6.5))
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for panel, (label, places) in zip(axes, panels.items(), strict=True):
+        for name, style in zip(results.task.shown, STYLES, strict=False):
+            _levels(panel, results, name, places, style)
+        panel.set_xlabel(label)
+        if places[0][0] > 0:
+            panel.set_xscale("log")
+            few_ticks(panel, [float(f"{level:.2g}") for level, _ in places])
+    axes[0].set_yscale("log")
+    axes[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes[0].yaxis.set_major_formatter("{x:g}")
+    axes[0].yaxis.set_minor_formatter("")
+    axes[0].set_ylabel("normalised error")
+    axes[0].legend(fontsize=look.points(6.5))
     return figure
+
+
+def _axes(task: Task) -> dict[str, list[tuple[float, str]]]:
+    """By the label of an axis, levels and conditions that differ from the first one in it alone."""
+    first = next(iter(task.conditions))
+    noise, model = "noise over that of the nominal condition", "error of the model [%]"
+    found = {noise: [(1.0, first)], model: [(0.0, first)]}
+    for name, one in task.conditions.items():
+        changed = [one.noise != 1, one.model != 0, one.period != 1, bool(one.plant)]
+        if sum(changed) != 1 or changed[2] or len(one.plant) > 1:
+            continue
+        for key, value in one.plant.items():
+            if isinstance(value, int | float):
+                found.setdefault(key, [(task.plant[key], first)]).append((value, name))
+        if not one.plant:
+            found[noise if changed[0] else model].append(
+                (one.noise, name) if changed[0] else (100 * one.model, name)
+            )
+    return found
 
 
 def _levels(

@@ -10,6 +10,10 @@ same name, beside the file or in `reobserve.bench.tasks`, has
 A method is made from what it knows: the plant as stated, its settings, the sampling period [s] and
 the standard deviation of the noise, which is that of the plant unless the method is told another.
 It is a function that takes a record and returns an estimate in the shape of ``truth``.
+
+``Plant`` has a field ``noise``. A task whose estimates have no such error has a function ``score``
+with the arguments and the result of `reobserve.bench.record_score.score`: a detector, say, whose
+estimate is an alarm. Its error, too, must be 1 where a method knows nothing.
 """
 
 from __future__ import annotations
