@@ -61,10 +61,14 @@ LATEX = [str(Path(path).with_suffix(".tex")) for path in WORDS if config["latex"
 def one_of(section):
     return "|".join(sorted({name for paper in PARAMETERS for name in names(section, paper)})) or "none"
 
+# Tasks of the bench, by the names of their files.
+TASKS = sorted(path.stem for path in Path("config/bench").glob("*.yaml"))
+
 wildcard_constraints:
     paper="|".join(PARAMETERS), scenario=one_of("scenarios"), observer=one_of("observers"),
     design=one_of("designs"), study=one_of("studies"), search=one_of("searches"),
-    table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+"
+    table=one_of("tables"), figure=one_of("figures"), chunk=r"\d+-\d+",
+    task="|".join(TASKS) or "none", method=r"\w+"
 
 def settings(step, about=None):
     """A params function: the parameter values that a step reads; a changed one reruns the job."""
@@ -151,9 +155,6 @@ def checks(wildcards):
     bodies = claims.get("claims", {}).items()
     main = [name for name, body in bodies if isinstance(body, dict) and body.get("promised")]
     return digest([decisive(claims), main])
-
-# Tasks of the bench, by the names of their files.
-TASKS = sorted(path.stem for path in Path("config/bench").glob("*.yaml"))
 
 def tuned_in(pattern):
     """An input function: a file for each method of a task."""

@@ -45,7 +45,8 @@ Runner = Callable[["Record"], Array]
 class Record:
     """What a method reads, rows at the sampling period, and the truth that it estimates.
 
-    Arrays have the shapes (k,), (k, p), (k, m) and (k, q).
+    Arrays have the shapes (k,), (k, p), (k, m) and (k, q). The columns of the truth have one unit,
+    or are scaled to be of one size: their errors are added.
     """
 
     time: Array
