@@ -161,9 +161,12 @@ def filtered_difference(plant: Plant, s: Settings, period: float, _: float) -> R
 
 
 def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """J s', differentiated with the bound ``L`` [N m/s] on the rate of the fault."""
+    """J s' by differentiators of order 2 with the bound ``L`` [N m/s^2] and ``lambda0``."""
     J = np.array(plant.inertia)
-    axes = [LevantDifferentiator(s["L"] / J[i, i], 1, sampling_period=period) for i in range(3)]
+    lambdas = (s["lambda0"], 1.5, 1.1)
+    axes = [
+        LevantDifferentiator(s["L"] / J[i, i], 2, lambdas, sampling_period=period) for i in range(3)
+    ]
 
     def run(record: Record) -> Array:
         y = unexplained(plant, record, period)

@@ -124,9 +124,9 @@ def high_gain(plant: Plant, s: Settings, period: float, _: float) -> Runner:
 
 
 def levant(plant: Plant, s: Settings, period: float, _: float) -> Runner:
-    """The measurement and its derivative, with the bound ``L`` on the second derivative."""
-    observer = LevantDifferentiator(s["L"], 1, sampling_period=period)
-    return lambda record: estimates_of(observer, "derivatives", record.measurements)
+    """The measurement and its derivative, by order 2 with the bound ``L`` and ``lambda0``."""
+    observer = LevantDifferentiator(s["L"], 2, (s["lambda0"], 1.5, 1.1), sampling_period=period)
+    return lambda record: estimates_of(observer, "derivatives", record.measurements)[:, :2]
 
 
 METHODS: dict[str, Callable[..., Runner]] = {
