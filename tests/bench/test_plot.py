@@ -101,5 +101,5 @@ def test_the_table_says_what_a_method_knows_and_costs(results: Results) -> None:
         "| Share | k | g | 1 | 25 | 0.250 [0.100 0.300] | **0.750** [0.100 0.300] | 12 ms | 0.50 "
         "| 0.25 µs, 1.5 ms | share (high) |"
     )
-    assert "| Share, the paper's settings |  |  |  |  | 2.500 [0.100 0.300], 25 % f" in lines[5]
+    assert "| Share, the paper's settings |  |  |  |  | 2.50 [0.100 0.300], 25 % f" in lines[5]
     assert "**0.450** [0.100 0.300]" in lines[7]

@@ -158,10 +158,10 @@ def _shown(cell: Mapping[str, Any] | None) -> str:
     """Error and interval, bold where it is within 5 % of the best."""
     if cell is None:
         return ""
-    mean = f"{cell['error']:.3f}"
+    mean, low, high = (f"{cell[key]:#.3g}" for key in ("error", "low", "high"))
     told = f"**{mean}**" if cell["within"] == "yes" else mean
     failed = f", {100 * cell['failed']:.0f} % failed" if cell["failed"] else ""
-    return f"{told} [{cell['low']:.3f} {cell['high']:.3f}]{failed}"
+    return f"{told} [{low} {high}]{failed}"
 
 
 def _line(cells: Iterable[str]) -> str:
